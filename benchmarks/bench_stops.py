@@ -1,6 +1,7 @@
-"""Fewest stops: against all ways to cut 100 random paths, against a grid, over 20 x 200 holes, and on depot.
+"""Fewest stops: against all ways to cut 100 random paths, a grid, covers from sampled places, and on depot.
 
-Every number is count_noun in this run. Run: python benchmarks/bench_stops.py [picture.png]
+Tours of twelve holes and fewer are compared with every order. Every number is counted in this run.
+Run: python benchmarks/bench_stops.py [picture.png]
 """
 
 from __future__ import annotations
@@ -8,12 +9,15 @@ from __future__ import annotations
 import sys
 import time
 from dataclasses import replace
+from itertools import permutations, product
 
 import numpy as np
 import shapely
 
 from regionik.parking.fewest_stops import park
 from regionik.parking.stops import find
+from regionik.planners.coverage.set_cover import least_cover, undominated
+from regionik.planners.coverage.tours import shortest_tour_of_sets
 from regionik.postures.families import BACK, FRONT
 from regionik.regions import path_areas
 from regionik.view.figures import plot_stops
@@ -24,6 +28,8 @@ from regionik.worlds.scene import Floor, Rules, Target, World
 
 RULES = Rules(clearance=0.05, mode="stops")
 GRID = 0.01  # [m]
+SPACING = 0.02  # [m]
+SETS = 100
 
 
 def posts(rng: np.random.Generator, count: int, low: list[float], high: list[float]) -> tuple[Cylinder, ...]:
@@ -75,7 +81,65 @@ def fewest(world: World, grid: bool) -> int:
     return best[count]
 
 
+def covers() -> None:
+    """Sets of 30 holes: as few stops as a least cover by places of a grid."""
+    few = equal = proven = 0
+    for seed in range(SETS):
+        world = scattered(seed)
+        stops, parking = find(world)
+        least = sampled_cover(world)
+        few += len(stops) <= least
+        equal += len(stops) == least
+        proven += bool(parking.stats(len(stops))["proven_fewest"])
+    print(f"{SETS} sets of 30 holes: no more stops than a cover from places each {SPACING:g} m {few}/{SETS},")
+    print(f"as many {equal}/{SETS}, as few as any base needs {proven}/{SETS}")
+
+
+def scattered(seed: int) -> World:
+    rng = np.random.default_rng(seed)
+    points = np.column_stack([rng.uniform([0, 0], [2, 1.2], (30, 2)), rng.uniform(0.2, 0.4, 30)])
+    floor, rules = Floor(shapely.box(-1, -1, 3, 2.2)), replace(RULES, order="any")
+    return World(f"set {seed}", robot_named("youbot"), floor, (), tuple(map(Target, points)), rules)
+
+
+def sampled_cover(world: World) -> int:
+    """Fewest stops from the places of a grid, whatever the heading."""
+    x, y = (axis.ravel() for axis in np.meshgrid(np.arange(-1, 3, SPACING), np.arange(-1, 2.2, SPACING)))
+    found, by = path_areas(world), world.rules.stop_tolerance
+    rows = [
+        shapely.contains_xy(shapely.union_all(found.inner[found.target == i]).buffer(-by, 64), x, y)
+        for i in range(len(world.task))
+    ]
+    inside = np.unique(np.column_stack(rows), axis=0)
+    return len(least_cover(inside[undominated(inside)]).chosen)
+
+
+def tours() -> None:
+    """Tours of sets of points, as of postures: against every order and choice; larger ones by their bound."""
+    worst, gaps = 0.0, list[float]()
+    for seed in range(SETS):
+        rng = np.random.default_rng(seed)
+        owner = np.sort(np.concatenate([np.arange(7), rng.integers(0, 7, 4)]))
+        joints = rng.uniform(-1, 1, (len(owner), 6))
+        far = np.abs(joints[:, None] - joints[None]).max(axis=2)
+        found = shortest_tour_of_sets(far, owner)
+        members = [np.flatnonzero(owner == k).tolist() for k in range(7)]
+        ways = np.array([way for order in permutations(members) for way in product(*order)])
+        best = float(far[ways[:, :-1], ways[:, 1:]].sum(axis=1).min())
+        worst = max(worst, found.length / best - 1)
+        many = np.arange(240) // 4
+        spots = rng.uniform(0, 1, (60, 2)).repeat(4, axis=0) + rng.normal(0, 0.005, (240, 2))
+        large = shortest_tour_of_sets(np.linalg.norm(spots[:, None] - spots[None], axis=2), many)
+        gaps.append(large.length / large.lower - 1)
+    print(f"{SETS} tours of 7 sets: at most {worst:.2%} longer than the best of all orders and choices;")
+    over, most = float(np.median(gaps)), max(gaps)
+    print(f"of 60 sets, four points of a place each: {over:.2%} over their bound, {most:.2%} at most")
+    assert worst < 0.01, "a tour of few is not the best"
+
+
 def main() -> None:
+    covers()
+    tours()
     same = near = bound = total = 0
     for seed in range(100):
         world = path(seed)
@@ -93,9 +157,9 @@ def main() -> None:
         began = time.perf_counter()
         world = holes(seed)
         stops, parking = find(world)
-        stats = parking.stats
+        stats = parking.stats(len(stops))
         met += stats["count"] == stats["fewest_of_inner_areas"]
-        proven += stats["count"] == stats["lower_bound"]
+        proven += stats["proven_fewest"]
         served = sorted(i for stop in stops for i in stop.setpoints)
         assert served == list(range(200))
         print(f"  {world.name}: {len(stops)} stops, {stats}, {time.perf_counter() - began:.1f} s")

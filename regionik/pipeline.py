@@ -247,7 +247,7 @@ def _plan_stops(world: World, seed: int) -> Plan:
     work = in_sequence(world, parking)
     done = connect_stops(work, seed)
     shown = planned_areas(work.world, work.parking_areas.areas, lambda i: done.places[i])
-    stops = {**parking.stats, "count": len(done.stops), "split_before": list(done.split)}
+    stops = {**parking.stats(len(done.stops)), "split_before": list(done.split)}
     stats: dict[str, Any] = {"stops": stops}
     if world.rules.order == "any":
         stats |= {"order": list(work.order), "tour": dict(work.tours)}

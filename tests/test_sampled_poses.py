@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
+from itertools import combinations, permutations
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from regionik.parking import sampled_poses
+from regionik.parking.arm_roadmap import HeldPostures
 from regionik.parking.fewest_stops import park
 from regionik.parking.sampled_poses import PoseCover
 from regionik.parking.stops import in_sequence
@@ -24,6 +26,7 @@ from regionik.worlds.links import capsules_along
 from regionik.worlds.obstacles import Box
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, StopCriterion, Target, World
+from regionik.worlds.speeds import Speeds
 from tests import examples
 from tests.test_closed_form import ARMS
 
@@ -94,6 +97,40 @@ def test_a_panel_is_planned_by_as_many_stops_whatever_the_criterion(criterion: S
     assert verify(found).ok
     assert len(found.stops) == len(in_sequence(world, park(world)).groups)
     assert min(stop.tolerance for stop in found.stops) >= RULES.stop_tolerance * 0.999
+
+
+@pytest.mark.usefixtures("few_poses")
+def test_the_arm_goes_by_a_tour_that_no_order_of_its_postures_shortens() -> None:
+    """Each motion as long as its slowest joint takes, out from the posture that it is driven in and back."""
+    world = replace(holes(3, 2), speeds=Speeds(joint_velocity=(1.0, 0.5, 1.0, 1.0, 2.0, 0.2)))
+    found, sequence = plan(world), in_sequence(world, park(world))
+    at, total, best = np.flatnonzero(found.motion.kind == "setpoint"), 0.0, 0.0
+    for stop, group in zip(found.stops, sequence.groups, strict=True):
+        assert group.held is not None
+        assert np.allclose(found.motion.joints[at[stop.first : stop.last + 1]], group.held.joints)
+        far = arm_times(group.held, sequence.world)
+        ways = np.array([(0, *way, 0) for way in permutations(range(1, len(far)))])
+        lengths = far[ways[:, :-1], ways[:, 1:]].sum(axis=1)
+        total, best = total + lengths[0], best + lengths.min()
+    tour = found.stats["tour"]
+    assert tour["arm"] == pytest.approx(total)
+    assert total == pytest.approx(best)
+    assert tour["arm_lower_bound"] <= tour["arm"]
+
+
+def arm_times(held: HeldPostures, world: World) -> np.ndarray:
+    """Times of the ways between postures, the first that which the arm is driven in, straight from there."""
+    assert held.roadmap is not None
+    assert world.speeds is not None
+    joints, guard = np.vstack([held.roadmap.joints[:1], held.joints]), guard_of(world)
+    far = np.zeros((len(joints), len(joints)))
+    for a, b in combinations(range(len(joints)), 2):
+        way = held.roadmap.way(guard, joints[a], joints[b]) if a else []
+        assert way is not None
+        states = np.array([joints[a], *(pose.joints for pose in way), joints[b]])
+        times = np.abs(np.diff(states, axis=0)) / np.array(world.speeds.joint_velocity)
+        far[a, b] = far[b, a] = times.max(axis=1).sum()
+    return far
 
 
 @given(st.integers(0, 10**6), st.integers(1, 60), st.integers(1, 9))

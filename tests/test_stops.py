@@ -188,7 +188,7 @@ def test_some_of_many_areas_are_enough_for_a_cover_and_a_bound(
     monkeypatch.setattr(set_cover, "MOST", most)
     found = park(world)
     assert found.lower <= whole.lower
-    assert int(found.stats["fewest_of_inner_areas"]) <= len(whole.groups) <= len(found.groups)
+    assert int(found.known["fewest_of_inner_areas"]) <= len(whole.groups) <= len(found.groups)
     assert most < 15 or len(found.groups) == len(whole.groups)
     assert sorted(i for group in found.groups for i in group.setpoints) == list(range(len(world.task)))
     areas = found.parking_areas.areas_at(0)

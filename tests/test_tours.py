@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-from itertools import permutations
+from itertools import permutations, product
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from regionik.planners.coverage.tours import _held_karp, _open_length, shortest_order
+from regionik.planners.coverage import tours
+from regionik.planners.coverage.tours import (
+    _held_karp,
+    _open_length,
+    shortest_order,
+    shortest_tour_of_sets,
+)
 from regionik.worlds.arrays import Array
 from tests import examples
 
@@ -29,6 +35,47 @@ def test_no_order_of_few_points_is_shorter(seed: int, count: int, started: bool)
     best = min(_open_length(way, far, lead) for way in permutations(range(count)))
     assert found.length == pytest.approx(best)
     assert found.lower == found.length
+
+
+def sets_of_points(seed: int, count: int) -> tuple[Array, Array, Array, Array]:
+    """Distances of points, the set of each, and how far the points are from a start and from an end."""
+    rng = np.random.default_rng(seed)
+    owner = rng.permutation(np.concatenate([np.arange(count), rng.integers(0, count, rng.integers(0, 8))]))
+    far = distances(rng.uniform(0, 1, (len(owner), 3)))
+    return far, owner, rng.uniform(0, 1, len(owner)), rng.uniform(0, 1, len(owner))
+
+
+def best_of_all(far: Array, owner: Array, lead: Array, tail: Array) -> float:
+    """Length of the shortest tour of sets, of all orders and all choices."""
+    members = [np.flatnonzero(owner == k).tolist() for k in range(int(owner.max()) + 1)]
+    ways = (way for order in permutations(members) for way in product(*order))
+    return min(_open_length(way, far, lead, tail) for way in ways)
+
+
+@given(st.integers(0, 10**6), st.integers(1, 5))
+@settings(max_examples=examples(40))
+def test_no_order_of_few_sets_and_no_choice_is_shorter(seed: int, count: int) -> None:
+    far, owner, lead, tail = sets_of_points(seed, count)
+    found = shortest_tour_of_sets(far, owner, lead, tail)
+    assert sorted(owner[list(found.order)]) == list(range(count))
+    assert found.length == pytest.approx(_open_length(found.order, far, lead, tail))
+    assert found.length == pytest.approx(best_of_all(far, owner, lead, tail))
+    assert found.lower == found.length
+
+
+@given(st.integers(0, 10**6))
+@settings(max_examples=examples(10), deadline=None)
+def test_order_and_choice_in_turns_keep_their_bound(seed: int) -> None:
+    """The same sets, once exactly and once as more of them are done."""
+    far, owner, lead, tail = sets_of_points(seed, 10)
+    exact = shortest_tour_of_sets(far, owner, lead, tail).length
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tours, "MOST_EXACT", 7)
+        found = shortest_tour_of_sets(far, owner, lead, tail)
+    assert found.length == pytest.approx(_open_length(found.order, far, lead, tail))
+    assert sorted(owner[list(found.order)]) == list(range(10))
+    assert found.lower - 1e-9 <= exact <= found.length + 1e-9
+    assert found.length <= 1.5 * exact
 
 
 @pytest.mark.parametrize("seed", range(6))

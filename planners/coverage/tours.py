@@ -1,4 +1,4 @@
-"""Short tours: an open one through points in any order, and one through polygons in their order."""
+"""Short tours: open ones through points or sets of them in any order, and one through polygons in theirs."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from regionik.planners.coverage.or_opt import improved_tour, one_tree_bound
 from regionik.worlds.arrays import Array
 
 MOST_EXACT = 12  # points whose best order is found by dynamic programming over subsets
+ALTERNATIONS = 10  # of order and choice in a tour of sets
 ROUNDS = 50  # in which points of a tour through polygons are moved
 GAIN = 1e-12  # below which a tour counts as no shorter [m]
 
@@ -31,7 +32,9 @@ class VisitingOrder:
     lower: float  # no order is shorter [m]
 
 
-def shortest_order(distance: ArrayLike, lead: ArrayLike | None = None) -> VisitingOrder:
+def shortest_order(
+    distance: ArrayLike, lead: ArrayLike | None = None, tail: ArrayLike | None = None
+) -> VisitingOrder:
     """Order in which to visit all points, and a lower bound of its length.
 
     Few points by dynamic programming over subsets (Held and Karp 1962), which is exact; more by local search
@@ -41,8 +44,8 @@ def shortest_order(distance: ArrayLike, lead: ArrayLike | None = None) -> Visiti
     ----------
     distance : (n, n) array_like
         Symmetric [m].
-    lead : (n,) array_like, optional
-        Distance from the start to each point; 0 by default [m].
+    lead, tail : (n,) array_like, optional
+        Distance from the start to each point, and from each to the end; 0 by default [m].
 
     Examples
     --------
@@ -50,60 +53,151 @@ def shortest_order(distance: ArrayLike, lead: ArrayLike | None = None) -> Visiti
     VisitingOrder(order=(1, 2, 0), length=2.0, lower=2.0)
     """
     far = np.asarray(distance, dtype=np.float64)
-    first = np.zeros(len(far)) if lead is None else np.asarray(lead, dtype=np.float64)
+    first, last = _ends(far, lead), _ends(far, tail)
     if len(far) <= MOST_EXACT:
-        order = _held_karp(far, first)
-        length = _open_length(order, far, first)
+        order = _held_karp(far, first, last)
+        length = _open_length(order, far, first, last)
         return VisitingOrder(tuple(order), length, length)
-    closed = _closed(far, first)
+    closed = _closed(far, first, last)
     tour = improved_tour(closed, 0)
     tour = np.roll(tour, -int(np.flatnonzero(tour == 0)[0]))
     way = (tour[:1:-1] if tour[1] == 1 else tour[1:-1]) - 2
-    length = _open_length(way, far, first)
-    shift = closed[0, 1] + closed[1, 2]
+    length = _open_length(way, far, first, last)
+    shift = closed[0, 1] + float(far.max())
     lower = one_tree_bound(closed, length + shift) - shift
     return VisitingOrder(tuple(way.tolist()), length, max(0.0, min(length, lower)))
 
 
-def _closed(far: Array, first: Array) -> Array:
-    """Weights of closed tours that stand for open ones: a start, and an end that is no way from any point.
+def shortest_tour_of_sets(
+    distance: ArrayLike, owner: ArrayLike, lead: ArrayLike | None = None, tail: ArrayLike | None = None
+) -> VisitingOrder:
+    """Order in which to visit one point of each set, the points themselves chosen too.
+
+    A generalised travelling salesman problem (Noon and Bean 1991): few sets by dynamic programming over
+    subsets, which is exact. Of more the order for given points (`shortest_order`) and the best points for
+    that order (`shortest_choice`) take turns until nothing is gained; the bound takes the distance of two
+    sets as that of their nearest points.
+
+    Parameters
+    ----------
+    distance : (m, m) array_like
+        Symmetric; infinite where there is no way [m].
+    owner : (m,) array_like of int
+        Set of each point, all from 0 on.
+    lead, tail : (m,) array_like, optional
+        As of `shortest_order`.
+
+    Examples
+    --------
+    >>> apart = np.abs(np.subtract.outer([0.0, 5.0, 6.0, 1.0], [0.0, 5.0, 6.0, 1.0]))
+    >>> shortest_tour_of_sets(apart, [0, 0, 1, 2])
+    VisitingOrder(order=(1, 2, 3), length=6.0, lower=6.0)
+    """
+    far, own = np.asarray(distance, dtype=np.float64), np.asarray(owner, dtype=np.intp)
+    first, last = _ends(far, lead), _ends(far, tail)
+    count = int(own.max()) + 1
+    if count <= MOST_EXACT:
+        exact = _held_karp(far, first, last, own)
+        length = _open_length(exact, far, first, last)
+        return VisitingOrder(tuple(exact), length, length)
+    members = [np.flatnonzero(own == k) for k in range(count)]
+    by = np.concatenate(members)
+    begins = np.cumsum([0, *(len(some) for some in members[:-1])])
+    rows = np.minimum.reduceat(far[:, by], begins, axis=1)[by]
+    nearest = np.minimum.reduceat(rows, begins, axis=0)
+    ends = [np.minimum.reduceat(row[by], begins) for row in (first, last)]
+    found = shortest_order(nearest, *ends)
+    best, length = list[int](), np.inf
+    order = found.order
+    for _ in range(ALTERNATIONS):
+        chosen = shortest_choice(far, [members[k] for k in order], first, last)
+        now = _open_length(chosen, far, first, last)
+        if now >= length - GAIN:
+            break
+        best, length = chosen, now
+        some = np.array(best)
+        again = shortest_order(far[np.ix_(some, some)], first[some], last[some])
+        order = tuple(int(own[some[n]]) for n in again.order)
+    return VisitingOrder(tuple(best), length, min(length, found.lower))
+
+
+def shortest_choice(distance: Array, layers: Sequence[Index], lead: Array, tail: Array) -> list[int]:
+    """Points, one of each layer, through which a tour of the layers in their order is shortest.
+
+    Parameters
+    ----------
+    distance : (m, m) array
+        [m].
+    layers : sequence of (k,) arrays of int
+        Points of each.
+    lead, tail : (m,) arrays
+        As of `shortest_order`.
+    """
+    cost, back = lead[layers[0]], list[Index]()
+    for here, there in pairwise(layers):
+        ways = cost[:, None] + distance[np.ix_(here, there)]
+        back.append(np.argmin(ways, axis=0))
+        cost = ways.min(axis=0)
+    k = int(np.argmin(cost + tail[layers[-1]]))
+    chosen = [k]
+    for table in back[::-1]:
+        k = int(table[k])
+        chosen.append(k)
+    return [int(layer[k]) for layer, k in zip(layers, chosen[::-1], strict=True)]
+
+
+def _ends(far: Array, some: ArrayLike | None) -> Array:
+    return np.zeros(len(far)) if some is None else np.asarray(some, dtype=np.float64)
+
+
+def _closed(far: Array, first: Array, last: Array) -> Array:
+    """Weights of closed tours that stand for open ones: a start, and an end at its distances from the points.
 
     The way from the end back to the start costs so much less than nothing that all short tours take it.
     """
     weights = np.zeros((len(far) + 2, len(far) + 2))
     longest = float(far.max())
     weights[0, 2:] = weights[2:, 0] = first
-    weights[1, 2:] = weights[2:, 1] = longest  # once in every tour, so that trees have the end for a leaf
+    weights[1, 2:] = weights[2:, 1] = longest + last  # once in every tour, so that trees have it for a leaf
     weights[2:, 2:] = far
-    weights[0, 1] = weights[1, 0] = -4.0 * (longest + float(first.max()) + 1.0)
+    weights[0, 1] = weights[1, 0] = -4.0 * (longest + float(first.max() + last.max()) + 1.0)
     return weights
 
 
-def _held_karp(far: Array, first: Array) -> list[int]:
-    """Shortest order: C(S, k) = min over m of C(S - k, m) + d(m, k) (Held and Karp 1962)."""
-    n = len(far)
-    cost = np.full((1 << n, n), np.inf)
-    before = np.full((1 << n, n), -1)
-    for k in range(n):
-        cost[1 << k, k] = first[k]
-    for seen in range(1, 1 << n):
-        for k in range(n):
-            if not seen >> k & 1 or seen == 1 << k:
-                continue
-            ways = cost[seen ^ 1 << k] + far[:, k]
-            before[seen, k] = int(np.argmin(ways))
-            cost[seen, k] = ways[before[seen, k]]
-    seen, order = (1 << n) - 1, []
-    k = int(np.argmin(cost[seen])) if n else -1
-    while k >= 0:
+def _held_karp(far: Array, first: Array, last: Array | None = None, owner: Index | None = None) -> list[int]:
+    """Shortest order: C(S, k) = min over m of C(S - k, m) + d(m, k) (Held and Karp 1962).
+
+    S are the sets of points that are visited, k the point that one of these is visited at.
+    """
+    own = np.arange(len(far)) if owner is None else owner
+    if not len(far):
+        return []
+    bit, full = 1 << own, (1 << int(own.max()) + 1) - 1
+    on, column = np.full((full + 1, len(far)), np.inf), np.arange(len(far))
+    before = np.full((full + 1, len(far)), -1)
+    cost = np.full(len(far), np.inf)
+    for seen in range(1, full + 1):
+        inside = (seen & bit) > 0
+        cost = np.where(inside, on[seen & ~bit, column], np.inf)
+        cost = np.where(bit == seen, first, cost)
+        ways = cost[:, None] + far
+        before[seen] = np.argmin(ways, axis=0)
+        on[seen] = ways[before[seen], column]
+    k = int(np.argmin(cost if last is None else cost + last))
+    seen, order = full, [k]
+    while seen != bit[k]:
+        seen &= ~int(bit[k])
+        k = int(before[seen, k])
         order.append(k)
-        seen, k = seen ^ 1 << k, int(before[seen, k])
     return order[::-1]
 
 
-def _open_length(order: Sequence[int] | Index, far: Array, first: Array) -> float:
+def _open_length(order: Sequence[int] | Index, far: Array, first: Array, last: Array | None = None) -> float:
     way = np.asarray(order, dtype=np.intp)
-    return float(first[way[0]] + far[way[:-1], way[1:]].sum()) if len(way) else 0.0
+    if not len(way):
+        return 0.0
+    end = 0.0 if last is None else last[way[-1]]
+    return float(first[way[0]] + far[way[:-1], way[1:]].sum() + end)
 
 
 def short_tour(regions: Sequence[BaseGeometry], start: Array | None) -> Array:

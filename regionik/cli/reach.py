@@ -206,7 +206,12 @@ def find_stops(
         _write_stops(scene, found, output, picture)
     written = [path for path in (output, picture) if path is not None]
     if as_json:
-        document = {"ok": True, "world": scene.name, "stops": json_values(found), "stats": parking.stats}
+        document = {
+            "ok": True,
+            "world": scene.name,
+            "stops": json_values(found),
+            "stats": parking.stats(len(found)),
+        }
         print_json({**document, "files": [str(path) for path in written]})
     else:
         _print_stops(found)

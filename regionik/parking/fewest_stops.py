@@ -72,12 +72,8 @@ def park_in_order(world: World) -> Parking:
     if best is None:
         raise refused or NoPlanFound(no_place(world, 0))
     lower = 1 if len(best.groups) == 1 else _fewest_outer_runs(world)
-    stats: dict[str, int | bool | str] = {
-        "count": len(best.groups),
-        "lower_bound": lower,
-        "bound": "outer areas",
-    }
-    return Parking(best.parking_areas, best.groups, lower, stats)
+    known: dict[str, int | bool | str] = {"lower_bound": lower, "bound": "outer areas"}
+    return Parking(best.parking_areas, best.groups, lower, known)
 
 
 def park_in_any_order(world: World) -> Parking:
@@ -115,13 +111,13 @@ def _covered(world: World, parking_areas: ParkingAreas) -> Parking:
     some = world.task[:: stride(len(world.task))]  # none does with fewer than some of the set-points need
     outer = shrunk_by_circle(_outer(world, some), world, outside=True)
     bound = least_cover(overlay_faces(outer).inside)
-    stats: dict[str, int | bool | str] = {
-        "count": len(groups), "lower_bound": bound.lower, "bound": "outer areas",
+    known: dict[str, int | bool | str] = {
+        "lower_bound": bound.lower, "bound": "outer areas",
         "fewest_of_inner_areas": cover.lower, "apart": cover.apart, "faces": len(faces.polygon),
     }  # fmt: skip
     middle = shapely.get_coordinates(shapely.point_on_surface(faces.polygon))
     spots = {s: middle[side == s] for s in sides}
-    return Parking(parking_areas, tuple(groups), bound.lower, stats, spots)
+    return Parking(parking_areas, tuple(groups), bound.lower, known, spots)
 
 
 def _assigned(

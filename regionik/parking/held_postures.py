@@ -6,7 +6,7 @@ its postures at the first, and the heading of the base is one that leaves its pi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -130,9 +130,18 @@ class PostureCarrier:
 
     def neighboring(self, base: Array, some: Index) -> tuple[Index, Array]:
         """Those of some set-points at which a clear posture was soon found, and the postures (n, dof)."""
+        return next(self._neighboring(base, some, [slice(None, BEGINNINGS)]))
+
+    def families(self, base: Array, some: Index, count: int) -> Iterator[tuple[Index, Array]]:
+        """As `neighboring`, so many times: each from one start, so that the postures are of another kind."""
+        return self._neighboring(base, some, [slice(n, n + 1) for n in range(count)])
+
+    def _neighboring(self, base: Array, some: Index, parts: Sequence[slice]) -> Iterator[tuple[Index, Array]]:
+        """As `neighboring`, from each part of the starts, the likeliest of which come first."""
         axis, yaw = axis_of(self.world.robot, base), float(base[2] + self.world.robot.mount[3])
         if not len(some):
-            return some, np.empty((0, self.world.robot.chain.dof))
+            yield some, np.empty((0, self.world.robot.chain.dof))
+            return
         aims, effort = self._aims(axis, yaw, some), self._bound.effort
         spots = aims.positions
         far = np.linalg.norm(spots[:, None] - spots[None], axis=2)
@@ -142,12 +151,23 @@ class PostureCarrier:
             guard.bodies.scene(guard.contact), margin, base, serial_arm(self._bound.chain), aims,
             self._tool_on[some], np.ascontiguousarray(near), effort.reach, effort.tolerance,
         )  # fmt: skip
-        postures = np.zeros((len(some), self._bound.chain.dof))
-        found = neighboring_postures(targets, self._starts(aims), postures)
-        more = self._bound.chain.dof - self.world.robot.chain.dof
-        return some[found], postures[found][:, more:]
+        starts, more = self._starts(aims, parts[-1].stop), self._bound.chain.dof - self.world.robot.chain.dof
+        for part in parts:
+            postures = np.zeros((len(some), self._bound.chain.dof))
+            found = neighboring_postures(targets, np.ascontiguousarray(starts[:, part]), postures)
+            yield some[found], postures[found][:, more:]
 
-    def _starts(self, aims: Aims) -> Array:
+    def led(self, base: Array, some: Index, joints: Array) -> Array:
+        """Postures (n, dof) at set-points, each led on from the one before, or else the given one."""
+        axis, heading, found = axis_of(self.world.robot, base), float(base[2]), joints.copy()
+        first = 0
+        while first < len(some):
+            held = self._carried(self._bound, axis, heading, joints[first], some[first:])
+            found[first : first + len(held)] = held
+            first += max(1, len(held))
+        return found
+
+    def _starts(self, aims: Aims, count: int) -> Array:
         """Postures (n, s, k) to begin from: of the travel roadmap, turned to the target, the nearest."""
         chain, (postures, points, axes) = self._bound.chain, self._known
         bearing = np.arctan2(aims.positions[:, 1], aims.positions[:, 0])[:, None]
@@ -166,7 +186,7 @@ class PostureCarrier:
         off = np.linalg.norm(moved[0] - aims.positions[:, None], axis=2)
         if (aims.kinds != POSITION).all():
             off += self._bound.effort.reach * (1 - (moved[1] * aims.turns[:, None, :, 2]).sum(axis=2)) / 2
-        best = np.argsort(off, axis=1, kind="stable")[:, :BEGINNINGS]
+        best = np.argsort(off, axis=1, kind="stable")[:, :count]
         starts = postures[best]
         starts[:, :, self._pivot] = np.take_along_axis(turned, best, axis=1)
         return starts

@@ -113,9 +113,13 @@ class Parking:
     parking_areas: ParkingAreas
     groups: tuple[StopGroup, ...]
     lower: int  # no base needs fewer stops
-    stats: dict[str, int | bool | str] = field(default_factory=dict)  # how the bound is known
+    known: dict[str, int | bool | str] = field(default_factory=dict)  # how the bound is
     # (n, 2) by side, in any order: places of all sets of set-points whose areas meet, the largest of them [m]
     spots: dict[int, Array] = field(default_factory=dict)
+
+    def stats(self, count: int) -> dict[str, int | bool | str]:
+        """What is told of so many stops, which headings or the motion may have split, and of their bound."""
+        return {"count": count, "proven_fewest": count <= self.lower, **self.known}
 
 
 def parking_areas_on(

@@ -380,11 +380,12 @@ class PlacementSearch:
         if criterion == "probability":
             return likely_parking_probability(self.world, placement.base, placement.setpoints)
         if criterion in ("manipulability", "effort"):
-            postures = [self._joints(n, placement) for n in range(len(placement.near))]
+            postures = [self.joints_at(n, placement) for n in range(len(placement.near))]
             return min(posture_score(self.world.robot.chain, joints, criterion) for joints in postures)
         return placement.tolerance
 
-    def _joints(self, at: int, placement: BasePlacement) -> Array:
+    def joints_at(self, at: int, placement: BasePlacement) -> Array:
+        """Posture (dof,) at one of the set-points of a placement, by its place there."""
         i, near = placement.setpoints[at], placement.near
         if model_of(self.world, self.world.task[i]).exact:
             return self.posture(i, placement.chain[at], placement.base).joints

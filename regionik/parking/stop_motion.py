@@ -173,6 +173,8 @@ class _StopConnection:
             if came is None:
                 break
             before, left = len(done), len(placement.setpoints) - len(done)
+            if placement.roadmap is not None and self.world.rules.max_lift_offs is None:
+                left = 1  # its postures are those of a tour of straight motions, which take less time
             for step in self.search.run(i, left, came[1], partial(self._ahead, placement), patience):
                 joints = step.candidate.found.joints
                 if not self._keeps(placement, placement.setpoints[len(done)], joints):

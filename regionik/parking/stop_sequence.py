@@ -28,8 +28,8 @@ class StopSequence:
     parking_areas: ParkingAreas
     groups: tuple[StopGroup, ...]  # of set-points that follow one another
     spots: tuple[Array | None, ...]  # (2,) position of the arm axis at each; None leaves it to the criterion
-    # Lengths and lower bounds of the drives between the middles of stops, and of the tool's way in them,
-    # where any order will do [m]
+    # Lengths and lower bounds of the drives between the middles of stops and of the tool's way in them [m],
+    # and of the arm's time in them [s], where any order will do
     tours: Mapping[str, float]
 
     def after(self, k: int, done: int) -> StopSequence:
@@ -88,7 +88,7 @@ def _start_axis(world: World) -> Array | None:
 def _along_tour(
     world: World, parking_areas: ParkingAreas, groups: tuple[StopGroup, ...]
 ) -> tuple[tuple[StopGroup, ...], dict[str, float]]:
-    """Groups along a tour, their set-points in a short order too, and how long these are [m]."""
+    """Groups along a tour, and how long that and the tool's way in the order of each are [m]."""
     spots = np.array([_middle(group) for group in groups])
     start, floor = _start_axis(world), parking_areas.floor
     lead = None if start is None else np.array([_drive(floor, start, spot) for spot in spots])
@@ -96,14 +96,14 @@ def _along_tour(
     for a, b in combinations(range(len(spots)), 2):
         far[a, b] = far[b, a] = _drive(floor, spots[a], spots[b])
     drive = shortest_order(far, lead)
-    work = [_in_short_order(world, group) for group in groups]
+    work = [_tool_tour(world, group) for group in groups]
     tours = {
         "drive": drive.length,
         "drive_lower_bound": drive.lower,
-        "tool": sum(tour.length for _, tour in work),
-        "tool_lower_bound": sum(tour.lower for _, tour in work),
+        "tool": sum(tour.length for tour in work),
+        "tool_lower_bound": float(sum(tour.lower for tour in work)),
     }
-    return tuple(work[n][0] for n in drive.order), tours
+    return tuple(groups[n] for n in drive.order), tours
 
 
 def _drive(floor: BaseGeometry, here: Array, there: Array) -> float:
@@ -122,9 +122,9 @@ def _middle(group: StopGroup) -> Array:
     return np.array(shapely.maximum_inscribed_circle(area).coords[0])
 
 
-def _in_short_order(world: World, group: StopGroup) -> tuple[StopGroup, VisitingOrder]:
-    """Group with its set-points along a short tour of the tool."""
+def _tool_tour(world: World, group: StopGroup) -> VisitingOrder:
+    """The tool's way along a group's set-points, and a bound of every order of them [m]."""
     spots = np.array([world.task[i].position for i in group.setpoints])
-    tour = shortest_order(np.linalg.norm(spots[:, None] - spots[None], axis=2))
-    setpoints = tuple(group.setpoints[n] for n in tour.order)
-    return group.of(setpoints), tour
+    shortest = shortest_order(np.linalg.norm(spots[:, None] - spots[None], axis=2))
+    length = float(np.linalg.norm(np.diff(spots, axis=0), axis=1).sum())
+    return VisitingOrder(tuple(range(len(spots))), length, min(length, shortest.lower))

@@ -12,6 +12,7 @@ from regionik.areas.reachable import model_of
 from regionik.areas.standing import spread
 from regionik.explain.arm_failures import no_posture
 from regionik.parking.arm_roadmap import HeldPostures
+from regionik.parking.arm_tour import in_short_order
 from regionik.parking.fewest_stops import park
 from regionik.parking.parking_areas import Parking, StopGroup
 from regionik.parking.placements import BasePlacement, PlacementSearch
@@ -95,10 +96,17 @@ def _check_proven_reach(world: World) -> None:
 
 
 def in_sequence(world: World, parking: Parking) -> StopSequence:
-    """Put stops in their order; where any order will do, each is one that a heading serves."""
-    any_order = world.rules.order == "any"
-    groups = _by_one_heading(world, parking) if any_order else parking.groups
-    return stop_sequence(world, parking.parking_areas, groups)
+    """Put stops in their order; where any will do, each is one that a heading serves, toured by the arm."""
+    if world.rules.order == "given":
+        return stop_sequence(world, parking.parking_areas, parking.groups)
+    placements = PlacementSearch(world, parking.parking_areas)
+    toured = [in_short_order(placements, group) for group in _by_one_heading(world, parking)]
+    sequence = stop_sequence(world, parking.parking_areas, tuple(group for group, _ in toured))
+    arm = {
+        "arm": sum(tour.length for _, tour in toured),
+        "arm_lower_bound": float(sum(tour.lower for _, tour in toured)),
+    }
+    return replace(sequence, tours={**sequence.tours, **arm})
 
 
 @dataclass(frozen=True, eq=False)

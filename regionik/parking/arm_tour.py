@@ -1,0 +1,183 @@
+"""Tours of the arm at a stop: in which posture each set-point is done, and in which order.
+
+A generalised travelling salesman problem, in the time that the arm takes from one posture to another at its
+joints' full speed. RoboTSP (Suarez-Ruiz, Lembono and Pham 2018) orders the points first and chooses postures
+then; here the two take turns. What is chosen is proven only then, and what does not hold is left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+import numpy as np
+from scipy.spatial.distance import cdist
+
+from regionik.parking.arm_roadmap import HeldPostures
+from regionik.parking.held_postures import PostureCarrier
+from regionik.parking.parking_areas import StopGroup
+from regionik.parking.placements import PlacementSearch
+from regionik.planners.coverage.tours import VisitingOrder, shortest_order, shortest_tour_of_sets
+from regionik.postures.arm_guard import guard_of
+from regionik.worlds.arms import pivot_index
+from regionik.worlds.arrays import Array, Index
+from regionik.worlds.scene import World
+from regionik.worlds.speeds import Speeds
+
+FAMILIES = 8  # of postures that are looked for
+ALIKE = 0.05  # postures that differ by less in every joint are one [rad]
+LED = 3  # rounds in which each posture is led on from the one before
+PROVEN = 12  # rounds in which what was chosen is proven
+ROUNDING = 1e-9  # [s]
+
+
+def in_short_order(placements: PlacementSearch, group: StopGroup) -> tuple[StopGroup, VisitingOrder]:
+    """Group with its set-points along a short tour at its widest place, and the arm's time for that [s].
+
+    The bound is that of any order of the postures that were found there. Where a place gives the arm its
+    posture there are no others, and the tool keeps to its path where it can: the order is that of its way.
+    """
+    if group.held is not None:
+        held, tour = _toured(placements.world, group, group.held)
+        setpoints = tuple(group.setpoints[n] for n in tour.order)
+        return replace(group, setpoints=setpoints, held=held), tour
+    world = placements.world
+    spots = np.array([world.task[i].position for i in group.setpoints])
+    way = shortest_order(cdist(spots, spots)).order
+    ordered = group.of(tuple(group.setpoints[n] for n in way))
+    return ordered, _timed(placements, ordered)
+
+
+def _timed(placements: PlacementSearch, group: StopGroup) -> VisitingOrder:
+    """The arm's time for what the widest place serves of a group, in its order, and a bound of all orders."""
+    placement = placements.widest(group)
+    if placement is None:
+        return VisitingOrder((), 0.0, 0.0)
+    pivot = pivot_index(placements.world.robot.chain)
+    joints = np.array([placements.joints_at(n, placement) for n in range(len(placement.setpoints))])
+    joints[:, pivot] = placement.near[:, pivot]
+    far = _times(joints, _velocity(placements.world))
+    length = float(np.diagonal(far, 1).sum())
+    return VisitingOrder(tuple(range(len(far))), length, min(length, shortest_order(far).lower))
+
+
+def _velocity(world: World) -> Array:
+    """Limit of the speed of each joint (dof,)."""
+    return (world.speeds or Speeds()).joint_limits(world.robot.chain)[0]
+
+
+def _toured(world: World, group: StopGroup, held: HeldPostures) -> tuple[HeldPostures, VisitingOrder]:
+    """Postures in the order of a tour, and the places of their set-points in the group by that order."""
+    carrier = PostureCarrier(world, guard_of(world), [world.task[i] for i in group.setpoints])
+    arm = _ArmTour(carrier, held, _velocity(world))
+    chosen, tour = arm.proven(arm.led_on(arm.branches()))
+    return replace(held, joints=chosen.joints), replace(tour, order=tuple(chosen.owner.tolist()))
+
+
+@dataclass(frozen=True, eq=False)
+class _Branches:
+    """Postures at the set-points of a stop."""
+
+    joints: Array  # (m, dof)
+    owner: Index  # (m,) set-point of each
+
+    def of(self, some: Index) -> _Branches:
+        return _Branches(self.joints[some], self.owner[some])
+
+    def joined(self, joints: Array, owner: Index) -> _Branches:
+        """These and others that are not like one of them at the same set-point."""
+        new = [
+            n
+            for n, (q, k) in enumerate(zip(joints, owner, strict=True))
+            if not (np.abs(self.joints[self.owner == k] - q).max(axis=1) <= ALIKE).any()
+        ]
+        return _Branches(np.vstack([self.joints, joints[new]]), np.concatenate([self.owner, owner[new]]))
+
+
+@dataclass(frozen=True, eq=False)
+class _ArmTour:
+    """The search for a tour at one pose of the base, where a posture is known at every set-point."""
+
+    carrier: PostureCarrier
+    held: HeldPostures
+    velocity: Array  # (dof,)
+
+    _seen: set[tuple[int, int]] = field(default_factory=set)  # motions between branches that were looked at
+
+    def branches(self) -> _Branches:
+        """The postures that are known, first, and families of others."""
+        every = np.arange(len(self.held.joints))
+        found = _Branches(self.held.joints, every)
+        for owner, joints in self.carrier.families(self.held.base, every, FAMILIES):
+            found = found.joined(joints, owner)
+        return found
+
+    def led_on(self, branches: _Branches) -> _Branches:
+        """Branches, and more: along the shortest tour each posture led on from the one before."""
+        for _ in range(LED):
+            chosen = branches.of(np.array(self._shortest(branches, self._times(branches)).order))
+            more = self.carrier.led(self.held.base, chosen.owner, chosen.joints)
+            before, branches = len(branches.owner), branches.joined(more, chosen.owner)
+            if len(branches.owner) == before:
+                break
+        return branches
+
+    def proven(self, branches: _Branches) -> tuple[_Branches, VisitingOrder]:
+        """The shortest tour found of postures that hold, those known among them, which come first.
+
+        Its length counts motions that are not clear by the way round; its bound counts all as clear.
+        """
+        far, left = self._times(branches), np.ones(len(branches.owner), dtype=bool)
+        holds = np.arange(len(left)) < len(self.held.joints)
+        for k in range(PROVEN):
+            some = np.flatnonzero(left if k < PROVEN - 1 else holds)
+            tour = self._shortest(branches.of(some), far[np.ix_(some, some)])
+            order = some[list(tour.order)]
+            new = order[~holds[order]]
+            holds[new] = [self._holds(branches, n) for n in new.tolist()]
+            left[new] = holds[new]
+            if holds[order].all() and not self._ways_round(branches, order, far):
+                break
+        rest = branches.of(some)
+        lower = self._shortest(rest, self._times(rest)).lower
+        return branches.of(order), replace(tour, lower=min(lower, tour.length))
+
+    def _holds(self, branches: _Branches, n: int) -> bool:
+        """True if a posture is clear, kept all round, and joined to the roadmap."""
+        joints, roadmap, carrier = branches.joints[n], self.held.roadmap, self.carrier
+        if not carrier.keeps(int(branches.owner[n]), self.held.base, joints):
+            return False
+        return roadmap is None or roadmap.joins(carrier.guard, joints)
+
+    def _ways_round(self, branches: _Branches, order: Index, far: Array) -> bool:
+        """Count motions of a tour that are not clear by the way round; true where one was new."""
+        roadmap, found = self.held.roadmap, False
+        for a, b in pairwise(order.tolist() if roadmap is not None else []):
+            if roadmap is None or (a, b) in self._seen:
+                continue
+            self._seen.update([(a, b), (b, a)])
+            way = roadmap.way(self.carrier.guard, branches.joints[a], branches.joints[b])
+            if way is not None:
+                states = [branches.joints[a], *(pose.joints for pose in way), branches.joints[b]]
+                time = float((np.abs(np.diff(states, axis=0)) / self.velocity).max(axis=1).sum())
+                found |= time > far[a, b] + ROUNDING
+                far[a, b] = far[b, a] = time
+        return found
+
+    def _shortest(self, branches: _Branches, far: Array) -> VisitingOrder:
+        """Shortest tour from the roadmap's root, in which the arm is driven, and back to it."""
+        if self.held.roadmap is None:
+            return shortest_tour_of_sets(far, branches.owner)
+        root = self.held.roadmap.joints[:1]
+        ends = cdist(root / self.velocity, branches.joints / self.velocity, "chebyshev")[0]
+        return shortest_tour_of_sets(far, branches.owner, ends, ends)
+
+    def _times(self, branches: _Branches) -> Array:
+        """Time from one posture to another, all joints straight (m, m) [s]."""
+        return _times(branches.joints, self.velocity)
+
+
+def _times(joints: Array, velocity: Array) -> Array:
+    """Time of straight motions between postures, the slowest joint at its full speed (m, m) [s]."""
+    far: Array = cdist(joints / velocity, joints / velocity, "chebyshev")
+    return far
