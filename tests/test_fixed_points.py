@@ -44,7 +44,7 @@ def tilted(turn: Array, cone: float, rng: np.random.Generator) -> Array:
     return asked
 
 
-@settings(max_examples=examples(60))
+@settings(max_examples=examples(40))
 @given(st.sampled_from(ARMS), st.integers(0, 10_000), st.booleans(), st.booleans(), st.floats(1e-3, 1.2))
 def test_every_posture_has_the_fixed_points_in_reach(
     kind: str, seed: int, framed: bool, coarse: bool, cone: float
@@ -80,6 +80,23 @@ def test_the_place_of_every_posture_is_in_the_outer_area_of_its_pose(kind: str) 
         target = Target(tool[:3, 3], cone=cone, **turned)
         outer = reach_of(World("bare", robot, FLOOR), target, coarse=k < 2)
         assert outer.distance(shapely.Point(axis_of(robot, base))) < 1e-6
+
+
+@pytest.mark.parametrize("end", [1.0, -1.0])
+@pytest.mark.parametrize("framed", [False, True])
+def test_a_wrist_at_its_highest_or_lowest_uses_the_whole_cone(end: float, framed: bool) -> None:
+    """The arm is straight up or down and the tool level, but asked for as tilted as the cone lets it be."""
+    robot, cone = six_axes(), 0.3
+    ways = np.array([[0.0, way, 0.0, turn, 0.0, 0.0] for way in (-1, 1) for turn in (-2, -1, 0, 1)])
+    tools = robot.tool(np.zeros((len(ways), 3)), np.pi / 2 * ways)
+    tool = tools[np.argmax(end * tools[:, 2, 3])]
+    assert abs(tool[2, 2]) < 1e-9
+    axis = np.cross(tool[:3, 2], [0.0, 0.0, end])
+    turn = Rotation.from_rotvec(-cone * axis).as_matrix() @ tool[:3, :3]
+    turned = {"orientation": turn} if framed else {"direction": turn[:, 2]}
+    target = Target(tool[:3, 3], cone=cone, **turned)
+    outer = reach_of(World("straight", robot, FLOOR), target)
+    assert outer.distance(shapely.Point(axis_of(robot, np.zeros(3)))) < 1e-6
 
 
 @pytest.mark.parametrize("goal", ["direction", "orientation"])

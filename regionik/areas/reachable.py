@@ -349,7 +349,7 @@ class PosedReach(PivotedReach):
 
 def _union(center: Array, rings: Array, query: ReachQuery) -> BaseGeometry:
     """Rings (k, 2) about one center as one area."""
-    none, count = np.zeros(len(rings)), len(rings)
-    whole = Sectors(np.tile(center, (count, 1)), *rings.T, none, none + np.pi)
+    centers, azimuth = np.tile(center, (len(rings), 1)), np.zeros(len(rings))
+    whole = Sectors(centers, rings[:, 0], rings[:, 1], azimuth, azimuth + np.pi)
     union: BaseGeometry = shapely.union_all(sector_polygons(whole, query))
     return union
