@@ -31,8 +31,8 @@ PIONEER7 = robot_named("pioneer7")
 
 
 def turned() -> World:
-    """A tool direction that no posture is known for, at a point within reach: areas are sampled."""
-    target = Target(np.array([0.3, 0.4, 0.55]), np.array([0.0, 0.0, -1.0]), 0.1)
+    """A tool direction that no posture is known for, its wrist within reach: inner areas are sampled."""
+    target = Target(np.array([0.3, 0.4, 0.5]), np.array([0.0, 0.0, -1.0]), 0.1)
     return World("turned", PIONEER7, Floor(shapely.box(-2, -2, 2, 2)), (), (target,))
 
 

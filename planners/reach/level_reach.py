@@ -108,24 +108,13 @@ def inner_sectors(chain: Chain, rise: float) -> tuple[tuple[float, float, float,
     return tuple(chosen)
 
 
-@lru_cache(maxsize=4096)
 def outer_reach(chain: Chain, rise: float) -> Intervals:
     """Distances between pivot axis and target that are not proven to be out of reach; see `inner_reach`.
 
     No posture within the limits has any other distance. A budget of boxes (`outer_bounds`) bounds the
     work: with it spent, what is undecided stays in.
     """
-    meridian, span = _meridian(chain), reach_bound(chain)
-    square = span.length**2 - (rise - span.height) ** 2
-    if square < 0:
-        return ()
-    cap = span.radius + float(np.sqrt(square))
-    known = np.array(inner_reach(chain, rise)).reshape(-1, 2)
-    if meridian is None:
-        return ((0.0, cap),)
-    limits = finite_limits(meridian)
-    left = outer_distances(meridian, (rise, rise), limits, known, cap, ENOUGH, MOST_BOXES)
-    return merged([*known.tolist(), *left.tolist()])
+    return outer_range(chain, rise, rise)
 
 
 def likely_reach(chain: Chain, rise: float) -> Intervals:
@@ -143,20 +132,27 @@ def likely_reach(chain: Chain, rise: float) -> Intervals:
 
 def outer_layer(chain: Chain, rise: float) -> Intervals:
     """As `outer_reach`, for all heights of the layer that a height is in: larger, and the same for them."""
-    return _outer_layer(chain, floor(rise / LAYER))
+    return outer_range(chain, rise, rise, coarse=True)
+
+
+def outer_range(chain: Chain, low: float, high: float, *, coarse: bool = False) -> Intervals:
+    """As `outer_reach`, for all heights of a range; coarse: for all of the layers that it touches."""
+    if coarse:
+        return _outer_range(chain, floor(low / LAYER) * LAYER, (floor(high / LAYER) + 1) * LAYER, LAYER_BOXES)
+    return _outer_range(chain, low, high, MOST_BOXES)
 
 
 @lru_cache(maxsize=4096)
-def _outer_layer(chain: Chain, k: int) -> Intervals:
-    meridian, span, heights = _meridian(chain), reach_bound(chain), (k * LAYER, (k + 1) * LAYER)
-    off = max(0.0, abs(sum(heights) / 2 - span.height) - LAYER / 2)
+def _outer_range(chain: Chain, low: float, high: float, most: int) -> Intervals:
+    meridian, span = _meridian(chain), reach_bound(chain)
+    off = max(0.0, abs((low + high) / 2 - span.height) - (high - low) / 2)
     if off > span.length:
         return ()
     cap = span.radius + float(np.sqrt(span.length**2 - off**2))
     if meridian is None:
         return ((0.0, cap),)
-    known = np.array(merged([ring for z in heights for ring in inner_reach(chain, z)])).reshape(-1, 2)
-    left = outer_distances(meridian, heights, finite_limits(meridian), known, cap, ENOUGH, LAYER_BOXES)
+    known = np.array(merged([ring for z in {low, high} for ring in inner_reach(chain, z)])).reshape(-1, 2)
+    left = outer_distances(meridian, (low, high), finite_limits(meridian), known, cap, ENOUGH, most)
     return merged([*known.tolist(), *left.tolist()])
 
 

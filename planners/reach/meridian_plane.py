@@ -123,7 +123,7 @@ def meridian_of(chain: Chain) -> Meridian | None:
         np.where(all_round, np.inf, arm.upper),
         levers,
         _bends(left, levers),
-        np.array([0.0, *(_hub(*pair) for pair in pairwise(left.joints))]),
+        np.array([0.0, *(hub_along(*pair) for pair in pairwise(left.joints))]),
     )
 
 
@@ -136,7 +136,7 @@ def _bends(chain: Chain, levers: Array) -> Array:
     return bend
 
 
-def _hub(before: Joint, joint: Joint) -> float:
+def hub_along(before: Joint, joint: Joint) -> float:
     """Along the axis of a joint, from its origin to the foot of the common normal with the axis before."""
     T = joint.T_parent_joint
     u, v, p = before.axis, T[:3, :3] @ joint.axis, T[:3, 3]

@@ -8,6 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import EVERY, GUARD, Geometries
 from regionik.areas.planar_reach import PlanarReach
@@ -21,6 +22,7 @@ from regionik.areas.reach_model import (
     wide_enough,
 )
 from regionik.planners.progress import track
+from regionik.planners.reach.fixed_points import fixed_point_reach
 from regionik.planners.reach.level_reach import (
     Intervals,
     inner_reach,
@@ -307,8 +309,8 @@ class PivotedReach(ReachModel):
 class PosedReach(PivotedReach):
     """Reach for a tool direction or orientation of an arm that does not meet it in one plane.
 
-    Inner areas are sampled on a grid of places (`pose_reach`), not proven. Outer ones bound the tool's point,
-    which bounds its poses.
+    Inner areas are sampled on a grid of places (`pose_reach`), not proven. Outer ones bound the tool's point
+    and other points of the tool that the pose fixes (`fixed_points`).
 
     Attributes
     ----------
@@ -328,8 +330,26 @@ class PosedReach(PivotedReach):
     def _is_sampled(self, query: ReachQuery) -> bool:
         return query.inner
 
+    def _rings(self, targets: Sequence[Target], query: ReachQuery) -> Rows:
+        which, kinds, shapes = super()._rings(targets, query)
+        for i in np.unique(which).tolist():
+            aim = aim_of(targets[i])._replace(cone=targets[i].cone)
+            for center, rings in fixed_point_reach(self.chain, self.height, aim, coarse=query.coarse):
+                shapes[which == i] &= _union(center, rings, query)
+                if shapely.is_empty(shapes[which == i]).all():
+                    break
+        return which, kinds, shapes
+
     @property
     def _refusal(self) -> str:
         if self.planar:
             return "a target with a direction needs a tool along the last link for manipulability and effort"
         return super()._refusal
+
+
+def _union(center: Array, rings: Array, query: ReachQuery) -> BaseGeometry:
+    """Rings (k, 2) about one center as one area."""
+    centers, azimuth = np.tile(center, (len(rings), 1)), np.zeros(len(rings))
+    whole = Sectors(centers, rings[:, 0], rings[:, 1], azimuth, azimuth + np.pi)
+    union: BaseGeometry = shapely.union_all(sector_polygons(whole, query))
+    return union
