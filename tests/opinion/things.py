@@ -24,6 +24,7 @@ def _request() -> Any:
 FLOOR = "the floor"
 BEYOND = 20.0  # that it goes on beyond the edge of where the base may drive, and how thick it is [m]
 POINTS = 300  # of a solid
+NO_DEPTH = -1e300  # what coal says where it finds no depth [m]; it finds one with the two exchanged
 REQUEST, RESULT = _request(), coal.DistanceResult()
 
 
@@ -110,8 +111,12 @@ def _crossings(triangles: Array, point: Array, ray: Array) -> int:
 
 def distance_of(one: Any, T_one: Any, other: Any, T_other: Any) -> float:
     """Distance of two solids where they are `placed`, below 0 by the depth where they overlap [m]."""
-    RESULT.clear()
-    return float(coal.distance(one, T_one, other, T_other, REQUEST, RESULT))
+    for pair in ((one, T_one, other, T_other), (other, T_other, one, T_one)):
+        RESULT.clear()
+        gap = float(coal.distance(*pair, REQUEST, RESULT))
+        if gap > NO_DEPTH:
+            break
+    return gap
 
 
 def placed(T: Array) -> Any:
