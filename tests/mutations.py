@@ -396,6 +396,34 @@ FAULTS = (
         "np.where(turned > STEERED, 0.0, 0.0)",
         ("tests/test_verify_speeds.py",),
     ),
+    Fault(
+        "outer reach of poses: the cone moves no point of the tool",
+        "planners/reach/fixed_points.py",
+        "stray = lever * 2.0 * np.sin(cone / 2) + GUARD",
+        "stray = GUARD",
+        ("tests/test_fixed_points.py",),
+    ),
+    Fault(
+        "tours of sets: the first point costs nothing to get to",
+        "planners/coverage/tours.py",
+        "cost, back = lead[layers[0]], list[Index]()",
+        "cost, back = 0.0 * lead[layers[0]], list[Index]()",
+        ("tests/test_tours.py",),
+    ),
+    Fault(
+        "tours of the arm: postures are taken as they come",
+        "regionik/parking/arm_tour.py",
+        "if not carrier.keeps(int(branches.owner[n]), self.held.base, joints):\n            return False",
+        "if joints is None:\n            return False",
+        ("tests/test_sampled_poses.py",),
+    ),
+    Fault(
+        "the guard: a start with nothing to spare makes all motion touch",
+        "regionik/postures/arm_guard.py",
+        "return SPARE if room < LEAST_SPARE else min(SPARE, max(LEAST_SPARE, room / 2))",
+        "return SPARE if room < LEAST_SPARE else -1.0",
+        ("tests/test_arm_guard.py",),
+    ),
 )
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import shapely
 
+from regionik.pipeline import search
 from regionik.planners.collision.proximity import Touch
 from regionik.postures.arm_guard import SPARE, guard_of
 from regionik.postures.poses import Pose, pose_between
@@ -15,6 +16,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.obstacles import Box, Cylinder, Sphere
 from regionik.worlds.scene import Floor, Rules, Target, World
+from tests.witnesses import witness
 
 ROBOT = robot_named("youbot")
 FLOOR = Floor(shapely.box(-2, -2, 2, 2))
@@ -138,3 +140,10 @@ def test_words_and_causes_name_link_and_thing() -> None:
     assert cause.margin == pytest.approx(0.02)
     assert guard.cause(deep).kind == "self"
     assert guard.cause(deep).margin == pytest.approx(0.02)
+
+
+def test_a_start_with_little_to_spare_is_not_blocked() -> None:
+    """Two links of this arm, with a joint between them that turns both, are 0.4 mm apart in all postures."""
+    world = witness("offsets", 806).world
+    assert 0 < guard_of(world).spare < SPARE
+    search(world)  # raises where no plan is found

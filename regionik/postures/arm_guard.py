@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -34,6 +34,7 @@ from regionik.worlds.errors import Cause, CauseKind
 from regionik.worlds.scene import Target, World
 
 SPARE = 5e-4  # kept beyond what the rules want, so that what is planned can be proven [m]
+LEAST_SPARE = 1e-5  # of a start that has less than that to spare [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +44,7 @@ class Guard:
     world: World
     bodies: Bodies
     contact: ContactTargets  # where the last link may touch
+    spare: float = SPARE  # less for a start that has less: it need not be left at once [m]
 
     @property
     def on(self) -> bool:
@@ -54,9 +56,11 @@ class Guard:
 
         Any thing nearer than ``enough`` is told without a look for nearer ones; see `nearest`.
         """
-        if state_clear(self.bodies, pose.base, pose.joints, SPARE, self.contact):
+        if state_clear(self.bodies, pose.base, pose.joints, self.spare, self.contact):
             return NOTHING
-        return nearest(self.bodies, pose.base, pose.joints, contact=self.contact, within=SPARE, enough=enough)
+        return nearest(
+            self.bodies, pose.base, pose.joints, contact=self.contact, within=self.spare, enough=enough
+        )
 
     def room(self, touch: Touch) -> float:
         """Distance of a touch beyond what the rules want, infinite where nothing is too near [m]."""
@@ -64,17 +68,17 @@ class Guard:
 
     def clear(self, pose: Pose) -> bool:
         """True if every link keeps clear."""
-        return not self.on or self.touch(pose, SPARE).kind == "none"
+        return not self.on or self.touch(pose, self.spare).kind == "none"
 
     def proves(self, pose: Pose) -> bool:
         """True if every link is quickly proven to keep clear."""
-        return not self.on or state_clear(self.bodies, pose.base, pose.joints, SPARE, self.contact)
+        return not self.on or state_clear(self.bodies, pose.base, pose.joints, self.spare, self.contact)
 
     def passes(self, poses: Sequence[Pose]) -> bool:
         """True if the motion through poses is proven clear."""
         if not self.on or len(poses) < 2:
             return True
-        return is_path_clear(self.bodies, *arrays(poses), SPARE, self.contact)
+        return is_path_clear(self.bodies, *arrays(poses), self.spare, self.contact)
 
     def stop(self, poses: Sequence[Pose]) -> Touch | None:
         """The first thing that keeps the motion through poses from being proven clear."""
@@ -84,7 +88,7 @@ class Guard:
         """Number of motions between states (n + 1, ...) proven clear, and what stops the next one."""
         if not self.on:
             return len(bases) - 1, None
-        return path_clear(self.bodies, bases, joints, SPARE, self.contact)
+        return path_clear(self.bodies, bases, joints, self.spare, self.contact)
 
     def led(self, bases: Array, joints: Array, line: Array, shares: Array, stray: float) -> int:
         """Number of motions that jump nowhere and lead the tool along a line; see `count_on_line`."""
@@ -126,7 +130,17 @@ def guard_of(world: World) -> Guard:
     rules = world.rules
     near, deep = world.arm_clearance, rules.deepest_contact
     bodies = bodies_from(world.robot, world.solids, near, deep, world.floor_slab)
-    return Guard(world, bodies, contact_for(world, world.task))
+    guard = Guard(world, bodies, contact_for(world, world.task))
+    return replace(guard, spare=_spare_of(guard))
+
+
+def _spare_of(guard: Guard) -> float:
+    """What the start of a world leaves to spare of `SPARE`, half of what it has [m]."""
+    start = guard.world.start
+    if start is None or not guard.on:
+        return SPARE
+    room = guard.room(guard.touch(Pose(start.base, start.joints)))
+    return SPARE if room < LEAST_SPARE else min(SPARE, max(LEAST_SPARE, room / 2))
 
 
 def guard_at(world: World, target: Target) -> Guard:
