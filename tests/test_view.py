@@ -257,7 +257,7 @@ def test_the_controls_of_a_page_tell_what_the_plan_holds(tmp_path: Path) -> None
     distances = clearances(plan.world, motion.base, motion.joints)
     with opened(tmp_path / "page.html") as browser:
         settle(browser)
-        assert_colors(browser, green=0.03, red=0.01, blue=0.1)
+        assert_colors(browser, green=0.02, red=0.01, blue=0.1)
         beside = browser.evaluate("document.querySelector('#curves .values').innerText")
         assert all(joint.name in beside for joint in plan.world.robot.chain.joints)
         cut = "[...document.querySelectorAll('#curves .values')].some((e) => e.scrollHeight > e.clientHeight)"

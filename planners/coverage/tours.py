@@ -91,7 +91,7 @@ def shortest_tour_of_sets(
     --------
     >>> apart = np.abs(np.subtract.outer([0.0, 5.0, 6.0, 1.0], [0.0, 5.0, 6.0, 1.0]))
     >>> shortest_tour_of_sets(apart, [0, 0, 1, 2])
-    VisitingOrder(order=(1, 2, 3), length=6.0, lower=6.0)
+    VisitingOrder(order=(3, 1, 2), length=5.0, lower=5.0)
     """
     far, own = np.asarray(distance, dtype=np.float64), np.asarray(owner, dtype=np.intp)
     first, last = _ends(far, lead), _ends(far, tail)
