@@ -13,6 +13,7 @@ from regionik.planners.coverage import tours
 from regionik.planners.coverage.tours import (
     _held_karp,
     _open_length,
+    shortest_choice,
     shortest_order,
     shortest_tour_of_sets,
 )
@@ -76,6 +77,19 @@ def test_order_and_choice_in_turns_keep_their_bound(seed: int) -> None:
     assert sorted(owner[list(found.order)]) == list(range(10))
     assert found.lower - 1e-9 <= exact <= found.length + 1e-9
     assert found.length <= 1.5 * exact
+
+
+@given(st.integers(0, 10**6), st.integers(1, 5))
+@settings(max_examples=examples(40), deadline=None)
+def test_no_other_choice_in_an_order_is_shorter(seed: int, count: int) -> None:
+    far, owner, lead, tail = sets_of_points(seed, count)
+    layers = [np.flatnonzero(owner == k) for k in range(count)]
+    chosen = shortest_choice(far, layers, lead, tail)
+    assert owner[chosen].tolist() == list(range(count))
+    best = min(
+        _open_length(list(some), far, lead, tail) for some in product(*(layer.tolist() for layer in layers))
+    )
+    assert _open_length(chosen, far, lead, tail) == pytest.approx(best)
 
 
 @pytest.mark.parametrize("seed", range(6))
