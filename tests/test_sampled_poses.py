@@ -12,13 +12,16 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from regionik.parking import sampled_poses
+from regionik.parking import arm_tour, sampled_poses
 from regionik.parking.arm_roadmap import HeldPostures
 from regionik.parking.fewest_stops import park
+from regionik.parking.held_postures import PostureCarrier
+from regionik.parking.parking_areas import StopGroup
 from regionik.parking.sampled_poses import PoseCover
 from regionik.parking.stops import in_sequence
 from regionik.pipeline import plan
 from regionik.planners.coverage.set_cover import least_cover, overlay_faces, undominated
+from regionik.planners.coverage.tours import VisitingOrder
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import Pose
 from regionik.verification.verifier import verify
@@ -116,6 +119,22 @@ def test_the_arm_goes_by_a_tour_that_no_order_of_its_postures_shortens() -> None
     assert tour["arm"] == pytest.approx(total)
     assert total == pytest.approx(best)
     assert tour["arm_lower_bound"] <= tour["arm"]
+
+
+@pytest.mark.usefixtures("few_poses")
+def test_a_tour_takes_no_posture_that_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+    toured, seen = arm_tour._toured, list[bool]()
+
+    def watched(world: World, group: StopGroup, held: HeldPostures) -> tuple[HeldPostures, VisitingOrder]:
+        made, order = toured(world, group, held)
+        seen.append(sorted(made.joints.tolist()) == sorted(held.joints.tolist()))
+        return made, order
+
+    monkeypatch.setattr(arm_tour, "_toured", watched)
+    monkeypatch.setattr(PostureCarrier, "keeps", lambda *_: False)  # of all but those known to hold
+    world = holes(3, 2)
+    in_sequence(world, park(world))
+    assert seen == [True] * len(seen) != []
 
 
 def arm_times(held: HeldPostures, world: World) -> np.ndarray:
