@@ -87,10 +87,13 @@ def _rebuilt(plan: Plan, runs: list[PathRun], smoothed: list[Array]) -> Plan:
     setpoints = list(plan.setpoints)
     for run, states in zip(runs, smoothed, strict=True):
         parts.append(_cut(old, done, run.first))
-        parts.append(_columns(run, states))
+        shared = int(run.first < done)  # where a long run was cut both of its parts have the state
+        parts.append(_cut(_columns(run, states), shared, len(states)))
         done = run.last + 1
-        for k in np.flatnonzero(run.worked).tolist():
-            setpoints[run.owner[k]] = _moved_to(plan.world, int(run.owner[k]), setpoints, states[k])
+        owners = run.owner[run.worked].tolist()
+        moved = _moved_to(plan.world, [setpoints[i] for i in owners], owners, states[run.worked])
+        for i, found in zip(owners, moved, strict=True):
+            setpoints[i] = found
     parts.append(_cut(old, done, len(old)))
     columns = ("base", "joints", "kind", "setpoint", "time")
     motion = Motion(*(np.concatenate([getattr(part, key) for part in parts]) for key in columns))
@@ -100,10 +103,14 @@ def _rebuilt(plan: Plan, runs: list[PathRun], smoothed: list[Array]) -> Plan:
     return replace(plan, motion=motion, setpoints=tuple(setpoints), stats=stats)
 
 
-def _moved_to(world: World, i: int, setpoints: list[Configuration], state: Array) -> Configuration:
-    base, joints = _wrapped(state[None])[0], state[3:]
-    error = math.dist(world.robot.tool(base, joints)[:3, 3], world.task[i].position)
-    return replace(setpoints[i], base=base, joints=joints, error=error)
+def _moved_to(
+    world: World, setpoints: list[Configuration], owners: list[int], states: Array
+) -> Iterator[Configuration]:
+    """Configurations at set-points, moved to states (n, m)."""
+    bases, joints = _wrapped(states), states[:, 3:]
+    tools = world.robot.tool(bases, joints)[:, :3, 3]
+    for found, i, base, posture, tool in zip(setpoints, owners, bases, joints, tools, strict=True):
+        yield replace(found, base=base, joints=posture, error=math.dist(tool, world.task[i].position))
 
 
 def _cut(motion: Motion, a: int, b: int) -> Motion:

@@ -57,9 +57,13 @@ def _wrong_tools(segments: MotionSegments, names: StateNames) -> Iterator[Violat
 
 def _wrong_errors(plan: Plan, names: StateNames) -> Iterator[Violation]:
     """Errors of set-points that are not the distance of the tool from the target."""
-    for i, (found, target) in enumerate(zip(plan.setpoints, plan.world.task, strict=False)):
-        tool = plan.world.robot.tool(found.base, found.joints)[:3, 3]
-        error = float(np.linalg.norm(tool - target.position))
+    pairs = list(zip(plan.setpoints, plan.world.task, strict=False))
+    if not pairs:
+        return
+    bases, joints = (np.array([getattr(found, key) for found, _ in pairs]) for key in ("base", "joints"))
+    tools = plan.world.robot.tool(bases, joints)[:, :3, 3]
+    errors = np.linalg.norm(tools - [target.position for _, target in pairs], axis=1).tolist()
+    for i, ((found, _), error) in enumerate(zip(pairs, errors, strict=True)):
         if abs(found.error - error) > ROUNDING:
             text = f"the error at {names.setpoint(i)} is {error:.4g} m, the plan says {found.error:.4g} m"
             yield Violation("derived", None, i, abs(found.error - error), text)
@@ -123,7 +127,8 @@ def _contradicting_areas(plan: Plan, names: StateNames) -> Iterator[Violation]:
         np.array([getattr(area, part) for area in plan.areas], dtype=object)
         for part in ("admissible", "pruned", "rejected")
     )
-    outside = _overlay_area(shapely.difference, pruned, admissible)
+    outside, cut = np.zeros(len(pruned)), ~shapely.equals_exact(pruned, admissible)
+    outside[cut] = _overlay_area(shapely.difference, pruned[cut], admissible[cut])
     both = _overlay_area(shapely.intersection, rejected, admissible)
     for off, what in ((outside, "pruned area lies outside"), (both, "rejected area lies inside")):
         for i in np.flatnonzero(off > ROUNDING).tolist():
