@@ -17,6 +17,7 @@ from regionik.planners.smoothing.quadratic_program import minimize_quadratic
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import axis_of
 from regionik.pruning import whole_path
+from regionik.smoothing import runs
 from regionik.smoothing import smooth_motion as stage
 from regionik.smoothing.smooth_motion import smooth_motion
 from regionik.smoothing.state_keeper import StateKeeper
@@ -90,6 +91,18 @@ def test_the_same_bytes_again() -> None:
     again = smooth_motion(found, whole_path(found.world)[0])
     assert np.array_equal(again.motion.base, smooth.motion.base)
     assert np.array_equal(again.motion.joints, smooth.motion.joints)
+
+
+def test_a_long_run_is_smoothed_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Parts share the state between them, which the plan has once."""
+    found, whole = both("free")
+    monkeypatch.setattr(runs, "MOST_STATES", 30)
+    parts = smooth_motion(found, whole_path(found.world)[0])
+    assert parts is not found
+    assert verify(parts).ok
+    rows = np.hstack([parts.motion.base, parts.motion.joints])
+    assert (np.diff(rows, axis=0) != 0).any(axis=1).all()
+    assert not np.array_equal(parts.motion.joints, whole.motion.joints)
 
 
 def test_what_cannot_be_proven_stays_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
