@@ -10,8 +10,10 @@ import pytest
 import shapely
 from scipy.optimize import lsq_linear
 from scipy.sparse import csc_array
+from shapely.affinity import rotate, translate
 
 from regionik import pipeline
+from regionik.areas.standing import room_for, turns_matter
 from regionik.planners.smoothing.path_smoothing import tool_jacobians
 from regionik.planners.smoothing.quadratic_program import minimize_quadratic
 from regionik.postures.arm_guard import guard_of
@@ -20,14 +22,15 @@ from regionik.pruning import whole_path
 from regionik.smoothing import runs
 from regionik.smoothing import smooth_motion as stage
 from regionik.smoothing.smooth_motion import smooth_motion
-from regionik.smoothing.state_keeper import StateKeeper
+from regionik.smoothing.state_keeper import AREA_MARGIN, NEAR, StateKeeper
 from regionik.timing.retime import retime
 from regionik.values import Plan, Report, Violation
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import load_world
-from regionik.worlds.scene import World
+from regionik.worlds.obstacles import Box, Cylinder
+from regionik.worlds.scene import Floor, Rules, Target, World
 from regionik.worlds.speeds import Speeds
 
 SMOOTHED = ("free", "l_shape", "pillar", "shelf", "slab", "wall")
@@ -151,11 +154,62 @@ def test_a_distance_that_is_demanded_is_not_given_up() -> None:
     states = np.concatenate([start.base, start.joints])[None]
     x, y = axis_of(world.robot, states[:, :3])[0]
     area = np.array([shapely.box(x - 0.001, y - 1, x + 1, y + 1)])
-    asked = [StateKeeper(world.robot, guard_of(world), area, np.array([mm / 1000])) for mm in (0, 5)]
+    asked = [StateKeeper(world.robot, guard_of(world), None, area, np.array([mm / 1000])) for mm in (0, 5)]
     easy, strict = (keeper.half_spaces(states) for keeper in asked)
     assert easy.least[0] <= 0.0
     assert strict.least[0] == pytest.approx(0.004)
     assert strict.normal[0, :2] == pytest.approx([1.0, 0.0])
+
+
+def test_half_spaces_of_the_footprint_are_its_distance_and_how_it_changes() -> None:
+    """Beside walls, a box and a post, against distances of the outline itself."""
+    outline = np.array([[0.5, 0.3], [-0.4, 0.3], [-0.4, -0.3], [0.5, -0.3]])
+    cart = replace(robot_named("youbot"), footprint=outline)
+    things = (
+        Box("box", np.array([0.4, 0.4, 0.5]), np.array([1.0, 1.0, 0.25])),
+        Cylinder("post", 0.1, 0.5, np.array([-1.0, 0.6, 0.25])),
+    )
+    floor = shapely.box(-2, -2, 2, 2)
+    world = World("hall", cart, Floor(floor), things, (Target(np.array([0, 0, 0.3])),), Rules(clearance=0.05))
+    kept = {floor.exterior: 0.0, shapely.box(0.8, 0.8, 1.2, 1.2): 0.05, shapely.Point(-1.0, 0.6): 0.15}
+    rng = np.random.default_rng(5)
+    states = np.zeros((2000, 3 + cart.chain.dof))
+    states[:, :2], states[:, 2] = rng.uniform(-1.7, 1.7, (2000, 2)), rng.uniform(-4, 4, 2000)
+
+    def room(state: Array) -> float:
+        """Distance of the footprint beyond what it keeps, from the nearest of all."""
+        placed = rotate(shapely.Polygon(outline), state[2], (0, 0), use_radians=True)
+        placed = translate(placed, state[0], state[1])
+        return min(placed.distance(one) - least for one, least in kept.items())
+
+    keeper = StateKeeper(cart, guard_of(world), room_for(world), np.full(2000, floor), np.zeros(2000))
+    spaces, seen = keeper._on_floor(states), 0
+    for k, state in enumerate(states):
+        before = room(state)
+        if AREA_MARGIN < before < NEAR:  # nearer, only what it may not lose is asked
+            mine = spaces.state == k
+            tight = np.argmax(spaces.least[mine])
+            assert AREA_MARGIN - spaces.least[mine][tight] == pytest.approx(before, abs=2e-6)
+            step = 1e-5 * rng.normal(size=len(state))
+            assert spaces.normal[mine][tight] @ step == pytest.approx(room(state + step) - before, abs=1e-8)
+            seen += 1
+    assert seen > 30
+
+
+def test_a_base_that_has_room_at_some_headings_only_is_smoothed() -> None:
+    """A long base between two walls, and a post on its way."""
+    cart = replace(
+        robot_named("youbot"), footprint=np.array([[0.5, 0.25], [-0.5, 0.25], [-0.5, -0.25], [0.5, -0.25]])
+    )
+    task = tuple(Target(np.array([x, 0.25, 0.35])) for x in np.linspace(-1.0, 1.0, 15))
+    post = Cylinder("post", 0.05, 0.1, np.array([0.0, -0.45, 0.05]))
+    floor = Floor(shapely.box(-2.5, -0.45, 2.5, 0.45))
+    world = World("lane", cart, floor, (post,), task, Rules(clearance=0.02))
+    assert turns_matter(world)
+    found = as_found(world)
+    smooth = smooth_motion(found, whole_path(world)[0])
+    assert smooth is not found
+    assert verify(smooth).ok
 
 
 @pytest.mark.parametrize("name", ["youbot-real", "hinge5", "pioneer7"])

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import Geometries, united
-from regionik.areas.standing import Standing
+from regionik.areas.standing import Standing, room_for, turns_matter
 from regionik.planners.smoothing.path_smoothing import (
     FIRST_TRUST,
     PathProblem,
@@ -37,6 +37,7 @@ LONG, FEW = 400, 0.6  # states of a run, and share of them that are set-points, 
 NEAR_TRUST = 0.03  # of the first round, where it was begun with fewer states [m] or [rad]
 NEAR = 0.025  # set-points that have a state between them are farther apart [m]
 LEAST_STRIDE = 1e-3  # along the path, where the tool rests or nearly so [m]
+STEP_SHARE = 0.7  # of the longest step of the base that it takes in the mean, as laid out
 BASE_SHARE = 0.4  # of the base's way that counts as way along the path, where the tool rests
 SHARP = 0.35  # turn of the tool's path that is a corner [rad]
 MOST_STATES = 1500  # smoothed at once
@@ -131,8 +132,9 @@ class _Layout:
         places = self._places(first, last)
         at, states = places, before
         if self.evenly:
-            at, owner, worked = self._even(owner, places)
+            travelled = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(before[:, :2], axis=0), axis=1)))
             unique = np.append(np.diff(places) > 0, True)
+            at, owner, worked = self._even(owner, places[unique], travelled[unique])
             states = np.stack([np.interp(at, places[unique], column) for column in before[unique].T], axis=1)
             states[0], states[-1] = before[0], before[-1]
         held = first > 0, last < len(motion) - 1
@@ -158,13 +160,17 @@ class _Layout:
             places[k] = i + min(max(float(share), 0.0), 1.0)
         return np.maximum.accumulate(places)
 
-    def _even(self, owner: Index, places: Array) -> tuple[Array, Index, NDArray[np.bool_]]:
-        """Evenly laid out places, each with its set-point and whether it is one."""
-        task = self.plan.world.task
+    def _even(self, owner: Index, places: Array, travelled: Array) -> tuple[Array, Index, NDArray[np.bool_]]:
+        """Evenly laid out places, each with its set-point and whether it is one.
+
+        There are enough of them for what the base has ``travelled`` (n,) from set-point to set-point.
+        """
+        task, step = self.plan.world.task, STEP_SHARE * self.plan.world.rules.step
         at = [places[0]]
         for i in range(int(owner[0]), math.ceil(places[-1])):
             way = math.dist(task[i].position, task[i + 1].position)
-            count = max(1 + (way > NEAR), math.ceil(way / self.stride))
+            driven = float(np.ptp(np.interp((i, i + 1), places, travelled)))
+            count = max(1 + (way > NEAR), math.ceil(way / self.stride), math.ceil(driven / step))
             at += [p for p in (i + np.arange(1, count + 1) / count) if places[0] < p < places[-1]]
         if places[-1] > places[0]:
             at.append(places[-1])
@@ -221,7 +227,8 @@ class _Layout:
     def _keeper(self, owner: Index, worked: NDArray[np.bool_]) -> StateKeeper:
         world, areas, floor = self.plan.world, self.plan.areas, self._floor
         within = np.array([areas[i].pruned if at else floor for i, at in zip(owner, worked, strict=True)])
-        return StateKeeper(world.robot, guard_of(world), within, np.zeros(len(within)))
+        room = room_for(world) if turns_matter(world) and not world.robot.drive.rolls else None
+        return StateKeeper(world.robot, guard_of(world), room, within, np.zeros(len(within)))
 
     @cached_property
     def _floor(self) -> BaseGeometry:

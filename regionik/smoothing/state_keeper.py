@@ -11,6 +11,7 @@ import shapely
 
 from regionik.areas.ground import Geometries
 from regionik.planners.collision.proximity import Touch, nearest, path_clear, state_clear
+from regionik.planners.driving.footprint import FootprintScene
 from regionik.planners.smoothing.path_smoothing import HalfSpaces
 from regionik.postures.arm_guard import Guard
 from regionik.postures.poses import axis_of
@@ -19,16 +20,18 @@ from regionik.worlds.robot import Robot
 
 AREA_MARGIN, ARM_MARGIN = 0.03, 0.01  # kept where there is room [m]
 AREA_COST, ARM_COST = 1.0, 0.02  # of what is missing; where an arm is too near the proof will say [1/m]
-NEAR = 0.05  # distance from which a link's clearance is looked after [m]
+NEAR = 0.05  # distance from which clearance of a link or of the footprint is looked after [m]
+TOUCHING = 1e-9  # of an outline and an edge, by rounding [m]
 RECOVERY = 0.01  # by which a state outside is asked to come back in a round [m]
 
 
 @dataclass(frozen=True, eq=False)
 class StateKeeper:
-    """Keeps the arm axis in its areas and the links clear."""
+    """Keeps the arm axis in its areas, the footprint on the floor and the links clear."""
 
     robot: Robot
     guard: Guard
+    room: FootprintScene | None  # where the free floor depends on the heading
     within: Geometries  # (n,) where the arm axis may be in each state
     # (n,) distance from the edge of that, and beyond the clearance of links, that is not given up [m]
     demanded: Array
@@ -36,6 +39,7 @@ class StateKeeper:
     def half_spaces(self, states: Array) -> HalfSpaces:
         """Half-spaces about given states, see `path_smoothing`."""
         parts = [self._inside(states)] if not self.robot.drive.rolls else []
+        parts += [self._on_floor(states)] if self.room else []
         parts += self._clear(states) if self.guard.on else []
         if not parts:
             return HalfSpaces(np.empty(0, np.int64), np.empty((0, states.shape[1])), np.empty(0), np.empty(0))
@@ -56,6 +60,30 @@ class StateKeeper:
         normal[:, 2] = unit[:, 1] * (axis - states[:, :2])[:, 0] - unit[:, 0] * (axis - states[:, :2])[:, 1]
         least = _least(sign * depth - self.demanded, AREA_MARGIN)
         return HalfSpaces(np.arange(len(states)), normal, least, np.full(len(states), AREA_COST))
+
+    def _on_floor(self, states: Array) -> HalfSpaces:
+        """Each side of the footprint keeps its distance from the nearest edge of the floor or an obstacle."""
+        assert self.room is not None
+        turned = np.einsum("nij,kj->nki", _turns(states[:, 2]), self.room.corners)
+        outlines = shapely.polygons(turned + states[:, None, :2])
+        reach = float(self.room.clearance.max(initial=0.0)) + NEAR
+        k, edge = self._floor_edges.query(outlines, predicate="dwithin", distance=reach)
+        lines = shapely.shortest_line(self._floor_edges.geometries[edge], outlines[k])
+        on_edge, point = shapely.get_coordinates(lines).reshape(-1, 2, 2).swapaxes(0, 1)
+        away = point - on_edge
+        apart = np.linalg.norm(away, axis=1)
+        inward = states[k, :2] + turned[k].mean(axis=1) - on_edge  # where they cross
+        away = np.where(apart[:, None] > TOUCHING, away, inward)
+        unit = away / np.linalg.norm(away, axis=1)[:, None]
+        room = apart - self.room.clearance[edge] - self.demanded[k]
+        sides = np.floor((np.arctan2(unit[:, 1], unit[:, 0]) - states[k, 2]) / (np.pi / 2)).astype(int) % 4
+        order = np.lexsort([room, sides, k])
+        kept = order[np.unique(np.column_stack([k, sides])[order], axis=0, return_index=True)[1]]
+        k, unit, lever = k[kept], unit[kept], (point - states[k, :2])[kept]
+        normal = np.zeros((len(k), states.shape[1]))
+        normal[:, :2] = unit
+        normal[:, 2] = unit[:, 1] * lever[:, 0] - unit[:, 0] * lever[:, 1]
+        return HalfSpaces(k, normal, _least(room[kept], AREA_MARGIN), np.full(len(k), AREA_COST))
 
     def _clear(self, states: Array) -> list[HalfSpaces]:
         """Links that are near to something come no nearer than they may."""
@@ -110,6 +138,19 @@ class StateKeeper:
     @cached_property
     def _edges(self) -> Geometries:
         return shapely.boundary(self.within)
+
+    @cached_property
+    def _floor_edges(self) -> shapely.STRtree:
+        assert self.room is not None
+        ends = self.room.edges.reshape(-1, 2, 2)
+        alone = (ends[:, 0] == ends[:, 1]).all(axis=1)  # the middle of what is round
+        return shapely.STRtree(np.where(alone, shapely.points(ends[:, 0]), shapely.linestrings(ends)))
+
+
+def _turns(yaw: Array) -> Array:
+    """Rotations of the plane by angles (n,), (n, 2, 2)."""
+    c, s = np.cos(yaw), np.sin(yaw)
+    return np.stack([np.stack([c, -s], axis=1), np.stack([s, c], axis=1)], axis=1)
 
 
 def _least(room: Array, margin: float) -> Array:
