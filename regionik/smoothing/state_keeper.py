@@ -65,7 +65,9 @@ class StateKeeper:
         """Each side of the footprint keeps its distance from the nearest edge of the floor or an obstacle."""
         assert self.room is not None
         turned = np.einsum("nij,kj->nki", _turns(states[:, 2]), self.room.corners)
-        outlines = shapely.polygons(turned + states[:, None, :2])
+        outlines = shapely.convex_hull(
+            shapely.multipoints(turned + states[:, None, :2])
+        )  # of one corner, too
         reach = float(self.room.clearance.max(initial=0.0)) + NEAR
         k, edge = self._floor_edges.query(outlines, predicate="dwithin", distance=reach)
         lines = shapely.shortest_line(self._floor_edges.geometries[edge], outlines[k])
