@@ -10,6 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import coal
 import numpy as np
 import pytest
 import shapely
@@ -32,6 +33,7 @@ from tests.opinion.judge import objections, posture_objections
 from tests.opinion.machine import Machine
 from tests.opinion.search import find_clear, stand_at
 from tests.opinion.shortest import Ground
+from tests.opinion.things import distance_of, placed
 from tests.planned import planned
 from tests.soak import against, against_reach, counterexample, facts_of, judged, machine_of
 from tests.soaked import GROUND, KINDS, soaked_world
@@ -58,6 +60,17 @@ def test_nothing_against_bundled_worlds(name: str) -> None:
     assert against(planned(name)) == ()
 
 
+def test_a_ball_in_a_cylinder_is_as_deep_as_its_nearest_way_out() -> None:
+    ball, cylinder = coal.Sphere(0.035), coal.Cylinder(0.041, 0.2)
+    low, upright = np.eye(4), np.eye(4)
+    low[:3, 3] = 0.01, 0.0, -0.095  # 5 mm above its bottom, 31 mm from its side
+    for solids in (
+        (ball, placed(low), cylinder, placed(upright)),
+        (cylinder, placed(upright), ball, placed(low)),
+    ):
+        assert distance_of(*solids) == pytest.approx(-0.04)
+
+
 @pytest.mark.slow
 def test_nothing_against_random_worlds() -> None:
     found = [judged(KINDS[n % len(KINDS)], n) for n in range(16)] + [judged(GROUND, n) for n in range(6, 9)]
@@ -80,7 +93,8 @@ def spoiled(document: dict[str, Any], how: str) -> None:
         case "targets":
             states[middle]["joints"][3] += 0.02
         case "hops":
-            world["rules"]["step"] /= 3
+            places = np.array([one["base"][:2] for one in states])
+            world["rules"]["step"] = 0.9 * np.linalg.norm(np.diff(places, axis=0), axis=1).max()
         case "floor":
             x, y, _ = states[middle]["base"]
             world["floor"]["polygon"] = [[x, y], [x + 9, y], [x + 9, y + 9]]

@@ -111,12 +111,23 @@ def _crossings(triangles: Array, point: Array, ray: Array) -> int:
 
 def distance_of(one: Any, T_one: Any, other: Any, T_other: Any) -> float:
     """Distance of two solids where they are `placed`, below 0 by the depth where they overlap [m]."""
+    if isinstance(one, coal.Sphere) and isinstance(other, coal.Cylinder):
+        return _off_cylinder(other, T_other.inverse().transform(T_one.getTranslation())) - float(one.radius)
+    if isinstance(one, coal.Cylinder) and isinstance(other, coal.Sphere):
+        return distance_of(other, T_other, one, T_one)
     for pair in ((one, T_one, other, T_other), (other, T_other, one, T_one)):
         RESULT.clear()
         gap = float(coal.distance(*pair, REQUEST, RESULT))
         if gap > NO_DEPTH:
             break
     return gap
+
+
+def _off_cylinder(one: Any, point: Array) -> float:
+    """Distance of a point in a cylinder's frame from it, below 0 inside, where coal is wrong [m]."""
+    aside = float(np.hypot(*point[:2]) - one.radius)
+    above = float(abs(point[2]) - one.halfLength)
+    return min(max(aside, above), 0.0) + float(np.hypot(max(aside, 0.0), max(above, 0.0)))
 
 
 def placed(T: Array) -> Any:
