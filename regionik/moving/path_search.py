@@ -89,9 +89,11 @@ class PathSearch:
         """
         if here is None:
             return next((([], candidate) for candidate in candidates), None)
+        floor = self.sampler.ladder.floor
         for candidate, way in self._transits(here, candidates, plain, hard):
             if way is None:
                 continue
+            way = self.transits.shortened(here, way, candidate.pose, int(floor[candidate.component]))
             if i > 0 and not way:  # however short the way, the tool leaves its path on it
                 way = [pose_between(here, candidate.pose, 0.5, self.world.robot.drive)]
             return [Row(pose, "transit", i - 1) for pose in way], candidate

@@ -13,6 +13,7 @@ from itertools import islice, pairwise
 import numpy as np
 
 from regionik.moving.base_motion import Driver, Interpolator
+from regionik.moving.shortcuts import with_shortcuts
 from regionik.planners.collision.proximity import Touch
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.driving.sampling import PlanningProblem, connect
@@ -125,6 +126,10 @@ class TransitPlanner:
             return None
         drive = self.carried(out[-1], back[-1], piece)
         return None if drive is None else [*lead[1:], *out, *drive, *back[::-1]]
+
+    def shortened(self, here: Pose, way: list[Pose], there: Pose, piece: int) -> list[Pose]:
+        """States strictly between two poses, on a way whose base goes no farther than on the one given."""
+        return with_shortcuts(self.interpolator, self.driver, piece, [here, *way, there])[1:-1]
 
     def swung(self, here: Pose, there: Pose, _: int) -> list[Pose] | None:
         """States strictly between two postures on a base that stands: straight, or by the carry posture."""
