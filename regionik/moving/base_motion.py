@@ -119,6 +119,10 @@ class Driver(ABC):
         """
         return [here]
 
+    def shaped(self) -> Driver:
+        """The same base, driven by its footprint."""
+        return self
+
     def states(self, here: Pose, there: Pose, route: Array) -> list[Pose]:
         """States strictly between two poses along a route."""
         return self.interpolator.over(here, there, route)

@@ -59,7 +59,7 @@ class AnyHeadingDriver(Driver):
         if spot is axis:
             return [here]
         there = Pose(pose_of(self.world.robot, spot, here.base[2]), here.joints)
-        shaped = ByHeadingDriver(self.world, self.interpolator, self.standing, self.seed)
+        shaped = self.shaped()
         return [here, *shaped.states(here, there, shaped.route(here, there, label)), there]
 
     def route(self, here: Pose, there: Pose, label: int, berth: float = 0.0) -> Array:
@@ -105,6 +105,9 @@ class AnyHeadingDriver(Driver):
 
     def extent(self, label: int) -> Array:
         return np.reshape(self._piece(label).bounds, (2, 2))
+
+    def shaped(self) -> Driver:
+        return ByHeadingDriver(self.world, self.interpolator, self.standing, self.seed, self.methods)
 
     def paths(self, ladder: Ladder) -> AnyHeadingPaths:
         return AnyHeadingPaths(self.world, ladder, self)

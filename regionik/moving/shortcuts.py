@@ -55,9 +55,7 @@ def _drawn_part(far: Array, rng: np.random.Generator, whole: bool) -> tuple[int,
     return i, j
 
 
-def _shortcut(
-    interpolator: Interpolator, driver: Driver, piece: int, poses: list[Pose]
-) -> list[Pose] | None:
+def _shortcut(interpolator: Interpolator, driver: Driver, piece: int, poses: list[Pose]) -> list[Pose] | None:
     """States from the first to the last, the base going less far; None where none is proven."""
     here, there = poses[0], poses[-1]
     if travel(poses) < travel([here, there]) + SAVED:

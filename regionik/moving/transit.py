@@ -7,7 +7,7 @@ wheels, then for ways of the arm alone before a drive and after it.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import islice, pairwise
 
 import numpy as np
@@ -29,7 +29,7 @@ WITHDRAWALS = (0.0, 0.1, 0.2, 0.4, 0.6)  # how far the base draws back before th
 BERTHS = (0.0, 0.04, 0.08, 0.16)  # kept from the edge of the free floor beyond what the base needs [m]
 ITERATIONS, ARM_ITERATIONS = 3000, 1000  # of RRTConnect, for the whole robot and for the arm alone
 STRIDE = 1.0  # its longest motion, metres and radians together
-WINDING, SLACK = 1.1, 0.05  # times the way of the base alone, and so much more [m], is no winding
+WINDING, SLACK = 1.1, 0.05  # times the least way of a base, and so much more [m], is short enough
 STATIONS = 3  # places to fold at that are looked at, from where the robot is on
 
 
@@ -129,29 +129,32 @@ class TransitPlanner:
         return None if drive is None else [*lead[1:], *out, *drive, *back[::-1]]
 
     def shortened(self, here: Pose, way: list[Pose], there: Pose, piece: int) -> list[Pose]:
-        """States strictly between two poses, on a way whose base goes no farther than on the one given.
-
-        Where the base still winds, the arm is looked to alone, for the base to go as it would without one.
-        """
-        ways = [self._short(here, way, there, piece)]
-        if self._winds(ways[0], piece):
-            other = self._arm_first(here, there, piece)
-            ways += [] if other is None else [self._short(here, other, there, piece)]
+        """States strictly between two poses, on a way whose base goes no farther than on the one given."""
+        ways = [self._short([here, *way, there], piece)]
+        if self._longer(ways[0], travel([here, there])):
+            others = self._others(ways[0], piece)
+            ways += [self._short([here, *other, there], piece) for other in others if other is not None]
         return min(ways, key=travel)[1:-1]
 
-    def _short(self, here: Pose, way: list[Pose], there: Pose, piece: int) -> list[Pose]:
-        return with_shortcuts(self.interpolator, self.driver, piece, [here, *way, there])
-
-    def _winds(self, poses: list[Pose], piece: int) -> bool:
-        """True if a base that need not roll goes much farther than it would without an arm."""
+    def _others(self, poses: list[Pose], piece: int) -> Iterator[list[Pose] | None]:
+        """Ways that may be shorter: of the arm alone before and after a drive, and of the footprint."""
         here, there = poses[0], poses[-1]
-        if self.world.robot.drive.rolls or travel(poses) <= WINDING * travel([here, there]) + SLACK:
-            return False
         try:
-            alone = self.driver.states(here, there, self.driver.route(here, there, piece))
+            alone = [here, *self.driver.states(here, there, self.driver.route(here, there, piece)), there]
         except NoPathError:
-            return False
-        return travel(poses) > WINDING * travel([here, *alone, there]) + SLACK
+            return
+        if self._longer(poses, travel(alone)):
+            yield self._arm_first(here, there, piece)
+        shaped = self.driver.shaped()
+        if shaped is not self.driver and self._longer(alone, travel([here, there])):
+            yield replace(self, driver=shaped, refusals=[]).folded(here, there, piece)
+
+    def _short(self, poses: list[Pose], piece: int) -> list[Pose]:
+        return with_shortcuts(self.interpolator, self.driver, piece, poses)
+
+    def _longer(self, poses: list[Pose], least: float) -> bool:
+        """True if a base that need not roll goes much farther than it might."""
+        return not self.world.robot.drive.rolls and travel(poses) > WINDING * least + SLACK
 
     def swung(self, here: Pose, there: Pose, _: int) -> list[Pose] | None:
         """States strictly between two postures on a base that stands: straight, or by the carry posture."""
