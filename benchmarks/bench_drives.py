@@ -1,8 +1,7 @@
 """Drives with the tool lifted over random worlds, as parts of the shortest way of the base.
 
-That is the way of the largest disc inside the footprint, which no base can beat; it ignores the arm, the
-heading and what the footprint is longer than the disc, so 1 may be out of reach. Runs of one set-point that
-lie between two drives count as part of neither.
+That is the way of the largest disc inside the footprint, which no base can beat. It ignores the arm, the
+heading, and a lone set-point between two drives, which count as one: so 1 may be out of reach.
 
 Run: python -m benchmarks.bench_drives 150
 """
@@ -17,7 +16,7 @@ import numpy as np
 from regionik.pipeline import search
 from regionik.worlds.errors import InputError, NoPlanFound
 from tests.opinion.judge import detours
-from tests.soak import DRAWN, _told
+from tests.soak import DRAWN, told
 from tests.soaked import soaked_world
 
 KNOWN = (
@@ -30,7 +29,7 @@ LONGEST, WORST = 1.1, 10  # what a drive should keep, and how many are named
 def ratios(kind: str, seed: int) -> list[float]:
     """Lengths of the drives of one world, the shortest ones being 1; none where there is no plan."""
     try:
-        return detours(*_told(search(soaked_world(kind, seed))))
+        return detours(*told(search(soaked_world(kind, seed))))
     except (InputError, NoPlanFound):
         return []
 

@@ -86,7 +86,7 @@ def facts_of(robot: Robot) -> Facts:
     return Facts(*shape, unchecked, robot.gauge, loads, hulls)
 
 
-def _told(made: Plan) -> tuple[dict[str, Any], str, Facts]:
+def told(made: Plan) -> tuple[dict[str, Any], str, Facts]:
     """All that the second opinion is told of a plan."""
     robot = made.world.robot
     document = json.loads(json.dumps(plan_to_document(made)))
@@ -95,7 +95,7 @@ def _told(made: Plan) -> tuple[dict[str, Any], str, Facts]:
 
 def against(made: Plan) -> tuple[str, ...]:
     """What the second opinion has against a plan."""
-    return tuple(objections(*_told(made), track_of(made)))
+    return tuple(objections(*told(made), track_of(made)))
 
 
 def track_of(made: Plan) -> np.ndarray | None:
@@ -220,7 +220,7 @@ def _planned(world: World, kind: str, seed: int) -> Judged:
         return Judged(kind, seed, why.verdict, wrong, claimed or blocked)
     except InputError as refused:
         return Judged(kind, seed, f"refused: {refused}", ())
-    return Judged(kind, seed, "planned", against(made), detours=tuple(detours(*_told(made))))
+    return Judged(kind, seed, "planned", against(made), detours=tuple(detours(*told(made))))
 
 
 def report(found: list[Judged]) -> str:

@@ -93,12 +93,12 @@ class AnyHeadingDriver(Driver):
         return self.interpolator.along(here, there, route)
 
     def direct(self, here: Pose, there: Pose, label: int) -> list[Pose] | None:
-        """The axis moves straight, or the base where its circle has no room but its footprint has."""
-        a, b = (axis_of(self.world.robot, pose.base) for pose in (here, there))
-        if self._flat(label).sees(a, b):
-            return self.interpolator.straight(here, there)
+        """The base goes straight and turns evenly; the axis does where the footprint has no room for that."""
         bases = np.stack([here.base, there.base])
-        return self.interpolator.over(here, there, bases) if slide_is_free(self.room, *bases) else None
+        if slide_is_free(self.room, *bases):
+            return self.interpolator.over(here, there, bases)
+        a, b = (axis_of(self.world.robot, pose.base) for pose in (here, there))
+        return self.interpolator.straight(here, there) if self._flat(label).sees(a, b) else None
 
     def inside(self, at: Pose, label: int) -> bool:
         return self._flat(label).holds(axis_of(self.world.robot, at.base))

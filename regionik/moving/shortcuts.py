@@ -1,21 +1,17 @@
-"""Shortcuts of a motion with the tool lifted, of base and arm together or of the base alone.
+"""Shortcuts of a motion with the tool lifted: straight motions of base and arm in place of longer ones.
 
-The second kind are partial shortcuts (Geraerts and Overmars, Creating high-quality paths for motion planning,
-2007): the arm does what it did, while the base goes straight.
+As in Geraerts and Overmars, Creating high-quality paths for motion planning, 2007, between places drawn
+anywhere on the motion.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
-from itertools import pairwise
-
 import numpy as np
 
 from regionik.moving.base_motion import Driver, Interpolator
-from regionik.postures.poses import Pose, distinct, turn_to
-from regionik.worlds.arrays import Array
+from regionik.postures.poses import Pose, distinct, pose_between
 
-DETOUR = 1.05  # times the straight way, which is short enough
+DETOUR = 1.02  # times the straight way, which is short enough
 TRIES, PATIENCE = 200, 60  # shortcuts looked at, and how many of them in vain one after the other
 SAVED = 1e-4  # by a shortcut at least [m]
 
@@ -35,58 +31,43 @@ def with_shortcuts(interpolator: Interpolator, driver: Driver, piece: int, poses
     if driver.world.robot.drive.rolls:
         return poses
     rng, failed = np.random.default_rng(driver.seed), 0
-    least = DETOUR * travel([poses[0], poses[-1]])
+    least = DETOUR * travel([poses[0], poses[-1]]) + SAVED
+    u, v = 0.0, len(poses) - 1.0  # the whole first
     for _ in range(TRIES):
-        far = travelled(poses)
-        if far[-1] <= least + SAVED or failed == PATIENCE:
+        if failed == PATIENCE or travel(poses) <= least:
             break
-        i, j = _drawn_part(far, rng, whole=failed == 0)
-        shorter = _shortcut(interpolator, driver, piece, poses[i : j + 1])
-        failed = failed + 1 if shorter is None else 0
-        poses = poses if shorter is None else [*poses[:i], *shorter, *poses[j + 1 :]]
-    return distinct(poses)
+        shorter = _shortcut(interpolator, driver, piece, poses, u, v)
+        poses, failed = (poses, failed + 1) if shorter is None else (shorter, 0)
+        u, v = np.sort(rng.uniform(0, len(poses) - 1, 2)).tolist()
+    return poses
 
 
-def _drawn_part(far: Array, rng: np.random.Generator, whole: bool) -> tuple[int, int]:
-    """First and last state of a part: drawn among states, which are dense where the arm moves too."""
-    if whole:
-        return 0, len(far) - 1
-    i, j = sorted(rng.integers(0, len(far), 2).tolist())
-    return i, j
-
-
-def _shortcut(interpolator: Interpolator, driver: Driver, piece: int, poses: list[Pose]) -> list[Pose] | None:
-    """States from the first to the last, the base going less far; None where none is proven."""
-    here, there = poses[0], poses[-1]
-    if travel(poses) < travel([here, there]) + SAVED:
+def _shortcut(
+    interpolator: Interpolator, driver: Driver, piece: int, poses: list[Pose], u: float, v: float
+) -> list[Pose] | None:
+    """The motion, straight from place u to place v, in states; None where that is not proven, or no shorter."""
+    i, j = int(u), int(np.ceil(v))
+    here, there = _at(driver, poses, u), _at(driver, poses, v)
+    if travel([poses[i], here, there, poses[j]]) > travel(poses[i : j + 1]) - SAVED:
         return None
-    direct = driver.direct(here, there, piece)
-    if direct is not None:
-        straight = [here, *direct, there]
-        if travel(straight) < travel(poses) - SAVED and interpolator.clear(straight):
-            return straight
-    for share in (travelled(poses), np.arange(len(poses))):  # the arm moves where it did, or as the base goes
-        moved = _base_straight(poses, share / share[-1])
-        on_floor = all(driver.direct(a, b, piece) == [] for a, b in pairwise(moved))
-        if on_floor and interpolator.clear(moved):
-            return moved
-    return None
+    states = driver.direct(here, there, piece)
+    if states is None:
+        return None
+    part = distinct([poses[i], here, *states, there, poses[j]])
+    if travel(part) > travel(poses[i : j + 1]) - SAVED or not interpolator.clear(part):
+        return None
+    return [*poses[:i], *part, *poses[j + 1 :]]
 
 
-def _base_straight(poses: list[Pose], share: Array) -> list[Pose]:
-    """The same states of the arm, the base at shares (n,) of the straight way."""
-    start, end = poses[0].base, poses[-1].base
-    bases = start + share[:, None] * turn_to(start, end)
-    inner = [replace(pose, base=base) for pose, base in zip(poses[1:-1], bases[1:-1], strict=True)]
-    return [poses[0], *inner, poses[-1]]
+def _at(driver: Driver, poses: list[Pose], u: float) -> Pose:
+    """Place on a motion, in states."""
+    k = int(u)
+    if u == k:
+        return poses[k]
+    return pose_between(poses[k], poses[k + 1], u - k, driver.world.robot.drive)
 
 
 def travel(poses: list[Pose]) -> float:
     """How far the base goes from state to state [m]."""
-    return float(travelled(poses)[-1])
-
-
-def travelled(poses: list[Pose]) -> Array:
-    """How far the base has come at each state, (n,) [m]."""
     places = np.array([pose.base[:2] for pose in poses])
-    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(places, axis=0).T))])
+    return float(np.hypot(*np.diff(places, axis=0).T).sum())

@@ -1,0 +1,91 @@
+"""Shortcuts of motions with the tool lifted: laws of what comes out, for random motions that wind."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from regionik.moving.shortcuts import DETOUR, SAVED, travel, with_shortcuts
+from regionik.moving.transit import TransitPlanner
+from regionik.pipeline import search
+from regionik.postures.poses import Pose
+from regionik.verification.verifier import verify
+from regionik.worlds.obstacles import Box
+from tests.opinion.judge import detours
+from tests.soak import told
+from tests.soaked import soaked_world
+from tests.test_transit import carrier, check, posed, rolling, world_of
+
+PILLAR = Box("pillar", np.array([0.2, 0.2, 0.5]), np.array([0.0, 0.0, 0.25]))
+LID = Box("lid", np.array([0.6, 0.6, 0.02]), np.array([0.6, 0.0, 0.4]))
+FLAT = np.array([0.0, 0.3, 0.0, 1.2, 0.0])  # under the lid
+
+
+def wound(planner: TransitPlanner, corners: list[Pose]) -> list[Pose]:
+    """A clear motion straight from corner to corner, those left out that are not reached so."""
+    poses = corners[:1]
+    for there in corners[1:]:
+        states = planner.driver.direct(poses[-1], there, 0)
+        if states is not None and planner.interpolator.clear([poses[-1], *states, there]):
+            poses += [*states, there]
+    return poses
+
+
+@settings(max_examples=25)
+@given(st.integers(0, 10**6))
+def test_the_base_goes_no_farther_and_all_stays_clear(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    world = world_of("youbot", PILLAR)
+    planner = carrier(world)
+    spans = rng.uniform(-1.0, 1.0, (12, 5)) * [0.9, 0.9, 3.0, 0.5, 0.2]
+    first = posed(world, np.array([-0.9, -0.9, 0.0]))
+    poses = wound(planner, [first, *(posed(world, row[:3], *row[3:]) for row in spans)])
+    short = with_shortcuts(planner.interpolator, planner.driver, 0, poses)
+    check(world, short[0], short[1:-1], short[-1])
+    assert short[0] is poses[0]
+    assert short[-1] is poses[-1]
+    assert travel(short) <= travel(poses) + 1e-12
+    again = with_shortcuts(planner.interpolator, planner.driver, 0, poses)
+    assert [pose.base.tolist() for pose in again] == [pose.base.tolist() for pose in short]
+
+
+def test_over_open_floor_the_base_goes_straight() -> None:
+    world = world_of("youbot")
+    planner = carrier(world)
+    places = [(0.0, 0.0), (0.6, 0.8), (-0.5, 0.9), (0.3, 0.0)]
+    poses = wound(planner, [posed(world, np.array([*place, 0.0])) for place in places])
+    short = with_shortcuts(planner.interpolator, planner.driver, 0, poses)
+    assert travel(short) <= DETOUR * 0.3 + SAVED
+
+
+def test_a_base_that_drew_back_to_fold_goes_little_farther_than_it_must() -> None:
+    world = world_of("youbot", LID)
+    here, there = Pose(np.array([0.25, 0.0, 0.0]), FLAT), Pose(np.array([0.25, 0.3, 0.0]), FLAT + 0.1)
+    planner = carrier(world)
+    way = planner.folded(here, there, 0)
+    assert way is not None
+    short = planner.shortened(here, way, there, 0)
+    check(world, here, short, there)
+    assert travel([here, *short, there]) <= 1.1 * travel([here, there])
+
+
+@pytest.mark.parametrize("base", ["differential", "car"])
+def test_wheels_keep_their_way(base: str) -> None:
+    world = rolling(base)  # type: ignore[arg-type]
+    planner = carrier(world)
+    here, there = posed(world, np.zeros(3)), posed(world, np.array([0.3, 0.4, 1.0]))
+    way = planner.folded(here, there, 0)
+    assert way is not None
+    assert planner.shortened(here, way, there, 0) == way
+
+
+@pytest.mark.parametrize(("kind", "seed", "most"), [("overhead", 404, 1.1), ("made", 132, 2.0)])
+def test_where_shortcuts_do_not_help_other_ways_are_looked_for(kind: str, seed: int, most: float) -> None:
+    """In these worlds the base drew back as the arm could not fold, and was driven round as its circle."""
+    plan = search(soaked_world(kind, seed))
+    assert verify(plan).valid
+    assert max(detours(*told(plan))) < most
