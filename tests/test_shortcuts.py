@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -87,5 +85,5 @@ def test_wheels_keep_their_way(base: str) -> None:
 def test_where_shortcuts_do_not_help_other_ways_are_looked_for(kind: str, seed: int, most: float) -> None:
     """In these worlds the base drew back as the arm could not fold, and was driven round as its circle."""
     plan = search(soaked_world(kind, seed))
-    assert verify(plan).valid
+    assert verify(plan).ok
     assert max(detours(*told(plan))) < most

@@ -45,7 +45,7 @@ def with_shortcuts(interpolator: Interpolator, driver: Driver, piece: int, poses
 def _shortcut(
     interpolator: Interpolator, driver: Driver, piece: int, poses: list[Pose], u: float, v: float
 ) -> list[Pose] | None:
-    """The motion, straight from place u to place v, in states; None where that is not proven, or no shorter."""
+    """The motion straight between two places, in states; None where that is not proven, or no shorter."""
     i, j = int(u), int(np.ceil(v))
     here, there = _at(driver, poses, u), _at(driver, poses, v)
     if travel([poses[i], here, there, poses[j]]) > travel(poses[i : j + 1]) - SAVED:
