@@ -132,7 +132,7 @@ class TransitPlanner:
         """States strictly between two poses, on a way whose base goes no farther than on the one given."""
         ways = [self._short([here, *way, there], piece)]
         if self._longer(ways[0], travel([here, there])):
-            others = self._others(ways[0], piece)
+            others = self._untold()._others(ways[0], piece)
             ways += [self._short([here, *other, there], piece) for other in others if other is not None]
         return min(ways, key=travel)[1:-1]
 
@@ -147,7 +147,11 @@ class TransitPlanner:
             yield self._arm_first(here, there, piece)
         shaped = self.driver.shaped()
         if shaped is not self.driver and self._longer(alone, travel([here, there])):
-            yield replace(self, driver=shaped, refusals=[]).folded(here, there, piece)
+            yield replace(self, driver=shaped).folded(here, there, piece)
+
+    def _untold(self) -> TransitPlanner:
+        """The same planner, whose tries are neither counted nor told."""
+        return replace(self, driver=replace(self.driver, methods={}), refusals=[])
 
     def _short(self, poses: list[Pose], piece: int) -> list[Pose]:
         return with_shortcuts(self.interpolator, self.driver, piece, poses)
