@@ -107,6 +107,9 @@ class AnyHeadingDriver(Driver):
         return np.reshape(self._piece(label).bounds, (2, 2))
 
     def shaped(self) -> Driver:
+        """It turns, which a fixed heading forbids."""
+        if self.world.rules.heading == "fixed":
+            return self
         return ByHeadingDriver(self.world, self.interpolator, self.standing, self.seed, self.methods)
 
     def paths(self, ladder: Ladder) -> AnyHeadingPaths:
