@@ -123,20 +123,24 @@ def admissible_area(world: World, target: Target | ArrayLike, criteria: Criteria
         target = Target(frozen(target, (3,), "target"))
     if criteria is not None:
         world = replace(world, rules=replace(world.rules, criteria=criteria))
-    inner, outer = (_whole_area(world, target, inner=side) for side in (True, False))
-    return Area(target, inner, outer, world)
+    inner = _whole_areas(world, [target], inner=True, proven=True)[0]
+    return Area(target, inner, _whole_areas(world, [target], inner=False)[0], world)
 
 
-def _whole_area(world: World, target: Target, *, inner: bool) -> BaseGeometry:
-    """Area of a target at any heading, from within or from outside."""
-    return _whole_areas(world, [target], inner=inner)[0]
+def known_area(world: World, target: Target) -> BaseGeometry:
+    """Inner area of a target at any heading as plans use it, sampled where that is: see `ReachQuery`."""
+    return _whole_areas(world, [target], inner=True)[0]
 
 
-def _whole_areas(world: World, targets: Sequence[Target], *, inner: bool) -> list[BaseGeometry]:
+def _whole_areas(
+    world: World, targets: Sequence[Target], *, inner: bool, proven: bool = False
+) -> list[BaseGeometry]:
     """Area of each target at any heading, from within or from outside."""
     which, parts = [np.empty(0, dtype=np.intp)], [np.empty(0, dtype=object)]
     for side in (by_heading(world) if inner else outer_by_heading(world)).sides:
-        rows, _, rings = reach_rows(world, targets, (FRONT, BACK), inner=inner, span=side.span)
+        rows, _, rings = reach_rows(
+            world, targets, (FRONT, BACK), inner=inner, span=side.span, proven=proven
+        )
         which.append(rows)
         parts.append(side.subtract(rings))
     owner, areas = np.concatenate(which), np.concatenate(parts)

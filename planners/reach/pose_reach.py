@@ -123,16 +123,16 @@ def _about_vertical(angle: float) -> Array:
 def _sampled(
     chain: Chain, rise: float, kind: int, key: tuple[float, ...], cone: float, kept: bool
 ) -> _Sampled:
-    endless = _endless(chain)
-    arm = serial_arm(chain if kept else endless)
+    turning = endless(chain)
+    arm = serial_arm(chain if kept else turning)
     within = Tolerances(TOLERANCE, max(ANGLE_SHARE * cone, 1e-9), span(arm))
     aim = Aim(np.array([0.0, 0.0, rise]), kind, np.array(key).reshape(3, 3), cone)
-    samples = posture_samples(endless, within.reach)
+    samples = posture_samples(turning, within.reach)
     bound = reach_bound(chain)
     far = bound.radius + np.sqrt(max(bound.length**2 - (rise - bound.height) ** 2, 0.0))
     grid = _grid(arm, aim, within, far, 1, kept)
     for count in (MORE,) if kept else (NEAREST, MORE):
-        seeds = posture_seeds(endless, samples, rise, aim, within, count)
+        seeds = posture_seeds(turning, samples, rise, aim, within, count)
         seeds = _at_heading(chain, aim, *seeds) if kept else seeds
         _fill(grid, *seeds)
         if np.count_nonzero(grid.found) >= SMALL * grid.found.size:
@@ -150,7 +150,7 @@ def _sampled(
 
 
 @lru_cache(maxsize=32)
-def _endless(chain: Chain) -> Chain:
+def endless(chain: Chain) -> Chain:
     """The chain with a pivot that has no limits."""
     joints, pivot = list(chain.joints), pivot_index(chain)
     joints[pivot] = replace(joints[pivot], lower=-np.inf, upper=np.inf)

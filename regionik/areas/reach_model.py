@@ -47,6 +47,8 @@ class ReachQuery(NamedTuple):
     coarse : bool
         Whether heights near to each other may share a reach where that saves work: outer rings are larger
         then, and inner ones likely, not proven.
+    proven : bool
+        Whether inner areas that are sampled otherwise are cut to what is proven, which takes a second each.
     """
 
     rules: Rules
@@ -55,6 +57,7 @@ class ReachQuery(NamedTuple):
     facings: tuple[int, ...] = (FRONT, BACK)
     arcs: int = ARC_POINTS
     coarse: bool = False
+    proven: bool = False
 
     @property
     def inner(self) -> bool:

@@ -32,6 +32,8 @@ from regionik.planners.reach.level_reach import (
     outer_reach,
 )
 from regionik.planners.reach.pose_reach import pose_reach
+from regionik.planners.reach.proven_poses import proven_pose_area
+from regionik.planners.solvers.damped_least_squares import Aim
 from regionik.planners.solvers.posture_criteria import Thresholds
 from regionik.postures.arm import Arm, Goal, aim_of, goal_of
 from regionik.postures.families import FRONT, Family
@@ -109,10 +111,11 @@ def reach_rows(
     inner: bool,
     span: tuple[float, float] = EVERY,
     coarse: bool = False,
+    proven: bool = False,
 ) -> Rows:
     """Reach of targets as rings and ring sectors, before rejection, the base's heading within a span.
 
-    See `ReachQuery` for ``coarse``.
+    See `ReachQuery` for ``coarse`` and ``proven``.
 
     Returns
     -------
@@ -124,7 +127,9 @@ def reach_rows(
     """
     margin = world.rules.reach_margin if inner else None
     which, kinds, shapes = rows_of(
-        world, targets, ReachQuery(world.rules, margin, span, tuple(facings), coarse=coarse)
+        world,
+        targets,
+        ReachQuery(world.rules, margin, span, tuple(facings), coarse=coarse, proven=proven),
     )
     if inner:
         shapes = _eroded(shapes, world.axis_error)
@@ -215,17 +220,20 @@ class PivotedReach(ReachModel):
         return query.inner and not self.is_proven(query.rules)
 
     def _sampled(self, targets: Sequence[Target], query: ReachQuery) -> Rows:
-        bound = not PivotedReach.is_proven(self, query.rules)
-        heading = query.span[0] + float(self.robot.mount[3]) if bound else None
-        shapes = [
-            pose_reach(self.chain, self.height, aim_of(target), heading).area
-            for target in track("areas", targets)
-        ]
-        shapes = [shape.buffer(-query.rules.reach_margin, join_style="mitre") for shape in shapes]
+        shapes = [self._sampled_area(aim_of(target), query) for target in track("areas", targets)]
         real = [i for i, shape in enumerate(shapes) if not shape.is_empty]
         rows = np.empty(len(real), dtype=object)
         rows[:] = [shapes[i] for i in real]
         return np.array(real, dtype=np.intp), (Family(FRONT),) * len(real), rows
+
+    def _sampled_area(self, aim: Aim, query: ReachQuery) -> BaseGeometry:
+        low, high = (angle + float(self.robot.mount[3]) for angle in query.span)
+        heading = None if PivotedReach.is_proven(self, query.rules) else low
+        sampled = pose_reach(self.chain, self.height, aim, heading).area
+        area = sampled.buffer(-query.rules.reach_margin, join_style="mitre")
+        if query.proven and not area.is_empty:
+            area &= proven_pose_area(self.chain, self.height, aim, heading, (low, high), query.guard)
+        return area
 
     def _rings(self, targets: Sequence[Target], query: ReachQuery) -> Rows:
         positions = np.array([target.position for target in targets]).reshape(-1, 3)
@@ -309,7 +317,8 @@ class PivotedReach(ReachModel):
 class PosedReach(PivotedReach):
     """Reach for a tool direction or orientation of an arm that does not meet it in one plane.
 
-    Inner areas are sampled on a grid of places (`pose_reach`), not proven. Outer ones bound the tool's point
+    Inner areas are sampled on a grid of places (`pose_reach`), and cut to the squares in which each place is
+    proven to have a posture (`proven_poses`) where a query asks for that. Outer ones bound the tool's point
     and other points of the tool that the pose fixes (`fixed_points`).
 
     Attributes

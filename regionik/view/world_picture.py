@@ -15,7 +15,7 @@ from regionik.areas.ground import ground_of
 from regionik.explain.changes import repaired
 from regionik.planners.collision.proximity import nearest
 from regionik.postures.poses import pose_of
-from regionik.regions import admissible_area, reach_of
+from regionik.regions import known_area, reach_of
 from regionik.view import triangle_meshes
 from regionik.view.clearance import bodies_around
 from regionik.view.floor_areas import DETAIL, rejected_words, shown_floor
@@ -303,13 +303,13 @@ def picture_of_explanation(world: World, explanation: Explanation, target: Targe
 def _areas(world: World, explanation: Explanation, i: int) -> Iterator[SceneMesh]:
     """Reach and area before, and the area after the smallest repair."""
     target = world.task[i]
-    area = admissible_area(world, target).inner.simplify(DETAIL)
+    area = known_area(world, target).simplify(DETAIL)
     reach = reach_of(world, target).simplify(DETAIL)
     yield floor_layer("why/reach", reach, Color.PALE, 3, "reach, were nothing in the way")
     yield floor_layer("why/before", area, Color.STRONG, 4, "area as it is")
     if explanation.repairs:
         mended = repaired(world, explanation.repairs[0], i)
-        after = admissible_area(mended, mended.task[i]).inner
+        after = known_area(mended, mended.task[i])
         # The area after a smallest repair is next to nothing: a rim makes it visible.
         shown = after.buffer(0.01).simplify(DETAIL)
         yield floor_layer("why/after", shown, Color.CURRENT, 5, "area after the first repair")
