@@ -1,10 +1,10 @@
 """Inner and outer areas of tool poses, both proven: gap, time, and brute force against both sides.
 
 The arms of URDF files stand on a free floor, on a base that drives every way; directions and orientations are
-those of random postures. Points drawn from the inner area are searched for a posture from there by damped
-least squares from random ones, all of which should be found; so are points outside the outer one, half of them
-within centimetres of it, none of which should be. The gap is told as a share of the outer area, and as the
-width of a rim of that area along the outer one's edge. Exits 1 where a point refutes an area.
+those of random postures. From points drawn from the inner area damped least squares, from random postures,
+should always come to the pose; from points outside the outer one, half of them within centimetres, never. The
+gap is told as a share of the outer area, and as the width of a rim of that size along the outer one's
+edge. Exits 1 where a point refutes an area.
 Run: python benchmarks/bench_pose_areas.py FILE... [--poses N] [--points N] [--starts N]
 """
 

@@ -138,9 +138,7 @@ def _whole_areas(
     """Area of each target at any heading, from within or from outside."""
     which, parts = [np.empty(0, dtype=np.intp)], [np.empty(0, dtype=object)]
     for side in (by_heading(world) if inner else outer_by_heading(world)).sides:
-        rows, _, rings = reach_rows(
-            world, targets, (FRONT, BACK), inner=inner, span=side.span, proven=proven
-        )
+        rows, _, rings = reach_rows(world, targets, (FRONT, BACK), inner=inner, span=side.span, proven=proven)
         which.append(rows)
         parts.append(side.subtract(rings))
     owner, areas = np.concatenate(which), np.concatenate(parts)

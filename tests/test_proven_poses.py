@@ -127,10 +127,18 @@ def test_headings_and_the_pivots_limits_bound_what_is_proven() -> None:
     for place in places_in(some, 6, 1):
         near = np.argmin(np.linalg.norm(found.places - place, axis=1))
         assert any(is_met(chain, aim, place, yaw, found.postures[near]) for yaw in np.linspace(0, 0.5, 21))
-    inside = places_in(kept, 6, 2)
-    for place, yaw in zip(inside, np.tile([0.21, 0.39], 3), strict=True):
+    inside = places_in(kept, 80, 2)
+    for place, yaw in zip(inside, np.tile([0.21, 0.39], 40), strict=True):
         near = np.argmin(np.linalg.norm(found.places - place, axis=1))
         assert is_met(chain, aim, place, yaw, found.postures[near])
+
+
+def test_a_base_that_turns_makes_up_for_a_pivot_that_does_not() -> None:
+    first, *others = ARMS["ur"].joints
+    chain = Chain((replace(first, lower=0.2, upper=0.2), *others), ARMS["ur"].T_last_tool)
+    aim, _ = aim_of_posture(ARMS["ur"], 3, ORIENTATION, CONE)
+    same = proven_pose_area(ARMS["ur"], HEIGHT, aim)
+    assert proven_pose_area(chain, HEIGHT, aim).symmetric_difference(same).area < 0.01 * same.area
 
 
 def test_nothing_is_proven_of_arms_with_too_few_joints() -> None:

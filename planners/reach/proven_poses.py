@@ -1,14 +1,15 @@
 """Places from which any arm meets a tool direction or orientation, proven square by square.
 
-A square holds places of the pivot axis. In its middle a posture meets the aim. Followed by the right inverse
-of its Jacobian, the tool keeps on the aim all over the square but for a remainder of the second order. Where
-a ball of corrections takes that remainder into itself, and no joint leaves its limits, a posture meets the aim
+A square holds places of the pivot axis. In its middle a posture meets the aim. Led on by the right inverse of
+its Jacobian, the tool keeps to the aim all over the square, but for a remainder of the second order. Where a
+ball of corrections takes that remainder into itself, and no joint leaves its limits, a posture meets the aim
 from every place of the square (Brouwer's theorem). Squares that are not proven are quartered.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -16,13 +17,12 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
-from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from regionik.planners.geometry.vectors import cross, row
 from regionik.planners.kernels import compiled
 from regionik.planners.reach.inverse_reachability import aim_at
-from regionik.planners.reach.pose_reach import ANGLE_SHARE, endless, pose_reach
+from regionik.planners.reach.pose_reach import ANGLE_SHARE, PoseReach, endless, pose_reach
 from regionik.planners.search.motion_bounds import from_axis, longest_levers
 from regionik.planners.solvers.damped_least_squares import (
     DIRECTION,
@@ -55,6 +55,7 @@ LARGER = 1.25
 CENTRED = 0.3  # of the way to the middles of the joints' limits that the arm's self-motion goes
 
 ASKED = {POSITION: 3, DIRECTION: 5, ORIENTATION: 6}  # numbers that an aim fixes
+CORNERS = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
 
 Mask = NDArray[np.bool_]
 
@@ -114,17 +115,12 @@ def proven_pose_area(
     goal = (*aim.position.tolist(), *aim.turn.ravel().tolist())
     found = _squares(chain, height, aim.kind, goal, float(aim.cone), heading)
     pivot = chain.joints[pivot_index(chain)]
-    first = found.azimuths + found.turns + guard - pivot.upper  # heading at which the pivot ends
-    last = found.azimuths - found.turns - guard - pivot.lower
-    wide = high - low
-    kept = (first <= last) & ((wide >= 2 * np.pi) | (last - first >= 2 * np.pi))
-    if not kept.all() and np.isfinite(wide):
-        kept |= (first <= last) & (
-            (np.remainder(first - low, 2 * np.pi) <= wide) | (np.remainder(low - first, 2 * np.pi) <= last - first)
-        )
-    if kept.all():
+    lowest, wide = low + pivot.lower + guard, high - low + pivot.upper - pivot.lower - 2 * guard
+    if wide >= 2 * np.pi:
         return found.area
-    return found.area - shapely.union_all(_boxes(found.middles[~kept], found.half[~kept]))
+    behind = np.remainder(found.azimuths - found.turns - lowest, 2 * np.pi)
+    missed = behind + 2 * found.turns > wide
+    return found.area - shapely.union_all(_boxes(found.middles[missed], found.half[missed]))
 
 
 @lru_cache(maxsize=16)
@@ -133,32 +129,33 @@ def _squares(
 ) -> _Squares:
     aim = Aim(np.array(goal[:3]), kind, np.array(goal[3:]).reshape(3, 3), cone)
     found, task = pose_reach(chain, height, aim, heading), square_task(chain, height, aim)
-    if found.area.is_empty or chain.dof < ASKED[kind] or not np.isfinite(task.levers).all():
-        return _Squares(np.empty((0, 2)), *np.empty((3, 0)), Polygon())
-    azimuths = found.postures.copy()
-    azimuths[:, task.pivot] += found.yaws
+    rows = [np.empty((0, 5))]
+    if not found.area.is_empty and chain.dof >= ASKED[kind] and np.isfinite(task.levers).all():
+        rows += _quartered(task, found)
+    every = np.concatenate(rows)
+    middles, half = every[:, :2], every[:, 2]
+    return _Squares(middles, half, every[:, 3], every[:, 4], shapely.union_all(_boxes(middles, half)))
+
+
+def _quartered(task: SquareTask, found: PoseReach) -> Iterator[Array]:
+    """The squares proven of each size: middle, half, azimuth and turn, (k, 5)."""
+    places, postures = cKDTree(found.places), found.postures.copy()
+    postures[:, task.pivot] += found.yaws
     half = LEAST * task.reach * 2.0**QUARTERED
     middles = _first_squares(found.area, half)
-    seeds = azimuths[cKDTree(found.places).query(middles)[1]]
-    rows = []
+    seeds = postures[places.query(middles)[1]]
     for _ in range(QUARTERED + 1):
         met, turns = _judge(task, middles, half, seeds)
         known = np.isfinite(turns)
-        rows.append(
-            np.column_stack(
-                [middles[known], np.full(known.sum(), half), seeds[known, task.pivot], turns[known]]
-            )
-        )
+        azimuths, halves = seeds[known, task.pivot], np.full(np.count_nonzero(known), half)
+        yield np.column_stack([middles[known], halves, azimuths, turns[known]])
         half /= 2
         middles, seeds, met = (np.repeat(part[~known], 4, axis=0) for part in (middles, seeds, met))
-        middles += half * np.tile([[1, 1], [-1, 1], [-1, -1], [1, -1]], (len(middles) // 4, 1))
+        middles += half * np.tile(CORNERS, (len(middles) // 4, 1))
         near = shapely.intersects(found.area, _boxes(middles, half))
         middles, seeds, met = middles[near], seeds[near], met[near]
         if not met.all():
-            seeds[~met] = azimuths[cKDTree(found.places).query(middles[~met])[1]]
-    every = np.concatenate(rows)
-    area = shapely.union_all(_boxes(every[:, :2], every[:, 2]))
-    return _Squares(every[:, :2], every[:, 2], every[:, 3], every[:, 4], area)
+            seeds[~met] = postures[places.query(middles[~met])[1]]
 
 
 def square_task(chain: Chain, height: float, aim: Aim) -> SquareTask:
