@@ -116,9 +116,8 @@ def test_headings_and_the_pivots_limits_bound_what_is_proven() -> None:
     aim, _ = aim_of_posture(chain, 3, ORIENTATION, CONE)
     whole = proven_pose_area(chain, HEIGHT, aim)
     one = proven_pose_area(chain, HEIGHT, aim, 0.3)
-    kept = proven_pose_area(chain, HEIGHT, aim, 0.3, guard=0.1)
     some = proven_pose_area(chain, HEIGHT, aim, span=(0.0, 0.5))
-    assert 0 < kept.area < one.area < whole.area
+    assert 0 < one.area < whole.area
     assert 0 < proven_pose_area(chain, HEIGHT, aim, span=(0.3, 0.3)).area < some.area < whole.area
     found = pose_reach(chain, HEIGHT, aim, 0.3)
     for place in places_in(one, 6, 0):
@@ -127,10 +126,31 @@ def test_headings_and_the_pivots_limits_bound_what_is_proven() -> None:
     for place in places_in(some, 6, 1):
         near = np.argmin(np.linalg.norm(found.places - place, axis=1))
         assert any(is_met(chain, aim, place, yaw, found.postures[near]) for yaw in np.linspace(0, 0.5, 21))
-    inside = places_in(kept, 80, 2)
-    for place, yaw in zip(inside, np.tile([0.21, 0.39], 40), strict=True):
-        near = np.argmin(np.linalg.norm(found.places - place, axis=1))
-        assert is_met(chain, aim, place, yaw, found.postures[near])
+
+
+def test_errors_of_the_heading_are_made_up_for_by_the_pivot() -> None:
+    first, *others = ARMS["ur"].joints
+    chain = Chain((replace(first, lower=-0.4, upper=0.6), *others), ARMS["ur"].T_last_tool)
+    aim, _ = aim_of_posture(chain, 3, ORIENTATION, CONE)
+    sure = proven_pose_area(chain, HEIGHT, aim, span=(0.3, 0.3), guard=0.1)
+    assert sure.area > 0
+    for heading in (0.21, 0.3, 0.39):
+        assert (sure - proven_pose_area(chain, HEIGHT, aim, span=(heading, heading))).area < 1e-9
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_pivots_limits_hold_all_over_every_square(seed: int) -> None:
+    """Of one branch of postures, at one heading: at the very corners of what is proven."""
+    aim, q = aim_of_posture(ARMS["ur"], seed, ORIENTATION, CONE)
+    near = np.array([0.1, 0.8, 0.8, 0.8, 0.8, 0.8])
+    joints = [
+        replace(j, lower=v - by, upper=v + by) for j, v, by in zip(ARMS["ur"].joints, q, near, strict=True)
+    ]
+    chain = Chain(tuple(joints), ARMS["ur"].T_last_tool)
+    area = proven_pose_area(chain, HEIGHT, aim, span=(0.0, 0.0))
+    assert area.area > 0
+    for place in np.unique(shapely.get_coordinates(area), axis=0)[::7]:
+        assert is_met(chain, aim, place, 0.0, q)
 
 
 def test_a_base_that_turns_makes_up_for_a_pivot_that_does_not() -> None:
