@@ -18,6 +18,8 @@ from regionik.planners.reach.pose_reach import pose_reach
 from regionik.planners.solvers.closed_form import postures_at
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, Aim
 from regionik.planners.solvers.mfabrik_serial import in_arm_frame
+from regionik.postures.arm import aim_of as goal_aim
+from regionik.regions import have_known_places
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, rot_x, rot_y
@@ -183,3 +185,20 @@ def test_one_stop_serves_poses_that_one_place_is_known_for(name: str, turn: Arra
 def test_worlds_with_a_witness_that_were_not_planned(kind: str, seed: int) -> None:
     """No place was known from which their tools are turned as asked; of the last two no way to the path."""
     assert verify(plan(witness(kind, seed).world)).ok
+
+
+def test_a_reach_too_thin_for_the_margin_is_kept() -> None:
+    """Five joints meet a full pose from a thin area only."""
+    *first, last = ARMS["ur"].joints
+    chain = Chain(tuple(first), last.T_parent_joint @ ARMS["ur"].T_last_tool)
+    robot = Robot("five", "omni", np.zeros((1, 2)), np.array([0, 0, HEIGHT, 0]), chain, (), 0.1)
+    thin = 0
+    for seed in range(6):
+        aim, _ = aim_of_posture(chain, seed, ORIENTATION, 0.02)
+        target = Target(aim.position, orientation=aim.turn, cone=0.02)
+        world = World("thin", robot, FLOOR, (), (target,), Rules(clearance=0.0))
+        sampled = pose_reach(chain, HEIGHT, goal_aim(target)).area
+        if not sampled.is_empty and sampled.buffer(-world.rules.reach_margin, join_style="mitre").is_empty:
+            thin += 1
+            assert have_known_places(world, world.task).all()
+    assert thin

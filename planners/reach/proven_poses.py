@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -19,10 +20,10 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from shapely.geometry.base import BaseGeometry
 
-from regionik.planners.geometry.vectors import cross, row
+from regionik.planners.geometry.vectors import cross, row, squared
 from regionik.planners.kernels import compiled
 from regionik.planners.reach.inverse_reachability import aim_at
-from regionik.planners.reach.pose_reach import ANGLE_SHARE, PoseReach, endless, pose_reach
+from regionik.planners.reach.pose_reach import ANGLE_SHARE, PoseReach, pose_reach
 from regionik.planners.search.motion_bounds import from_axis, longest_levers
 from regionik.planners.solvers.damped_least_squares import (
     DIRECTION,
@@ -63,7 +64,7 @@ Mask = NDArray[np.bool_]
 class SquareTask(NamedTuple):
     """What the judgement of a square reads; the arm stands on a base frame at heading zero."""
 
-    arm: SerialArm  # its pivot without limits
+    arm: SerialArm  # its pivot within limits only where the base frame keeps a heading
     aim: Aim  # in the world, but for its height, which is over the arm's base frame
     angle: float  # that a posture may miss the aim's by [rad]
     reach: float  # length of the arm [m]
@@ -111,11 +112,14 @@ def proven_pose_area(
     geometry
         Places of the pivot axis, as squares [m].
     """
-    low, high = span if heading is None else (heading, heading)
-    goal = (*aim.position.tolist(), *aim.turn.ravel().tolist())
-    found = _squares(chain, height, aim.kind, goal, float(aim.cone), heading)
     pivot = chain.joints[pivot_index(chain)]
-    lowest, wide = low + pivot.lower + guard, high - low + pivot.upper - pivot.lower - 2 * guard
+    goal = (aim.kind, float(aim.cone), *aim.position.tolist(), *aim.turn.ravel().tolist())
+    if heading is not None:
+        kept = min(guard, 0.5 * (pivot.upper - pivot.lower))
+        azimuths = heading + pivot.lower + kept, heading + pivot.upper - kept
+        return _squares(chain, height, goal, heading, azimuths).area
+    found = _squares(chain, height, goal, None, (-np.inf, np.inf))
+    lowest, wide = span[0] + pivot.lower + guard, span[1] - span[0] + pivot.upper - pivot.lower - 2 * guard
     if wide >= 2 * np.pi:
         return found.area
     behind = np.remainder(found.azimuths - found.turns - lowest, 2 * np.pi)
@@ -125,12 +129,17 @@ def proven_pose_area(
 
 @lru_cache(maxsize=16)
 def _squares(
-    chain: Chain, height: float, kind: int, goal: tuple[float, ...], cone: float, heading: float | None
+    chain: Chain,
+    height: float,
+    goal: tuple[float, ...],
+    heading: float | None,
+    azimuths: tuple[float, float],
 ) -> _Squares:
-    aim = Aim(np.array(goal[:3]), kind, np.array(goal[3:]).reshape(3, 3), cone)
-    found, task = pose_reach(chain, height, aim, heading), square_task(chain, height, aim)
+    kind, cone, *numbers = goal
+    aim = Aim(np.array(numbers[:3]), int(kind), np.array(numbers[3:]).reshape(3, 3), cone)
+    found, task = pose_reach(chain, height, aim, heading), square_task(chain, height, aim, azimuths)
     rows = [np.empty((0, 5))]
-    if not found.area.is_empty and chain.dof >= ASKED[kind] and np.isfinite(task.levers).all():
+    if not found.area.is_empty and chain.dof >= ASKED[aim.kind] and np.isfinite(task.levers).all():
         rows += _quartered(task, found)
     every = np.concatenate(rows)
     middles, half = every[:, :2], every[:, 2]
@@ -158,9 +167,13 @@ def _quartered(task: SquareTask, found: PoseReach) -> Iterator[Array]:
             seeds[~met] = postures[places.query(middles[~met])[1]]
 
 
-def square_task(chain: Chain, height: float, aim: Aim) -> SquareTask:
-    """Collect what the judgement of squares reads; see `proven_pose_area`."""
-    arm, pivot = serial_arm(endless(chain)), pivot_index(chain)
+def square_task(
+    chain: Chain, height: float, aim: Aim, azimuths: tuple[float, float] = (-np.inf, np.inf)
+) -> SquareTask:
+    """Collect what the judgement of squares reads, the pivot within some azimuths; see `proven_pose_area`."""
+    joints, pivot = list(chain.joints), pivot_index(chain)
+    joints[pivot] = replace(joints[pivot], lower=azimuths[0], upper=azimuths[1])
+    arm = serial_arm(Chain(tuple(joints), chain.T_last_tool))
     aim = aim._replace(position=aim.position - [0.0, 0.0, height])
     levers = longest_levers(chain, chain.dof - 1, chain.T_last_tool[:3, 3])[0]
     return SquareTask(arm, aim, max(ANGLE_SHARE * aim.cone, EXACT), span_of(arm), levers, pivot)
@@ -189,22 +202,16 @@ def _judge(task: SquareTask, middles: Array, half: float, seeds: Array) -> tuple
 
     Seeds (k, n) are postures to start from, overwritten by those in the middles.
     """
-    met, turns = np.zeros(len(middles), dtype=np.bool_), np.full(len(middles), np.inf)
+    met, turns = np.zeros(len(middles), dtype=np.bool_), np.empty(len(middles))
     for k in range(len(middles)):
         joints = seeds[k].copy()
         dx, dy = middles[k, 0] - task.aim.position[0], middles[k, 1] - task.aim.position[1]
         aim = aim_at(task.aim, np.hypot(dx, dy), math.atan2(dy, dx), 0.0)
-        met[k] = _centred(task, aim, joints)
+        met[k], turns[k] = _centred(task, aim, joints), np.inf
         if met[k]:
             turns[k] = holds_about(task, aim.kind, joints, half)
             seeds[k] = joints
     return met, turns
-
-
-@compiled
-def _middle(arm: SerialArm, k: int) -> float:
-    finite = np.isfinite(arm.lower[k]) and np.isfinite(arm.upper[k])
-    return 0.5 * (arm.lower[k] + arm.upper[k]) if finite else 0.0
 
 
 @compiled
@@ -213,15 +220,22 @@ def _centred(task: SquareTask, aim: Aim, joints: Array) -> bool:
     if not _come_to(task, aim, joints):
         return False
     M, A, _, _, _ = _constraints(task.arm, aim.kind, joints)
-    if len(M) < len(joints):
-        away = np.zeros(len(joints))
-        for k in range(len(joints)):
-            if np.isfinite(task.arm.lower[k]) and np.isfinite(task.arm.upper[k]):
-                away[k] = CENTRED * (_middle(task.arm, k) - joints[k])
-        trial = joints + away - A @ (M @ away)
-        trial = np.minimum(np.maximum(trial, task.arm.lower), task.arm.upper)
-        if _come_to(task, aim, trial):
-            joints[:] = trial
+    if len(M) >= len(joints):
+        return True
+    lower, upper = task.arm.lower, task.arm.upper
+    away, along, trial = np.zeros(len(joints)), np.zeros(len(M)), joints.copy()
+    for k in range(len(joints)):
+        if upper[k] - lower[k] < np.inf:
+            away[k] = CENTRED * (0.5 * (lower[k] + upper[k]) - joints[k])
+        for r in range(len(M)):
+            along[r] += M[r, k] * away[k]
+    for k in range(len(joints)):
+        step = away[k]
+        for r in range(len(M)):
+            step -= A[k, r] * along[r]
+        trial[k] = min(max(joints[k] + step, lower[k]), upper[k])
+    if _come_to(task, aim, trial):
+        joints[:] = trial
     return True
 
 
@@ -237,27 +251,33 @@ def _constraints(arm: SerialArm, kind: int, joints: Array) -> tuple[Array, Array
 
     The inverse moves joints the less the nearer to a limit they are; near a singular posture it is none.
     """
-    n = len(joints)
+    n, rows = len(joints), 3 if kind == POSITION else (5 if kind == DIRECTION else 6)
     frames, J, axes = np.empty((n + 1, 4, 4)), np.empty((6, n)), np.empty((n, 3))
     chain_frames(arm, joints, frames)
     chain_jacobian(arm, frames, J)
     joint_axes(arm, frames, axes)
-    M = J[: 3 if kind == POSITION else 6].copy()
-    if kind == DIRECTION:  # turns about two axes across the tool's
-        M = M[:5]
-        M[3:] = np.ascontiguousarray(frames[n, :3, :2].T) @ np.ascontiguousarray(J[3:])
-    room = np.minimum(arm.upper - joints, joints - arm.lower)
-    weight = np.square(np.minimum(np.maximum(room, 0.0), 1.0))
-    S, A = np.empty((len(M), len(M))), np.empty((n, len(M)))
-    for j in range(len(M)):
-        y = np.zeros(len(M))
-        y[j] = 1.0
-        for a in range(len(M)):
+    M, A, room, weight = np.zeros((rows, n)), np.zeros((n, rows)), np.empty(n), np.empty(n)
+    for k in range(n):
+        room[k] = min(arm.upper[k] - joints[k], joints[k] - arm.lower[k])
+        weight[k] = squared(min(max(room[k], 0.0), 1.0))
+        for r in range(rows):
+            if kind == DIRECTION and r >= 3:  # turns about two axes across the tool's
+                for i in range(3):
+                    M[r, k] += frames[n, i, r - 3] * J[3 + i, k]
+            else:
+                M[r, k] = J[r, k]
+    S, y = np.empty((rows, rows)), np.empty(rows)
+    for column in range(rows):
+        for a in range(rows):
+            y[a] = 1.0 if a == column else 0.0
             for b in range(a + 1):
-                S[a, b] = (M[a] * weight * M[b]).sum()
+                S[a, b] = 0.0
+                for k in range(n):
+                    S[a, b] += M[a, k] * weight[k] * M[b, k]
         solve_symmetric(S, y)
         for k in range(n):
-            A[k, j] = weight[k] * (M[:, k] * y).sum()
+            for a in range(rows):
+                A[k, column] += weight[k] * M[a, k] * y[a]
     return M, A, room, frames, axes
 
 
@@ -269,46 +289,55 @@ def holds_about(task: SquareTask, kind: int, joints: Array, half: float) -> floa
     """
     arm, n = task.arm, len(joints)
     M, A, room, frames, axes = _constraints(arm, kind, joints)
-    rounding = np.abs(M @ A - np.eye(len(M))).sum()
+    rounding = _inverse_error(M, A)
     if not rounding <= COARSE:
         return np.inf
-    moved = half * (np.abs(A[:, 0]) + np.abs(A[:, 1]))
     curved = _quadratic(arm, kind, frames, axes, A)
-    fixed, slope = _over_square(curved, half)
-    bend = np.zeros((2, 2, 2))
-    for i in range(2):
-        for j in range(2):
-            for k in range(2):
-                bend[i, j, k] = _length(_block(_block(_block(curved, 0, i), 1, j), 2, k))
-    off, moves = np.full(2, SLACK), np.empty(n)  # radii of the balls of corrections, in place and in turn
+    fixed, slope, bend = _over_square(curved, half)
+    off, needed, moves = np.empty(2), np.empty(2), np.empty(n)  # off: radii of corrections to place and turn
+    off[0] = off[1] = SLACK
     for _ in range(CORRECTED):
         for k in range(n):
-            moves[k] = moved[k] + off[0] * _length(A[k, :3]) + off[1] * _length(A[k, 3:])
-        if not (moves <= room).all():
-            return np.inf
-        needed = fixed + slope @ off + _third_order(arm, frames, axes, moves, task.levers)
+            moves[k] = half * (abs(A[k, 0]) + abs(A[k, 1]))
+            moves[k] += off[0] * _length(A[k], 0, 3) + off[1] * _length(A[k], 3, len(M))
+            if not moves[k] <= room[k]:
+                return np.inf
+        needed[0], needed[1] = _third_order(arm, frames, axes, moves, task.levers)
         for i in range(2):
-            needed[i] += 0.5 * (off @ bend[i] @ off) + EXACT + SLACK + rounding * (2.0 * half + off.sum())
+            needed[i] += fixed[i] + EXACT + SLACK + rounding * (2.0 * half + off[0] + off[1])
+            for a in range(2):
+                needed[i] += slope[i, a] * off[a]
+                for b in range(2):
+                    needed[i] += 0.5 * off[a] * bend[i, a, b] * off[b]
         if kind == POSITION:
             needed[1] = 0.0
-        if (needed <= off).all():
+        if needed[0] <= off[0] and needed[1] <= off[1]:
             return float(moves[task.pivot])
-        off = np.maximum(off, LARGER * needed)
+        for i in range(2):
+            off[i] = max(off[i], LARGER * needed[i])
     return np.inf
 
 
 @compiled
-def _block(values: Array, axis: int, part: int) -> Array:
-    """What of one axis of an array (m, m, m) is of place, part 0, or of turn, part 1."""
-    low, high = (0, 3) if part == 0 else (3, values.shape[axis])
-    if axis == 0:
-        return values[low:high]
-    return values[:, low:high] if axis == 1 else values[:, :, low:high]
+def _inverse_error(M: Array, A: Array) -> float:
+    """Bound of what a right inverse of a matrix leaves of a unit vector."""
+    error = 0.0
+    for a in range(len(M)):
+        for b in range(len(M)):
+            value = -1.0 if a == b else 0.0
+            for k in range(len(A)):
+                value += M[a, k] * A[k, b]
+            error += abs(value)
+    return error
 
 
 @compiled
-def _length(values: Array) -> float:
-    return float(np.sqrt(np.square(values).sum()))
+def _length(values: Array, first: int, end: int) -> float:
+    """Length of a part of a vector."""
+    total = 0.0
+    for k in range(first, end):
+        total += squared(values[k])
+    return math.sqrt(total)
 
 
 @compiled
@@ -319,49 +348,75 @@ def _quadratic(arm: SerialArm, kind: int, frames: Array, axes: Array, A: Array) 
     parts across the tool's axis.
     """
     n, m = A.shape
-    J = np.empty((6, n))
+    J, second, along = np.empty((6, n)), np.zeros((6, n, n)), np.zeros((6, m, m))
     chain_jacobian(arm, frames, J)
-    second = np.zeros((6, n, n))
     for i in range(n):
-        if not arm.revolute[i]:
-            continue
         for j in range(i, n):
-            place = cross(row(axes, i), (J[0, j], J[1, j], J[2, j]))
-            turn = cross(row(axes, i), (J[3, j], J[4, j], J[5, j]))
-            for r in range(3):
-                second[r, i, j] = second[r, j, i] = place[r]
-                second[3 + r, i, j] = second[3 + r, j, i] = 0.5 * turn[r]
-    along = np.empty((6, m, m))
+            if arm.revolute[i]:
+                place = cross(row(axes, i), (J[0, j], J[1, j], J[2, j]))
+                turn = cross(row(axes, i), (J[3, j], J[4, j], J[5, j]))
+                for r in range(3):
+                    second[r, i, j] = second[r, j, i] = place[r]
+                    second[3 + r, i, j] = second[3 + r, j, i] = 0.5 * turn[r]
     for r in range(6):
-        along[r] = np.ascontiguousarray(A.T) @ second[r] @ A
-    if kind != DIRECTION:
-        return along[:m]
-    across_tool = along[:5].copy()
-    for r in range(2):
-        across_tool[3 + r] = 0.0
-        for k in range(3):
-            across_tool[3 + r] += frames[n, k, r] * along[3 + k]
-    return across_tool
+        for i in range(n):
+            for b in range(m):
+                value = 0.0
+                for j in range(n):
+                    value += second[r, i, j] * A[j, b]
+                for a in range(m):
+                    along[r, a, b] += A[i, a] * value
+    curved = np.zeros((m, m, m))
+    for r in range(m):
+        for a in range(m):
+            for b in range(m):
+                if kind == DIRECTION and r >= 3:
+                    for i in range(3):
+                        curved[r, a, b] += frames[n, i, r - 3] * along[3 + i, a, b]
+                else:
+                    curved[r, a, b] = along[r, a, b]
+    return curved
 
 
 @compiled
-def _over_square(curved: Array, half: float) -> tuple[Array, Array]:
-    """Bounds of the quadratic form over a square: itself (2,), and its change by corrections (2, 2)."""
-    fixed, slope = np.zeros(2), np.zeros((2, 2))
+def _over_square(curved: Array, half: float) -> tuple[Array, Array, Array]:
+    """Bounds of the quadratic form, of place and of turn: over a square (2,), its change by corrections (2, 2)
+    and its part in corrections alone (2, 2, 2).
+    """
+    m = len(curved)
+    fixed, slope, bend = np.zeros(2), np.zeros((2, 2)), np.zeros((2, 2, 2))
     for i in range(2):
-        parts = _block(curved, 0, i)
-        along, apart = _length(parts[:, 0, 0]) + _length(parts[:, 1, 1]), _length(parts[:, 0, 1])
-        fixed[i] = 0.5 * half * half * (along + 2.0 * apart)
+        first, end = (0, 3) if i == 0 else (3, m)
+        form = np.zeros((2, 2))
+        for r in range(first, end):
+            for a in range(2):
+                for b in range(2):
+                    form[a, b] += squared(curved[r, a, b])
+        for a in range(2):
+            for b in range(2):
+                fixed[i] += 0.5 * half * half * math.sqrt(form[a, b])
+        for a in range(m):
+            for b in range(m):
+                for r in range(first, end):
+                    bend[i, 1 if a >= 3 else 0, 1 if b >= 3 else 0] += squared(curved[r, a, b])
         for sign in (-1.0, 1.0):  # the change is largest at the square's corners
-            change = half * (parts[:, 0] + sign * parts[:, 1])
-            slope[i, 0] = max(slope[i, 0], _length(change[:, :3]))
-            slope[i, 1] = max(slope[i, 1], _length(change[:, 3:]))
-    return fixed, slope
+            change = np.zeros(2)
+            for a in range(m):
+                for r in range(first, end):
+                    change[1 if a >= 3 else 0] += squared(half * (curved[r, 0, a] + sign * curved[r, 1, a]))
+            for a in range(2):
+                slope[i, a] = max(slope[i, a], math.sqrt(change[a]))
+        for a in range(2):
+            for b in range(2):
+                bend[i, a, b] = math.sqrt(bend[i, a, b])
+    return fixed, slope, bend
 
 
 @compiled
-def _third_order(arm: SerialArm, frames: Array, axes: Array, moves: Array, levers: Array) -> Array:
-    """Bounds (2,) of what place and turn of the tool differ from their Taylor series of the second order.
+def _third_order(
+    arm: SerialArm, frames: Array, axes: Array, moves: Array, levers: Array
+) -> tuple[float, float]:
+    """Bounds of what place and turn of the tool differ from their Taylor series of the second order.
 
     Joint by joint, from the last to the first: see `motion_bounds.tool_displacement`.
     """
@@ -378,4 +433,5 @@ def _third_order(arm: SerialArm, frames: Array, axes: Array, moves: Array, lever
             turned += d
         else:
             moved += d
-    return np.array([left, turned * turned * turned / 6.0 * math.exp(turned)])
+    tail = turned * turned * turned / (6.0 - 1.5 * turned) if turned < 3.0 else np.inf  # of the exponential
+    return left, tail

@@ -180,6 +180,12 @@ def fine_reach(
     return families, _eroded(shapes, world.axis_error) if inner else shapes
 
 
+def _inset(shape: BaseGeometry, by: float) -> BaseGeometry:
+    """Places that keep a distance from a shape's edge; the whole shape where none does."""
+    inner: BaseGeometry = shape.buffer(-by, join_style="mitre")
+    return shape if inner.is_empty else inner
+
+
 def _eroded(shapes: Geometries, error: float) -> Geometries:
     """Places of the arm axis from which it stays in a shape wherever an execution puts it, (n,)."""
     left: Geometries = shapely.buffer(shapes, -error, join_style="mitre") if error > 0 else shapes
@@ -227,11 +233,11 @@ class PivotedReach(ReachModel):
         return np.array(real, dtype=np.intp), (Family(FRONT),) * len(real), rows
 
     def _sampled_area(self, aim: Aim, query: ReachQuery) -> BaseGeometry:
-        low, high = (angle + float(self.robot.mount[3]) for angle in query.span)
-        heading = None if PivotedReach.is_proven(self, query.rules) else low
-        sampled = pose_reach(self.chain, self.height, aim, heading).area
-        area = sampled.buffer(-query.rules.reach_margin, join_style="mitre")
+        bound = not PivotedReach.is_proven(self, query.rules)
+        heading = query.span[0] + float(self.robot.mount[3]) if bound else None
+        area = _inset(pose_reach(self.chain, self.height, aim, heading).area, query.rules.reach_margin)
         if query.proven and not area.is_empty:
+            low, high = (angle + float(self.robot.mount[3]) for angle in query.span)
             area &= proven_pose_area(self.chain, self.height, aim, heading, (low, high), query.guard)
         return area
 
