@@ -10,6 +10,8 @@ import shapely
 from numpy.typing import NDArray
 
 from benchmarks.tables.goals import confirm
+from regionik.areas.reach_model import ReachQuery
+from regionik.areas.reachable import PosedReach, model_of, rows_of
 from regionik.pipeline import plan
 from regionik.planners.reach import pose_reach as sampled
 from regionik.planners.reach.inverse_reachability import Tolerances, aim_at, posture_samples, posture_seeds
@@ -19,7 +21,6 @@ from regionik.planners.solvers.closed_form import postures_at
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, Aim
 from regionik.planners.solvers.mfabrik_serial import in_arm_frame
 from regionik.postures.arm import aim_of as goal_aim
-from regionik.regions import have_known_places
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, rot_x, rot_y
@@ -188,17 +189,13 @@ def test_worlds_with_a_witness_that_were_not_planned(kind: str, seed: int) -> No
 
 
 def test_a_reach_too_thin_for_the_margin_is_kept() -> None:
-    """Five joints meet a full pose from a thin area only."""
-    *first, last = ARMS["ur"].joints
-    chain = Chain(tuple(first), last.T_parent_joint @ ARMS["ur"].T_last_tool)
-    robot = Robot("five", "omni", np.zeros((1, 2)), np.array([0, 0, HEIGHT, 0]), chain, (), 0.1)
-    thin = 0
-    for seed in range(6):
-        aim, _ = aim_of_posture(chain, seed, ORIENTATION, 0.02)
-        target = Target(aim.position, orientation=aim.turn, cone=0.02)
-        world = World("thin", robot, FLOOR, (), (target,), Rules(clearance=0.0))
-        sampled = pose_reach(chain, HEIGHT, goal_aim(target)).area
-        if not sampled.is_empty and sampled.buffer(-world.rules.reach_margin, join_style="mitre").is_empty:
-            thin += 1
-            assert have_known_places(world, world.task).all()
-    assert thin
+    """Five joints meet a pose from a thin area only."""
+    world = witness("offsets", 1016).world
+    target = world.task[0]
+    model = model_of(world, target)
+    assert isinstance(model, PosedReach)
+    sampled = pose_reach(model.chain, model.height, goal_aim(target)).area
+    assert not sampled.is_empty
+    assert sampled.buffer(-world.rules.reach_margin, join_style="mitre").is_empty
+    query = ReachQuery(world.rules, world.rules.reach_margin, (-np.inf, np.inf))
+    assert shapely.union_all(rows_of(world, [target], query)[2]).equals(sampled)

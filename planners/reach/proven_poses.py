@@ -380,8 +380,9 @@ def _quadratic(arm: SerialArm, kind: int, frames: Array, axes: Array, A: Array) 
 
 @compiled
 def _over_square(curved: Array, half: float) -> tuple[Array, Array, Array]:
-    """Bounds of the quadratic form, of place and of turn: over a square (2,), its change by corrections (2, 2)
-    and its part in corrections alone (2, 2, 2).
+    """Bounds of the quadratic form of place and of turn.
+
+    Over a square (2,), of its change by corrections (2, 2), and of its part in these alone (2, 2, 2).
     """
     m = len(curved)
     fixed, slope, bend = np.zeros(2), np.zeros((2, 2)), np.zeros((2, 2, 2))
