@@ -74,6 +74,7 @@ class Mobile:
             return rik.load_robot(path, self.base, self.tip, turning_radius=self.turning_radius, **on_cart)
 
 
+STRETCH = "stretch_description_SE3_eoa_wrist_dw3_tool_sg3.urdf"
 PANDA, UR = "panda_description/urdf/panda.urdf", "ur_description/urdf/{}_robot.urdf"
 OMRON, RIDGEBACK = (0.35, 0.25, 0.15, 0.38), (0.48, 0.395, 0.2, 0.3)
 MOBILES = {
@@ -81,7 +82,7 @@ MOBILES = {
     "frankie-omni": Mobile(PANDA, "panda_link8", "omni", 0.7, OMRON),
     "ridgeback": Mobile(UR.format("ur10"), "tool0", "omni", 0.9, RIDGEBACK),
     "panda-car": Mobile(PANDA, "panda_link8", "car", 0.7, OMRON, 0.6),
-    "stretch": Mobile("stretch4_sg4.urdf", "grasp_center_link", "differential", 0.7),
+    "stretch": Mobile(STRETCH, "link_grasp_center", "differential", 0.7),
     "fetch": Mobile("fetch/fetch.urdf", "gripper_link", "differential", 0.8),
     "tiago": Mobile("tiago_description/robots/tiago.urdf", "arm_tool_link", "differential", 0.8),
 }

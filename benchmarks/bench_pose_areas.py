@@ -69,11 +69,12 @@ def reached(world: World, target: Target, spots: Array, starts: int, rng: np.ran
     return count
 
 
-def main(files: list[Path], poses: int, points: int, starts: int) -> int:
+def main(files: list[str], poses: int, points: int, starts: int) -> int:
     print(f"{'arm':>14} goal          inner  outer m2    gap  rim cm  plans use     s   inside      outside")
     wrong = 0
     for file in files:
-        robot = load_robot(file, base="omni", footprint=FOOTPRINT)
+        path, _, tip = file.partition(":")
+        robot = load_robot(Path(path), base="omni", tip=tip or None, footprint=FOOTPRINT)
         robot = replace(robot, mount=np.array([0.0, 0.0, 0.4, 0.0]))
         for direction in (True, False):
             rng = np.random.default_rng(1)
@@ -107,7 +108,7 @@ def main(files: list[Path], poses: int, points: int, starts: int) -> int:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("files", type=Path, nargs="+", metavar="FILE")
+    parser.add_argument("files", nargs="+", metavar="FILE[:TIP]")
     parser.add_argument("--poses", type=int, default=6)
     parser.add_argument("--points", type=int, default=20)
     parser.add_argument("--starts", type=int, default=2000)

@@ -15,7 +15,8 @@ from benchmarks.tables.goals import confirm
 from regionik.areas.reach_model import ReachQuery
 from regionik.areas.reachable import rows_of
 from regionik.planners.reach.pose_reach import pose_reach
-from regionik.planners.reach.proven_poses import holds_about, proven_pose_area, square_task
+from regionik.planners.reach.proven_poses import proven_pose_area
+from regionik.planners.reach.square_proofs import holds_about, square_task
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, Aim, polish_each
 from regionik.planners.solvers.mfabrik_serial import in_arm_frame
 from regionik.planners.solvers.rigid_bodies import span

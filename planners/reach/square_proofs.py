@@ -1,0 +1,252 @@
+"""Proof that a posture meets an aim from all places of a square about its own.
+
+Led on by the right inverse of the Jacobian, the tool keeps to the aim but for a remainder of the second
+order. Where a ball of corrections takes that remainder into itself, a posture is there (Brouwer's theorem).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from regionik.planners.geometry.vectors import cross, row, squared
+from regionik.planners.kernels import compiled
+from regionik.planners.reach.pose_reach import ANGLE_SHARE
+from regionik.planners.search.motion_bounds import from_axis, longest_levers
+from regionik.planners.solvers.damped_least_squares import DIRECTION, POSITION, Aim, solve_symmetric
+from regionik.planners.solvers.rigid_bodies import span as span_of
+from regionik.planners.solvers.serial_chain import (
+    SerialArm,
+    chain_frames,
+    chain_jacobian,
+    joint_axes,
+    serial_arm,
+)
+from regionik.worlds.arms import pivot_index
+from regionik.worlds.arrays import Array
+from regionik.worlds.chain import Chain
+
+EXACT = 1e-9  # [m]
+SLACK = 1e-9  # rounding that no proof may rest on [m], [rad]
+COARSE = 1e-3  # error of a right inverse, beyond which nothing is proven
+CORRECTED = 12  # times that the ball of corrections is made larger
+LARGER = 1.25
+
+
+class SquareTask(NamedTuple):
+    """What the judgement of a square reads; the arm stands on a base frame at heading zero."""
+
+    arm: SerialArm  # its pivot within limits only where the base frame keeps a heading
+    aim: Aim  # in the world, but for its height, which is over the arm's base frame
+    angle: float  # that a posture may miss the aim's by [rad]
+    reach: float  # length of the arm [m]
+    levers: Array  # (n,) longest of the tool's point
+    pivot: int
+
+
+def square_task(
+    chain: Chain, height: float, aim: Aim, azimuths: tuple[float, float] = (-np.inf, np.inf)
+) -> SquareTask:
+    """Collect what the judgement of squares reads, the pivot within some azimuths; see `proven_pose_area`."""
+    joints, pivot = list(chain.joints), pivot_index(chain)
+    joints[pivot] = replace(joints[pivot], lower=azimuths[0], upper=azimuths[1])
+    arm = serial_arm(Chain(tuple(joints), chain.T_last_tool))
+    aim = aim._replace(position=aim.position - [0.0, 0.0, height])
+    levers = longest_levers(chain, chain.dof - 1, chain.T_last_tool[:3, 3])[0]
+    return SquareTask(arm, aim, max(ANGLE_SHARE * aim.cone, EXACT), span_of(arm), levers, pivot)
+
+
+@compiled
+def constraints(arm: SerialArm, kind: int, joints: Array) -> tuple[Array, Array, Array, Array, Array]:
+    """What the aim asks of joint speeds (m, n), a right inverse, room to limits (n,), frames and axes.
+
+    The inverse moves joints the less the nearer to a limit they are; near a singular posture it is none.
+    """
+    n, rows = len(joints), 3 if kind == POSITION else (5 if kind == DIRECTION else 6)
+    frames, J, axes = np.empty((n + 1, 4, 4)), np.empty((6, n)), np.empty((n, 3))
+    chain_frames(arm, joints, frames)
+    chain_jacobian(arm, frames, J)
+    joint_axes(arm, frames, axes)
+    M, A, room, weight = np.zeros((rows, n)), np.zeros((n, rows)), np.empty(n), np.empty(n)
+    for k in range(n):
+        room[k] = min(arm.upper[k] - joints[k], joints[k] - arm.lower[k])
+        weight[k] = squared(min(max(room[k], 0.0), 1.0))
+        for r in range(rows):
+            if kind == DIRECTION and r >= 3:  # turns about two axes across the tool's
+                for i in range(3):
+                    M[r, k] += frames[n, i, r - 3] * J[3 + i, k]
+            else:
+                M[r, k] = J[r, k]
+    S, y = np.empty((rows, rows)), np.empty(rows)
+    for column in range(rows):
+        for a in range(rows):
+            y[a] = 1.0 if a == column else 0.0
+            for b in range(a + 1):
+                S[a, b] = 0.0
+                for k in range(n):
+                    S[a, b] += M[a, k] * weight[k] * M[b, k]
+        solve_symmetric(S, y)
+        for k in range(n):
+            for a in range(rows):
+                A[k, column] += weight[k] * M[a, k] * y[a]
+    return M, A, room, frames, axes
+
+
+@compiled
+def holds_about(task: SquareTask, kind: int, joints: Array, half: float) -> float:
+    """Most that the pivot turns to meet an aim from all places of a square about its own; inf if not proven.
+
+    The remainder is split into its quadratic form, which is known, and what is of the third order.
+    """
+    arm, n = task.arm, len(joints)
+    M, A, room, frames, axes = constraints(arm, kind, joints)
+    rounding = _inverse_error(M, A)
+    if not rounding <= COARSE:
+        return np.inf
+    curved = _quadratic(arm, kind, frames, axes, A)
+    fixed, slope, bend = _over_square(curved, half)
+    off, needed, moves = np.empty(2), np.empty(2), np.empty(n)  # off: radii of corrections to place and turn
+    off[0] = off[1] = SLACK
+    for _ in range(CORRECTED):
+        for k in range(n):
+            moves[k] = half * (abs(A[k, 0]) + abs(A[k, 1]))
+            moves[k] += off[0] * _length(A[k], 0, 3) + off[1] * _length(A[k], 3, len(M))
+            if not moves[k] <= room[k]:
+                return np.inf
+        needed[0], needed[1] = _third_order(arm, frames, axes, moves, task.levers)
+        for i in range(2):
+            needed[i] += fixed[i] + EXACT + SLACK + rounding * (2.0 * half + off[0] + off[1])
+            for a in range(2):
+                needed[i] += slope[i, a] * off[a]
+                for b in range(2):
+                    needed[i] += 0.5 * off[a] * bend[i, a, b] * off[b]
+        if kind == POSITION:
+            needed[1] = 0.0
+        if needed[0] <= off[0] and needed[1] <= off[1]:
+            return float(moves[task.pivot])
+        for i in range(2):
+            off[i] = max(off[i], LARGER * needed[i])
+    return np.inf
+
+
+@compiled
+def _inverse_error(M: Array, A: Array) -> float:
+    """Bound of what a right inverse of a matrix leaves of a unit vector."""
+    error = 0.0
+    for a in range(len(M)):
+        for b in range(len(M)):
+            value = -1.0 if a == b else 0.0
+            for k in range(len(A)):
+                value += M[a, k] * A[k, b]
+            error += abs(value)
+    return error
+
+
+@compiled
+def _length(values: Array, first: int, end: int) -> float:
+    """Length of a part of a vector."""
+    total = 0.0
+    for k in range(first, end):
+        total += squared(values[k])
+    return math.sqrt(total)
+
+
+@compiled
+def _quadratic(arm: SerialArm, kind: int, frames: Array, axes: Array, A: Array) -> Array:
+    """Second derivatives (m, m, m) of place and turn of the tool along the columns of a right inverse (n, m).
+
+    The turn is the axial vector of its matrix, which is zero where nothing turns; of a direction, its
+    parts across the tool's axis.
+    """
+    n, m = A.shape
+    J, second, along = np.empty((6, n)), np.zeros((6, n, n)), np.zeros((6, m, m))
+    chain_jacobian(arm, frames, J)
+    for i in range(n):
+        for j in range(i, n):
+            if arm.revolute[i]:
+                place = cross(row(axes, i), (J[0, j], J[1, j], J[2, j]))
+                turn = cross(row(axes, i), (J[3, j], J[4, j], J[5, j]))
+                for r in range(3):
+                    second[r, i, j] = second[r, j, i] = place[r]
+                    second[3 + r, i, j] = second[3 + r, j, i] = 0.5 * turn[r]
+    for r in range(6):
+        for i in range(n):
+            for b in range(m):
+                value = 0.0
+                for j in range(n):
+                    value += second[r, i, j] * A[j, b]
+                for a in range(m):
+                    along[r, a, b] += A[i, a] * value
+    curved = np.zeros((m, m, m))
+    for r in range(m):
+        for a in range(m):
+            for b in range(m):
+                if kind == DIRECTION and r >= 3:
+                    for i in range(3):
+                        curved[r, a, b] += frames[n, i, r - 3] * along[3 + i, a, b]
+                else:
+                    curved[r, a, b] = along[r, a, b]
+    return curved
+
+
+@compiled
+def _over_square(curved: Array, half: float) -> tuple[Array, Array, Array]:
+    """Bounds of the quadratic form of place and of turn.
+
+    Over a square (2,), of its change by corrections (2, 2), and of its part in these alone (2, 2, 2).
+    """
+    m = len(curved)
+    fixed, slope, bend = np.zeros(2), np.zeros((2, 2)), np.zeros((2, 2, 2))
+    for i in range(2):
+        first, end = (0, 3) if i == 0 else (3, m)
+        form = np.zeros((2, 2))
+        for r in range(first, end):
+            for a in range(2):
+                for b in range(2):
+                    form[a, b] += squared(curved[r, a, b])
+        for a in range(2):
+            for b in range(2):
+                fixed[i] += 0.5 * half * half * math.sqrt(form[a, b])
+        for a in range(m):
+            for b in range(m):
+                for r in range(first, end):
+                    bend[i, 1 if a >= 3 else 0, 1 if b >= 3 else 0] += squared(curved[r, a, b])
+        for sign in (-1.0, 1.0):  # the change is largest at the square's corners
+            change = np.zeros(2)
+            for a in range(m):
+                for r in range(first, end):
+                    change[1 if a >= 3 else 0] += squared(half * (curved[r, 0, a] + sign * curved[r, 1, a]))
+            for a in range(2):
+                slope[i, a] = max(slope[i, a], math.sqrt(change[a]))
+        for a in range(2):
+            for b in range(2):
+                bend[i, a, b] = math.sqrt(bend[i, a, b])
+    return fixed, slope, bend
+
+
+@compiled
+def _third_order(
+    arm: SerialArm, frames: Array, axes: Array, moves: Array, levers: Array
+) -> tuple[float, float]:
+    """Bounds of what place and turn of the tool differ from their Taylor series of the second order.
+
+    Joint by joint, from the last to the first: see `motion_bounds.tool_displacement`.
+    """
+    n = len(moves)
+    tool = frames[n, :3, 3]
+    turned = moved = bent = left = 0.0
+    for k in range(n - 1, -1, -1):
+        d = moves[k]
+        if arm.revolute[k]:
+            lever = min(from_axis(frames[k], axes[k], tool) + moved, levers[k])
+            left += d * d * d / 6.0 * lever + 0.5 * d * d * moved + d * bent
+            bent += 0.5 * d * d * lever + d * moved
+            moved += d * lever
+            turned += d
+        else:
+            moved += d
+    tail = turned * turned * turned / (6.0 - 1.5 * turned) if turned < 3.0 else np.inf  # of the exponential
+    return left, tail
