@@ -17,6 +17,7 @@ from regionik.planners.collision.distances import (
     Obstacles,
     box_distances,
     hull_separation,
+    keeps_apart,
     nearest_solid,
     obstacles_from,
     segment_separation,
@@ -362,6 +363,19 @@ def test_boxes_agree_with_a_search_for_the_nearest_points(name: str) -> None:
         assert found.distance == pytest.approx(expected, abs=2e-6)
         assert abs(solid.distance(found.on_axis - found.distance * found.normal)) < 1e-4
     assert seen > 20
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+@pytest.mark.parametrize("least", [0.0, 0.05, 0.4])
+def test_hulls_keep_apart_as_far_as_they_are(name: str, least: float) -> None:
+    seen, clouds = set(), np.random.default_rng(6).normal(size=(40, 12, 3))
+    for corners in [*boxes(60, seed=5), *clouds]:
+        for piece in obstacles_from([SOLIDS[name]]).pieces:
+            distance = hull_separation(piece, corners).distance
+            if abs(distance - least) > 1e-6:
+                seen.add(keeps_apart(piece, corners, least))
+                assert keeps_apart(piece, corners, least) == (distance > least)
+    assert seen == {True, False}
 
 
 @pytest.mark.parametrize("name", SOLIDS)

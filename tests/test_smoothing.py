@@ -8,6 +8,8 @@ from functools import lru_cache
 import numpy as np
 import pytest
 import shapely
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 from scipy.sparse import csc_array
 from shapely.affinity import rotate, translate
@@ -234,15 +236,33 @@ def test_programs_are_solved_as_least_squares_within_bounds() -> None:
         A, b = rng.normal(size=(9, 6)), rng.normal(size=9)
         lower, upper = -rng.uniform(0, 1, 6), rng.uniform(0, 1, 6)
         hessian, none = csc_array(A.T @ A), csc_array((0, 6))
-        found = minimize_quadratic(hessian, -A.T @ b, none, np.empty(0), lower, upper)
+        found = minimize_quadratic(hessian, -A.T @ b, none, np.empty(0), np.empty(0), lower, upper)
         assert found is not None
         wanted: Array = lsq_linear(A, b, (lower, upper), tol=1e-14).x
         assert np.abs(found - wanted).max() < 1e-5
 
 
-def test_programs_without_an_answer_have_none() -> None:
-    row = csc_array(np.array([[1.0, 0.0]]))
-    assert (
-        minimize_quadratic(csc_array(np.eye(2)), np.zeros(2), row, np.ones(1), -np.ones(2), np.zeros(2))
-        is None
+@given(st.floats(0.1, 5.0), st.floats(-2.0, 2.0), st.floats(0.1, 5.0))
+def test_what_is_missing_of_a_constraint_costs(cost: float, least: float, upper: float) -> None:
+    """Of x^2 / 2 + cost * max(0, least - x) the minimum is the cost, the constraint or the bound."""
+    row, free = csc_array(np.ones((1, 1))), np.full(1, -np.inf)
+    found = minimize_quadratic(
+        csc_array(np.eye(1)), np.zeros(1), row, np.array([least]), np.array([cost]), free, np.array([upper])
     )
+    assert found is not None
+    assert found[0] == pytest.approx(min(max(least, 0.0), cost, upper), abs=3e-4)
+
+
+def test_states_far_from_one_that_failed_stay() -> None:
+    found, _ = both("depot")
+    run = next(runs.runs_of(found, whole_path(found.world)[0], 0.05))
+    smooth, n = run.smoothed(), len(run.states)
+    failed, demanded = [3, n // 2], np.zeros(n)
+    narrow = np.full(n, np.inf)
+    narrow[n // 2] = 0.5 * np.abs(smooth - run.states)[n // 2].max()
+    mended = run.mended(smooth, failed, narrow, demanded)
+    far = np.abs(np.arange(n)[:, None] - failed).min(axis=1) >= runs.WINDOW
+    assert far.any()
+    assert np.array_equal(mended[far], smooth[far])
+    assert np.abs(mended - run.states)[n // 2].max() <= narrow[n // 2] + 1e-6
+    assert not np.array_equal(mended[~far], smooth[~far])

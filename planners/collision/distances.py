@@ -187,6 +187,17 @@ def hull_separation(piece: Piece, corners: Array, own: Polytope | None = None) -
     return Separation(-max(distance, TOUCH), normal, on_box)
 
 
+def keeps_apart(piece: Piece, corners: Array, least: float, own: Polytope | None = None) -> bool:
+    """Tell whether a hull keeps a distance from a piece [m]; see `hull_separation`, which takes longer.
+
+    How deep a hull overlaps a piece from which it has to be apart does not matter.
+    """
+    if least > TOUCH and piece.mesh is None and (piece.disc or len(corners) > BOX_ROWS):
+        distance = hull_distance(corners, piece.corners, piece.disc, np.zeros(3), np.empty(3))[0]
+        return bool(distance - piece.ball >= least)
+    return hull_separation(piece, corners, own).distance >= least
+
+
 def _hull_from_mesh(piece: Piece, corners: Array) -> Separation:
     """Signed distance of a hull, by its corners, from a mesh: by the tree of its triangles alone."""
     assert piece.mesh is not None

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.planners.collision.convex_bodies import Piece
-from regionik.planners.collision.distances import bounding_boxes, hull_separation
+from regionik.planners.collision.distances import bounding_boxes, keeps_apart
 from regionik.planners.collision.robot_bodies import NO_CONTACT, Bodies, ContactTargets
 from regionik.planners.collision.robot_motion import BASE
 from regionik.worlds.arrays import Array, Index
@@ -99,7 +99,4 @@ def _clear(near: _Near, T_arm_link: Array) -> bool:
     if not meet.any():
         return True
     own = None if near.own is None else near.own.moved(T)
-    return all(
-        hull_separation(near.pieces[m], corners, own).distance >= near.apart
-        for m in np.flatnonzero(meet).tolist()
-    )
+    return all(keeps_apart(near.pieces[m], corners, near.apart, own) for m in np.flatnonzero(meet).tolist())

@@ -8,7 +8,7 @@ each round, and limits, areas and clearances are half-spaces there; a trust regi
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -59,6 +59,11 @@ class PathProblem:
     lower: Array
     upper: Array
     keep: Callable[[Array], HalfSpaces]  # half-spaces that hold near given states (n, m)
+
+    def part(self, rows: slice, keep: Callable[[Array], HalfSpaces]) -> PathProblem:
+        """The problem of some states, with half-spaces of these."""
+        by_state = ("parameter", "corner", "position", "kind", "turn", "cone", "lower", "upper")
+        return replace(self, keep=keep, **{name: getattr(self, name)[rows] for name in by_state})
 
 
 class _Missed(NamedTuple):
@@ -138,7 +143,7 @@ def _step(
     )
     lower = np.clip(problem.lower - states, -trust, 0.0).ravel()
     upper = np.clip(problem.upper - states, 0.0, trust).ravel()
-    found = minimize_quadratic(csc_array(hessian), gradient, rows, kept.least, lower, upper)
+    found = minimize_quadratic(csc_array(hessian), gradient, rows, kept.least, kept.cost, lower, upper)
     return None if found is None else np.clip(found, lower, upper).reshape(n, m)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import piqp
-from scipy.sparse import csc_array
+from scipy.sparse import block_diag, csc_array, eye_array, hstack
 
 from regionik.worlds.arrays import Array
 
@@ -12,9 +12,15 @@ ACCURACY = 1e-7  # of residuals, after PIQP's own scaling
 
 
 def minimize_quadratic(
-    hessian: csc_array, gradient: Array, rows: csc_array, least: Array, lower: Array, upper: Array
+    hessian: csc_array,
+    gradient: Array,
+    rows: csc_array,
+    least: Array,
+    cost: Array,
+    lower: Array,
+    upper: Array,
 ) -> Array | None:
-    """Return the minimum of a quadratic function among linear constraints.
+    """Return the minimum of a quadratic function and of what is missing of linear constraints.
 
     Parameters
     ----------
@@ -23,7 +29,7 @@ def minimize_quadratic(
     gradient : (n,) array
         At zero.
     rows : (k, n) sparse array
-        ``rows @ x`` is to be at least ``least`` (k,).
+        ``rows @ x`` is to be at least ``least`` (k,); what it is less costs ``cost`` (k,) times as much.
     lower, upper : (n,) array
         Bounds of x.
 
@@ -32,11 +38,20 @@ def minimize_quadratic(
     (n,) array or None
         None where the solver does not come to an end, as where nothing meets the constraints.
     """
-    solver = piqp.SparseSolver()
+    solver, (k, n) = piqp.SparseSolver(), rows.shape
     solver.settings.eps_abs = solver.settings.eps_rel = ACCURACY
-    most = np.full(len(least), np.inf)
-    solver.setup(hessian, gradient, None, None, rows, least, most, lower, upper)
+    solver.setup(
+        csc_array(block_diag([hessian, csc_array((k, k))])),
+        np.concatenate([gradient, cost]),
+        None,
+        None,
+        csc_array(hstack([rows, eye_array(k)])),
+        least,
+        np.full(k, np.inf),
+        np.concatenate([lower, np.zeros(k)]),
+        np.concatenate([upper, np.full(k, np.inf)]),
+    )
     if solver.solve() != piqp.PIQP_SOLVED:
         return None
-    found: Array = np.array(solver.result.x)
+    found: Array = np.array(solver.result.x)[:n]
     return found

@@ -39,7 +39,8 @@ NEAR = 0.025  # set-points that have a state between them are farther apart [m]
 LEAST_STRIDE = 1e-3  # along the path, where the tool rests or nearly so [m]
 STEP_SHARE = 0.7  # of the longest step of the base that it takes in the mean, as laid out
 BASE_SHARE = 0.4  # of the base's way that counts as way along the path, where the tool rests
-SHARP = 0.35  # turn of the tool's path that is a corner [rad]
+SHARP = 1.0  # turn of the tool's path that is a corner [rad]
+WINDOW = 40  # states on either side of one that failed which are smoothed anew
 MOST_STATES = 1500  # smoothed at once
 JOINT_MARGIN = math.radians(2)  # [rad]
 
@@ -59,7 +60,13 @@ class PathRun:
     coarse: PathProblem
     keeper: StateKeeper  # of all states
 
-    def begun(self) -> Array:
+    def smoothed(self) -> Array:
+        """All states smoothed."""
+        begun = self._begun()
+        trust = FIRST_TRUST if begun is self.states else NEAR_TRUST
+        return self._within(smooth_states(self.problem, begun, trust))
+
+    def _begun(self) -> Array:
         """States of the set-points alone smoothed, the others between them, which is soon done."""
         rows, t = _coarse_rows(self.worked), self.problem.parameter
         if len(self.states) < LONG or not SHORTEST_RUN <= len(rows) <= FEW * len(self.states):
@@ -67,21 +74,29 @@ class PathRun:
         found = smooth_states(self.coarse, self.states[rows])
         return np.stack([np.interp(t, t[rows], column) for column in found.T], axis=1)
 
-    def smoothed(self, tube: Array, demanded: Array, start: Array) -> Array:
-        """States from a start on smoothed, each within its ``tube`` (n,) of what it was [m] or [rad].
+    def mended(self, states: Array, failed: list[int], tube: Array, demanded: Array) -> Array:
+        """States smoothed anew about those that failed, the others kept.
 
-        Distances that are ``demanded`` (n,) of them are not given up [m].
+        Each stays within its ``tube`` (n,) of what it was before smoothing [m] or [rad], and distances that
+        are ``demanded`` (n,) of it are not given up [m].
         """
-        lower = np.maximum(self.problem.lower, self.states - tube[:, None])
-        upper = np.minimum(self.problem.upper, self.states + tube[:, None])
-        keep = replace(self.keeper, demanded=demanded).half_spaces
-        problem = replace(self.problem, lower=lower, upper=upper, keep=keep)
-        begun = start is not self.states and bool(np.isinf(tube).all())
-        trust = NEAR_TRUST if begun else FIRST_TRUST
-        return self._within(problem, smooth_states(problem, np.clip(start, lower, upper), trust))
+        mended = states.copy()
+        for rows in _windows(failed, len(states)):
+            keeper = replace(self.keeper, within=self.keeper.within[rows], demanded=demanded[rows])
+            part = self.problem.part(rows, keeper.half_spaces)
+            lower = np.maximum(part.lower, self.states[rows] - tube[rows, None])
+            upper = np.minimum(part.upper, self.states[rows] + tube[rows, None])
+            inner = slice(2 if rows.start > 0 else 0, -2 if rows.stop < len(states) else None)
+            held = np.ones(len(lower), dtype=bool)  # with two states at an end the others go on smoothly
+            held[inner] = False
+            lower[held] = upper[held] = states[rows][held]
+            part = replace(part, lower=lower, upper=upper)
+            mended[rows] = smooth_states(part, np.clip(states[rows], lower, upper), NEAR_TRUST)
+        return self._within(mended)
 
-    def _within(self, problem: PathProblem, states: Array) -> Array:
+    def _within(self, states: Array) -> Array:
         """States whose arm axis stands in its area to rounding, where it was there before."""
+        problem = self.problem
         axis = axis_of(problem.robot, states[:, :3])
         lines = shapely.shortest_line(self.areas, shapely.points(axis[self.worked]))
         back = shapely.get_coordinates(lines).reshape(-1, 2, 2)[:, 0] - axis[self.worked]
@@ -242,6 +257,15 @@ class _Layout:
 def _coarse_rows(worked: NDArray[np.bool_]) -> Index:
     ends = np.arange(len(worked))
     return np.flatnonzero(worked | (ends == 0) | (ends == len(worked) - 1))
+
+
+def _windows(failed: list[int], count: int) -> Iterator[slice]:
+    """Stretches of ``count`` states about those that failed."""
+    near = np.zeros(count + 2, dtype=np.int64)
+    for row in failed:
+        near[1 + max(row - WINDOW, 0) : 1 + min(row + WINDOW + 1, count)] = 1
+    edges = np.flatnonzero(np.diff(near)).reshape(-1, 2)
+    yield from (slice(a, b) for a, b in edges.tolist())
 
 
 def _corners(position: Array) -> NDArray[np.bool_]:

@@ -54,15 +54,15 @@ def smooth_motion(plan: Plan, standing: Standing) -> Plan:
 def _proven(plan: Plan, runs: list[PathRun]) -> tuple[Plan, bool]:
     """The plan with those runs smoothed that can be proven so, and whether all of them were."""
     tubes = [np.full(len(run.states), np.inf) for run in runs]
-    smoothed, failed = [run.begun() for run in runs], Failed({k: [] for k in range(len(runs))})
     demanded = [np.zeros(len(run.states)) for run in runs]
+    smoothed, failed = [run.smoothed() for run in track("smoothing", runs)], Failed()
     for attempt in range(TRIES):
         for k, rows in track("smoothing", list(failed.items())):
             if attempt > 1:
                 tubes[k] = _held_closer(runs[k], smoothed[k], tubes[k], rows)
             for row in rows:  # what a hop cuts off is less than this, mostly
                 demanded[k][_beside(row)] = SPARE
-            smoothed[k] = runs[k].smoothed(tubes[k], demanded[k], smoothed[k])
+            smoothed[k] = runs[k].mended(smoothed[k], rows, tubes[k], demanded[k])
         found, failed = _checked(plan, runs, smoothed)
         if found is not None:
             return found, True

@@ -22,7 +22,6 @@ AREA_MARGIN, ARM_MARGIN = 0.03, 0.01  # kept where there is room [m]
 AREA_COST, ARM_COST = 1.0, 0.02  # of what is missing; where an arm is too near the proof will say [1/m]
 NEAR = 0.05  # distance from which clearance of a link or of the footprint is looked after [m]
 TOUCHING = 1e-9  # of an outline and an edge, by rounding [m]
-RECOVERY = 0.01  # by which a state outside is asked to come back in a round [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,5 +155,5 @@ def _turns(yaw: Array) -> Array:
 
 
 def _least(room: Array, margin: float) -> Array:
-    """Least change of a distance: it may shrink to the margin, and grows a little where it is negative."""
-    return np.where(room < 0, np.minimum(-room, RECOVERY), np.minimum(margin - room, 0.0))
+    """Least change of a distance: it may shrink to the margin, and grows where it is negative."""
+    return np.where(room < 0, -room, np.minimum(margin - room, 0.0))
