@@ -16,9 +16,9 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import united
-from regionik.areas.standing import PathAreas, Standing, into_span
+from regionik.areas.standing import PathAreas, Standing, into_span, into_spans
 from regionik.explain.failures import cut_off, no_places, too_many_lifts
-from regionik.ladder import Ladder, Mask, build_ladder
+from regionik.ladder import Index, Ladder, Mask, build_ladder
 from regionik.mfabrik import Solver, solver_for
 from regionik.planners.geometry.polygons import FlatPolygon, clamp
 from regionik.postures.poses import axis_of
@@ -223,19 +223,18 @@ def choose_chain(pruned: Pruned, standing: Standing, start: Array | None) -> lis
     ladder = pruned.ladder
     before: list[int] = [-1] * len(ladder.component)
     spans = [standing.sides[s].span for s in ladder.side.tolist()]
-    best: dict[int, _Trip] = {}
+    trips = _Trips(np.empty(0, np.intp), np.empty(0), np.empty((0, 2)), np.empty(0))
     for i in range(ladder.count):
-        now: dict[int, _Trip] = {}
+        found = list[_Trip]()
         for k in pruned.kept(i):
             if i == 0:
-                now[k] = _first(ladder, k, spans[k], start)
+                found.append(_first(ladder, k, spans[k], start))
                 continue
-            options = list(best) if i in pruned.breaks else [j for j in ladder.back[k] if j in best]
-            trips = [best[j].to(ladder.flat(k), spans[k]) for j in options]
-            now[k] = min(trips, key=lambda trip: trip.cost)
-            before[k] = options[trips.index(now[k])]
-        best = now
-    k = min(best, key=lambda k: (best[k].cost, k))
+            options = trips if i in pruned.breaks else trips.take(np.isin(trips.component, ladder.back[k]))
+            before[k], trip = options.cheapest(ladder.flat(k), spans[k])
+            found.append(trip)
+        trips = _Trips(np.array(pruned.kept(i)), *(np.array(column) for column in zip(*found, strict=True)))
+    k = int(trips.component[np.argmin(trips.cost)])
     chain = [k]
     while before[k] >= 0:
         k = before[k]
@@ -250,15 +249,39 @@ class _Trip(NamedTuple):
     spot: tuple[float, float]
     yaw: float
 
-    def to(self, component: FlatPolygon, span: tuple[float, float]) -> _Trip:
-        """Go on to the nearest point of a component, and into its slab."""
-        yaw = into_span(self.yaw, span)
-        spot: tuple[float, float] = clamp(component.vertices, component.starts, *self.spot)
-        return _Trip(self.cost + TURN_WEIGHT * abs(yaw - self.yaw) + math.dist(self.spot, spot), spot, yaw)
+
+class _Trips(NamedTuple):
+    """The cheapest ways to components of one set-point, ascending; see `_Trip`."""
+
+    component: Index  # (n,)
+    cost: Array  # (n,)
+    spot: Array  # (n, 2)
+    yaw: Array  # (n,)
+
+    def take(self, some: Mask) -> _Trips:
+        return _Trips(self.component[some], self.cost[some], self.spot[some], self.yaw[some])
+
+    def cheapest(self, component: FlatPolygon, span: tuple[float, float]) -> tuple[int, _Trip]:
+        """The way that goes on to the nearest point of a component, and into its slab, at the least cost.
+
+        Of ways that cost as much it is that from the first.
+        """
+        yaw = into_spans(self.yaw, span)
+        turned = self.cost + TURN_WEIGHT * np.abs(yaw - self.yaw)
+        best = math.inf, -1
+        for m in np.argsort(turned, kind="stable").tolist():
+            if turned[m] > best[0]:
+                break
+            spot = clamp(component.vertices, component.starts, *self.spot[m])
+            best = min(best, (float(turned[m]) + math.dist(self.spot[m], spot), m))
+        m = best[1]
+        spot = clamp(component.vertices, component.starts, *self.spot[m])
+        return int(self.component[m]), _Trip(best[0], spot, float(yaw[m]))
 
 
 def _first(ladder: Ladder, k: int, span: tuple[float, float], start: Array | None) -> _Trip:
     if start is None:
         middle = ladder.component[k].representative_point()
         return _Trip(0.0, (middle.x, middle.y), into_span(0.0, span))
-    return _Trip(0.0, (start[0], start[1]), float(start[2])).to(ladder.flat(k), span)
+    here = _Trips(np.array([k]), np.zeros(1), start[None, :2], start[2:])
+    return here.cheapest(ladder.flat(k), span)[1]

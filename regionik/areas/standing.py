@@ -132,12 +132,17 @@ def away(yaw: float, span: tuple[float, float]) -> float:
 
 def into_span(yaw: float, span: tuple[float, float]) -> float:
     """The heading within a span that is nearest to a heading, the shorter way round from it [rad]."""
+    return float(into_spans(np.array(yaw), span))
+
+
+def into_spans(yaw: Array, span: tuple[float, float]) -> Array:
+    """Headings (n,) as `into_span` has each [rad]."""
     low, high = span
     if high - low >= 2 * np.pi:
         return yaw
     middle, half = (low + high) / 2, (high - low) / 2
-    off = float(np.remainder(yaw - middle + np.pi, 2 * np.pi) - np.pi)
-    return yaw if abs(off) <= half else yaw - off + half * float(np.sign(off))
+    off = np.remainder(yaw - middle + np.pi, 2 * np.pi) - np.pi
+    return np.where(np.abs(off) <= half, yaw, yaw - off + half * np.sign(off))
 
 
 def overlapping_pairs(
