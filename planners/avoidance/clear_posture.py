@@ -51,7 +51,7 @@ SAMPLES = 300  # postures drawn at random for a target
 POSE_SAMPLES = 60  # postures tried for a pose, every other one drawn at random
 FEW_BOXES = 500  # boxes of joint values after which a proof is no longer to be had cheaply
 MOST_BOXES = 200_000
-QUICK_PASSES = 30  # of FABRIK with obstacle avoidance; where it succeeds it mostly takes fewer than ten
+QUICK_PASSES = 12  # of FABRIK with obstacle avoidance; where it succeeds it mostly takes fewer than ten
 STEPS = 60  # of damped least squares that take a posture back to the target
 LARGEST_CHANGE = 1.0  # of a joint when the best posture so far is varied [rad] or [m]
 

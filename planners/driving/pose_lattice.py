@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionik.planners.driving.reeds_shepp import words_between
-from regionik.worlds.arrays import Array
+from regionik.planners.kernels import compiled
+from regionik.worlds.arrays import Array, Index
 
 _QUADRANT = ((1, 0), (2, 1), (1, 1), (1, 2))
 STEPS = tuple(
@@ -97,24 +98,25 @@ def relax(value: Array, free: Mask, moves: tuple[LatticeMove, ...]) -> None:
     free : (16, nx, ny) array of bool
         Poses that moves may start from and lead through.
     """
+    ways = np.array([move[:4] for move in moves], dtype=np.int64).reshape(-1, 4)
+    _relax(value, free, ways, np.array([move.cost for move in moves]))
+
+
+@compiled
+def _relax(value: Array, free: Mask, ways: Index, cost: Array) -> None:
+    """Lower values in place; ``ways`` (k, 4) are the starts, ends and offsets of the moves."""
+    wide, deep = value.shape[1:]
     lowered = True
     while lowered:
         lowered = False
-        for move in moves:
-            if abs(move.dx) >= value.shape[1] or abs(move.dy) >= value.shape[2]:
-                continue
-            rows, columns = (_shifted(d, n) for d, n in zip(move[2:4], value.shape[1:], strict=True))
-            here = value[move.start, rows[0], columns[0]]
-            better = value[move.end, rows[1], columns[1]] + move.cost
-            less = (better < here - SAVING) & free[move.start, rows[0], columns[0]]
-            if less.any():
-                here[less] = better[less]
-                lowered = True
-
-
-def _shifted(by: int, count: int) -> tuple[slice, slice]:
-    """Part of an axis from which a shift stays on it, and the part it leads to."""
-    return slice(max(0, -by), count - max(0, by)), slice(max(0, by), count - max(0, -by))
+        for k in range(len(ways)):
+            start, end, dx, dy = ways[k]
+            for x in range(max(0, -dx), wide - max(0, dx)):
+                for y in range(max(0, -dy), deep - max(0, dy)):
+                    better = value[end, x + dx, y + dy] + cost[k]
+                    if free[start, x, y] and better < value[start, x, y] - SAVING:
+                        value[start, x, y] = better
+                        lowered = True
 
 
 def _turn(k: int, other: int) -> float:

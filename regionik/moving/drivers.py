@@ -19,7 +19,7 @@ import shapely
 from shapely.geometry import LineString, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import GUARD, ground_of
+from regionik.areas.ground import GUARD, Geometries, ground_of
 from regionik.areas.standing import Standing, into_span, room_for
 from regionik.ladder import Ladder
 from regionik.moving.base_motion import BasePath, Driver, Interpolator, halting, simultaneous
@@ -211,7 +211,8 @@ class AnyHeadingPaths:
         """Places that two components share: an end of the way itself, where it is one, comes first."""
         shared = (end for end, other in ((b, k), (a, j)) if self.ladder.flat(other).holds(end))
         yield from islice(shared, 1)
-        yield _handover(self.ladder.component[k] & self.ladder.component[j], a, b)
+        both = _shared_area(*self.ladder.component[[[k], [j]]])
+        yield _nearest_to(both, a, b)[0]
 
     def _inside(self, k: int, a: Array, b: Array) -> Array:
         """Way of the arm axis in a component, (n, 2)."""
@@ -234,6 +235,7 @@ class ByHeadingPaths:
     standing: Standing
     seed: int
     _slabs: dict[int, tuple[Slab, ...]] = field(default_factory=dict)
+    _overlaps: dict[tuple[int, int], tuple[list[list[int]], Geometries]] = field(default_factory=dict)
 
     def between(self, k: int, j: int, here: Array, goal: Array) -> Iterator[BasePath]:
         if slide_is_free(room_for(self.world), here, goal):
@@ -247,20 +249,25 @@ class ByHeadingPaths:
 
     def _shared(self, k: int, j: int, here: Array, goal: Array) -> Array | None:
         """Pose that components of both groups hold, the nearest to the way; None where they share none."""
-        ladder, sides = self.ladder, self.standing.sides
+        pairs, areas = self._common(int(self.ladder.group[k]), int(self.ladder.group[j]))
         ends = [axis_of(self.world.robot, pose) for pose in (here, goal)]
         best: tuple[float, Array] | None = None
-        for m, n in ladder.edges.tolist():
-            if ladder.group[m] != ladder.group[k] or ladder.group[n] != ladder.group[j]:
-                continue
-            spot = _handover(ladder.component[m] & ladder.component[n], *ends)
+        for pair, spot in zip(pairs, _nearest_to(areas, *ends), strict=True):
             yaw = float(here[2])
-            for c in (m, n, m):  # neighbouring slabs share the heading between them
-                yaw = into_span(yaw, sides[int(ladder.side[c])].span)
+            for c in (*pair, pair[0]):  # neighbouring slabs share the heading between them
+                yaw = into_span(yaw, self.standing.sides[int(self.ladder.side[c])].span)
             cost = sum(float(np.hypot(*(spot - end))) for end in ends) + abs(yaw - here[2])
             if best is None or cost < best[0]:
                 best = cost, pose_of(self.world.robot, spot, yaw)
         return None if best is None else best[1]
+
+    def _common(self, one: int, other: int) -> tuple[list[list[int]], Geometries]:
+        """Pairs of components of two groups that overlap, and what each pair shares."""
+        if (one, other) not in self._overlaps:
+            ladder = self.ladder
+            pairs = ladder.edges[(ladder.group[ladder.edges] == (one, other)).all(axis=1)]
+            self._overlaps[one, other] = pairs.tolist(), _shared_area(*ladder.component[pairs].T)
+        return self._overlaps[one, other]
 
     def _through(self, k: int, a: Array, b: Array) -> Array | None:
         """Base poses from one to another, the arm axis inside the slabs of a component's group."""
@@ -339,8 +346,15 @@ def _at_any_heading(axes: Array) -> Array:
     return knots
 
 
-def _handover(shared: BaseGeometry, a: Array, b: Array) -> Array:
-    """Place in the shared area nearest to the way from a to b, a little inside where there is room."""
-    inside = shared.buffer(-INSET)
-    goal = shared if inside.is_empty else inside
-    return np.array(shapely.shortest_line(goal, LineString([a, b])).coords[0])
+def _shared_area(one: Geometries, other: Geometries) -> Geometries:
+    """What areas share pair by pair, without its rim where there is room."""
+    shared = shapely.intersection(one, other)
+    inside = shapely.buffer(shared, -INSET)
+    return np.asarray(np.where(shapely.is_empty(inside), shared, inside))
+
+
+def _nearest_to(areas: Geometries, a: Array, b: Array) -> Array:
+    """Places in areas nearest to the way from a to b, (n, 2)."""
+    lines = shapely.shortest_line(areas, LineString([a, b]))
+    places: Array = shapely.get_coordinates(lines).reshape(-1, 2, 2)[:, 0]
+    return places

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from regionik.areas.held_reach import held_reach
 from regionik.areas.reachable import model_of
-from regionik.areas.standing import Standing, away, room_for
+from regionik.areas.standing import Standing, into_spans, room_for
 from regionik.ladder import Ladder
 from regionik.planners.driving.arcs import path_of_motions
 from regionik.planners.driving.pose_lattice import HEADINGS, LatticeMove, car_moves, relax, spin_moves
@@ -136,12 +136,14 @@ class LayeredSearch:
         owner = np.full((len(self._facings), len(HEADINGS), *shape), -1, dtype=np.intp)
         grid = np.indices((1, *shape))[:, 0].reshape(3, -1).T
         shapely.prepare(ladder.component[kept])
-        for h, yaw in enumerate(self._yaws.tolist()):
+        spans = [self.standing.sides[side].span for side in ladder.side[kept].tolist()]
+        faced = [np.abs(into_spans(self._yaws, span) - self._yaws) < INSIDE for span in spans]
+        for h in range(len(self._yaws)):
             base = self._poses(corner, grid + np.array([h, 0, 0]))
             reached, axes = self._reached(i, base), axis_of(self.world.robot, base)
-            for k in kept[::-1]:
+            for k, near in zip(kept[::-1], faced[::-1], strict=True):
                 f = self._facings.index(ladder.family[k].facing)
-                if away(yaw, self.standing.sides[int(ladder.side[k])].span) < INSIDE:
+                if near[h]:
                     inside = shapely.contains_xy(ladder.component[k], axes) & reached
                     owner[f, h].flat[inside] = k
         shapely.destroy_prepared(ladder.component[kept])
