@@ -36,7 +36,7 @@ from regionik.timing.retime import retime
 from regionik.worlds.arrays import Array
 from regionik.worlds.drives import BaseKind
 from regionik.worlds.errors import NoPlanFound
-from regionik.worlds.robot import Robot
+from regionik.worlds.robot import Robot, Tool, with_tool
 
 SPEEDS = rik.Speeds(
     joint_velocity=1.5,
@@ -50,6 +50,7 @@ SPEEDS = rik.Speeds(
 ROWS, COLUMNS, ROW, RADIUS = 4, 30, 12.0, 8.0  # of the curved wall [m]
 OFF = 0.1  # of the tool from a wall [m]
 AHEAD = np.array([1.0, 0.0, 0.0])
+ALONG_X = np.array([[0, 0, 1, 0], [0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 0, 1]], dtype=float)  # a frame's z
 
 
 @dataclass(frozen=True)
@@ -62,6 +63,7 @@ class Mobile:
     height: float  # of what it works on [m]
     cart: tuple[float, float, float, float] | None = None  # half length and width, mount's x and z [m]
     turning_radius: float | None = None  # [m]
+    points_along_x: bool = False  # as the tip's frame lies, where not along z
 
     def robot(self, path: Path) -> Robot:
         on_cart: dict[str, Any] = {}
@@ -71,9 +73,11 @@ class Mobile:
             on_cart = {"footprint": outline, "mount": [mount, 0.0, z, 0.0], "body_height": z}
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            return rik.load_robot(path, self.base, self.tip, turning_radius=self.turning_radius, **on_cart)
+            robot = rik.load_robot(path, self.base, self.tip, turning_radius=self.turning_radius, **on_cart)
+        return with_tool(robot, Tool(ALONG_X)) if self.points_along_x else robot
 
 
+TIAGO = "tiago_description/robots/tiago.urdf"
 STRETCH = "stretch_description_SE3_eoa_wrist_dw3_tool_sg3.urdf"
 PANDA, UR = "panda_description/urdf/panda.urdf", "ur_description/urdf/{}_robot.urdf"
 OMRON, RIDGEBACK = (0.35, 0.25, 0.15, 0.38), (0.48, 0.395, 0.2, 0.3)
@@ -82,9 +86,9 @@ MOBILES = {
     "frankie-omni": Mobile(PANDA, "panda_link8", "omni", 0.7, OMRON),
     "ridgeback": Mobile(UR.format("ur10"), "tool0", "omni", 0.9, RIDGEBACK),
     "panda-car": Mobile(PANDA, "panda_link8", "car", 0.7, OMRON, 0.6),
-    "stretch": Mobile(STRETCH, "link_grasp_center", "differential", 0.7),
-    "fetch": Mobile("fetch/fetch.urdf", "gripper_link", "differential", 0.8),
-    "tiago": Mobile("tiago_description/robots/tiago.urdf", "arm_tool_link", "differential", 0.8),
+    "stretch": Mobile(STRETCH, "link_grasp_center", "differential", 0.7, points_along_x=True),
+    "fetch": Mobile("fetch/fetch.urdf", "gripper_link", "differential", 0.8, points_along_x=True),
+    "tiago": Mobile(TIAGO, "arm_tool_link", "differential", 0.8, points_along_x=True),
 }
 WALL = Mobile(UR.format("ur5"), "tool0", "omni", 0.9, RIDGEBACK)
 

@@ -11,15 +11,16 @@ motion then tries what costs least first, and proves it.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from regionik.areas.ground import united
 from regionik.areas.held_reach import held_reach
-from regionik.areas.reachable import model_of
+from regionik.areas.reachable import model_of, reach_rows
 from regionik.areas.standing import Standing, into_spans, room_for
 from regionik.ladder import Ladder
 from regionik.planners.driving.arcs import path_of_motions
@@ -27,7 +28,9 @@ from regionik.planners.driving.pose_lattice import HEADINGS, LatticeMove, car_mo
 from regionik.planners.driving.pose_planner import REEDS_SHEPP, SPIN, Steering, steer
 from regionik.planners.driving.reeds_shepp import MOTIONS
 from regionik.planners.progress import track
+from regionik.postures.families import BACK, FRONT
 from regionik.postures.poses import axis_of
+from regionik.worlds.arms import with_pivot
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.scene import World
 
@@ -153,12 +156,22 @@ class LayeredSearch:
         """Mask of the base poses (n, 3) of one heading from which the arm likely reaches a set-point.
 
         Areas hold for a base that turns for its arm. One on wheels turns for its way, and where the pivot is
-        limited what its arm reaches depends on that.
+        limited what its arm reaches depends on that; most of all where it has none, and where its tool points
+        depends on the heading alone.
         """
-        target, yaw = self.world.task[i], float(base[0, 2])
+        robot, target, yaw = self.world.robot, self.world.task[i], float(base[0, 2])
         if model_of(self.world, target).turns_freely(self.world.rules, (yaw, yaw)):
             return np.ones(len(base), dtype=bool)
-        return held_reach(self.world.robot).holds(base, target.position)
+        held = held_reach(robot).holds(base, target.position)
+        if target.direction is None or with_pivot(robot.chain) is robot.chain:
+            return held
+        area = united(reach_rows(self._held, [target], (FRONT, BACK), inner=True, span=(yaw, yaw))[2])
+        return held & shapely.contains_xy(area, axis_of(robot, base))
+
+    @cached_property
+    def _held(self) -> World:
+        """The world of a base that keeps its heading."""
+        return replace(self.world, rules=replace(self.world.rules, heading="fixed"))
 
     def _ranked(self, i: int, components: Sequence[int], here: Array) -> Iterator[tuple[Array, int, bool]]:
         """Poses of set-point i, their components, and whether the base steers there, the best first.
