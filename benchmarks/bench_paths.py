@@ -63,7 +63,7 @@ class Mobile:
     height: float  # of what it works on [m]
     cart: tuple[float, float, float, float] | None = None  # half length and width, mount's x and z [m]
     turning_radius: float | None = None  # [m]
-    points_along_x: bool = False  # as the tip's frame lies, where not along z
+    points_along_x: bool = False  # the tip's frame, not along z
 
     def robot(self, path: Path) -> Robot:
         on_cart: dict[str, Any] = {}
@@ -77,7 +77,6 @@ class Mobile:
         return with_tool(robot, Tool(ALONG_X)) if self.points_along_x else robot
 
 
-TIAGO = "tiago_description/robots/tiago.urdf"
 STRETCH = "stretch_description_SE3_eoa_wrist_dw3_tool_sg3.urdf"
 PANDA, UR = "panda_description/urdf/panda.urdf", "ur_description/urdf/{}_robot.urdf"
 OMRON, RIDGEBACK = (0.35, 0.25, 0.15, 0.38), (0.48, 0.395, 0.2, 0.3)
@@ -88,7 +87,7 @@ MOBILES = {
     "panda-car": Mobile(PANDA, "panda_link8", "car", 0.7, OMRON, 0.6),
     "stretch": Mobile(STRETCH, "link_grasp_center", "differential", 0.7, points_along_x=True),
     "fetch": Mobile("fetch/fetch.urdf", "gripper_link", "differential", 0.8, points_along_x=True),
-    "tiago": Mobile(TIAGO, "arm_tool_link", "differential", 0.8, points_along_x=True),
+    "tiago": Mobile("tiago_description/robots/tiago.urdf", "arm_tool_link", "differential", 0.8),
 }
 WALL = Mobile(UR.format("ur5"), "tool0", "omni", 0.9, RIDGEBACK)
 

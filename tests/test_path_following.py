@@ -12,7 +12,7 @@ import shapely
 from regionik.mfabrik import Solver
 from regionik.moving.base_motion import BasePath, Candidate, Interpolator
 from regionik.moving.drivers import driver_for
-from regionik.moving.path_following import PathFollower, PathSegment, SegmentPoint, _solve, _turned
+from regionik.moving.path_following import PathFollower, PathSegment, SegmentPoint, _solve, turned_as_asked
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.polylines import between as between_knots
 from regionik.planners.geometry.polylines import leg_lengths
@@ -214,4 +214,4 @@ def test_a_tool_that_leans_out_between_two_looks_is_seen() -> None:
     here, there = (Target(np.array([x, 0.0, 0.5]), cone=cone, orientation=np.eye(3)) for x in (0.0, 0.01))
     for shares, good in (((0.7, 0.997, 0.7), False), ((0.99, 0.99, 0.99), True), ((0.5, 0.7, 0.6), True)):
         tools = np.array([rot_x(share * cone) for share in shares])
-        assert _turned(here, there, tools) is good
+        assert turned_as_asked(here, there, tools) is good

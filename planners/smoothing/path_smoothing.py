@@ -9,16 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import bsr_array, csc_array, csr_array, diags_array, kron
-from scipy.spatial.transform import Rotation
 
 from regionik.planners.progress import track
 from regionik.planners.smoothing.quadratic_program import minimize_quadratic
-from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION
+from regionik.planners.solvers.tool_path import Missed, ToolPath, missed_by
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.robot import Robot
 
@@ -26,7 +24,6 @@ ROUNDS, REFINEMENTS = 25, 6  # of the programs; of the tool at last
 LEAST_GAIN = 2e-3  # part of the cost, for another round
 FIRST_TRUST, LEAST_TRUST = 0.3, 1e-3  # largest change of a coordinate in a round [m] or [rad]
 TOOL_WEIGHT = 1e4  # of the tool's error against the mean of the roughness
-ANGLE_LENGTH = 0.3  # weighs angles of the tool against lengths [m/rad]
 LENGTH_COST = 0.05  # of motion itself, against its bending along a metre of path
 CORNER_WEIGHT = 0.02  # of bending where the tool's own path has a corner
 EXACT = 1e-12  # miss of the tool that is rounding, and change of a coordinate [m] or [rad]
@@ -50,10 +47,7 @@ class PathProblem:
     robot: Robot
     parameter: Array  # (n,) place of each state along the path, ascending [m]
     corner: NDArray[np.bool_]  # (n,) states in which the tool's own path turns sharply
-    position: Array  # (n, 3) of the tool [m]
-    kind: Index  # (n,) what is asked of the tool's axes, see `damped_least_squares.Aim`
-    turn: Array  # (n, 3, 3)
-    cone: Array  # (n,) [rad]
+    tool: ToolPath  # of n points
     scale: Array  # (m,) weight of each coordinate: the inverse of the acceleration that it may have
     # lower, upper: (n, m) limits of the coordinates; equal where a coordinate is held
     lower: Array
@@ -62,15 +56,9 @@ class PathProblem:
 
     def part(self, rows: slice, keep: Callable[[Array], HalfSpaces]) -> PathProblem:
         """The problem of some states, with half-spaces of these."""
-        by_state = ("parameter", "corner", "position", "kind", "turn", "cone", "lower", "upper")
-        return replace(self, keep=keep, **{name: getattr(self, name)[rows] for name in by_state})
-
-
-class _Missed(NamedTuple):
-    """What the tool misses at states, angles as lengths (n, 6), and how states change it (n, 6, m)."""
-
-    miss: Array
-    J: Array
+        by_state = ("parameter", "corner", "lower", "upper")
+        some = {name: getattr(self, name)[rows] for name in by_state}
+        return replace(self, tool=self.tool.part(rows), keep=keep, **some)
 
 
 def smooth_states(problem: PathProblem, states: Array, trust: float = FIRST_TRUST) -> Array:
@@ -120,7 +108,7 @@ def _roughness(problem: PathProblem) -> csc_array:
     return csc_array(form / form.diagonal().mean())
 
 
-def _cost(rough: csc_array, states: Array, missed: _Missed, kept: HalfSpaces) -> float:
+def _cost(rough: csc_array, states: Array, missed: Missed, kept: HalfSpaces) -> float:
     """Roughness of states, and what the tool and the half-spaces miss."""
     flat = states.ravel()
     beyond = float(kept.cost @ np.maximum(kept.least, 0.0))
@@ -128,7 +116,7 @@ def _cost(rough: csc_array, states: Array, missed: _Missed, kept: HalfSpaces) ->
 
 
 def _step(
-    problem: PathProblem, rough: csc_array, states: Array, missed: _Missed, kept: HalfSpaces, trust: float
+    problem: PathProblem, rough: csc_array, states: Array, missed: Missed, kept: HalfSpaces, trust: float
 ) -> Array | None:
     """Change of all states that one quadratic program finds best within the trust region."""
     miss, J = missed
@@ -147,47 +135,16 @@ def _step(
     return None if found is None else np.clip(found, lower, upper).reshape(n, m)
 
 
-def _tool(problem: PathProblem, states: Array) -> _Missed:
-    frame, J = tool_jacobians(problem.robot, states)
-    miss = np.zeros((len(states), 6))
-    miss[:, :3] = problem.position - frame[:, :3, 3]
-    miss[:, 3:] = _turn_left(problem, frame[:, :3, :3])
-    angle = np.linalg.norm(miss[:, 3:], axis=1)
-    beyond = np.maximum(angle - problem.cone, 0.0) / np.maximum(angle, 1e-300)
-    miss[:, 3:] *= ANGLE_LENGTH * beyond[:, None]
-    asked = np.where((problem.kind > 0) & ((problem.cone == 0) | (beyond > 0)), ANGLE_LENGTH, 0.0)
-    J[:, 3:] *= asked[:, None, None]
-    axis = frame[:, :3, 2] * (problem.kind == DIRECTION)[:, None]
-    J[:, 3:] -= axis[:, :, None] * np.einsum("ni,nij->nj", axis, J[:, 3:])[:, None]  # its roll is free
-    return _Missed(miss, J)
-
-
-def _turn_left(problem: PathProblem, turned: Array) -> Array:
-    """Rotation vectors (n, 3) from tool frames to what is asked of them; zero where nothing is."""
-    left = np.zeros((len(turned), 3))
-    whole, pointed = problem.kind == ORIENTATION, problem.kind == DIRECTION
-    if whole.any():
-        way = problem.turn[whole] @ np.swapaxes(turned[whole], 1, 2)
-        left[whole] = Rotation.from_matrix(way).as_rotvec()
-    if pointed.any():
-        axis, asked = turned[pointed, :, 2], problem.turn[pointed, :, 2]
-        normal = np.cross(axis, asked)
-        sine = np.linalg.norm(normal, axis=1)
-        angle = np.arctan2(sine, np.einsum("ni,ni->n", axis, asked))
-        left[pointed] = normal * (angle / np.maximum(sine, 1e-300))[:, None]
-    return left
-
-
 def on_path(problem: PathProblem, states: Array) -> Array:
     """Bring the tool onto its path by the least changes of the coordinates that are free."""
     return _led_back(problem, states)[0]
 
 
-def _led_back(problem: PathProblem, states: Array) -> tuple[Array, _Missed]:
+def _led_back(problem: PathProblem, states: Array) -> tuple[Array, Missed]:
     """States with the tool on its path as near as they come, and what is missed there."""
     free = (problem.upper > problem.lower) / problem.scale
-    asked = slice(None) if problem.kind.any() else slice(3)
-    missed = _tool(problem, states)
+    asked = slice(None) if problem.tool.kind.any() else slice(3)
+    missed = missed_by(problem.robot, problem.tool, states)
     for _ in range(REFINEMENTS):
         if np.abs(missed.miss).max(initial=0.0) <= EXACT:
             break
@@ -195,25 +152,7 @@ def _led_back(problem: PathProblem, states: Array) -> tuple[Array, _Missed]:
         step = free * np.einsum("nij,nj->ni", back, missed.miss[:, asked])
         nearer = np.clip(states + step, problem.lower, problem.upper)
         moved = np.abs(nearer - states).max(initial=0.0)
-        states, missed = nearer, _tool(problem, nearer)
+        states, missed = nearer, missed_by(problem.robot, problem.tool, nearer)
         if moved <= EXACT:  # states that are held miss what they miss
             break
     return states, missed
-
-
-def tool_jacobians(robot: Robot, states: Array) -> tuple[Array, Array]:
-    """Tool frames (n, 4, 4) and how coordinates x, y, yaw and joints move and turn them, (n, 6, m)."""
-    base, joints = states[:, :3], states[:, 3:]
-    frames = robot.frames(base, joints)
-    tool = frames[:, -1, :3, 3]
-    J = np.zeros((len(states), 6, states.shape[1]))
-    J[:, 0, 0] = J[:, 1, 1] = 1.0
-    up, origin = np.array([0.0, 0.0, 1.0]), np.column_stack([base[:, :2], np.zeros(len(base))])
-    J[:, :3, 2], J[:, 3:, 2] = np.cross(up, tool - origin), up
-    for k, joint in enumerate(robot.chain.joints):
-        axis = frames[:, k, :3, :3] @ joint.axis
-        if joint.kind == "revolute":
-            J[:, :3, 3 + k], J[:, 3:, 3 + k] = np.cross(axis, tool - frames[:, k, :3, 3]), axis
-        else:
-            J[:, :3, 3 + k] = axis
-    return frames[:, -1], J

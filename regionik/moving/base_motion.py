@@ -31,6 +31,7 @@ class Candidate:
 
     found: Configuration
     component: int
+    way: tuple[Pose, ...] = ()  # to it, with the tool on its path, of one that was found by going on
 
     @property
     def pose(self) -> Pose:

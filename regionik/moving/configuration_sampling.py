@@ -25,6 +25,7 @@ from regionik.ladder import Ladder
 from regionik.mfabrik import Solver, solver_for
 from regionik.moving.base_motion import Candidate
 from regionik.moving.layered_search import LayeredSearch
+from regionik.moving.resolved_motion import ResolvedMotion
 from regionik.planners.avoidance.clear_posture import (
     ClearPosture,
     clear_posture,
@@ -37,6 +38,7 @@ from regionik.planners.search.box_search import Verdict
 from regionik.postures.arm_guard import SPARE, Guard
 from regionik.postures.poses import Pose, axis_of, pose_of
 from regionik.postures.serial_solver import serial_solver
+from regionik.values import Configuration
 from regionik.worlds.arms import pivot_index, with_pivot
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
@@ -85,6 +87,7 @@ class ConfigurationSampler:
     seed: int
     # Of a base on wheels; of another, and of one that stands still, there is none
     layers: LayeredSearch | None = None
+    resolved: ResolvedMotion | None = None
     evidence: dict[int, Evidence] = field(default_factory=dict)  # what was looked at, by set-point
     _places: dict[int, Array] = field(default_factory=dict)
     _clear: dict[tuple[int, int], list[Candidate]] = field(default_factory=dict)
@@ -99,7 +102,8 @@ class ConfigurationSampler:
         The robot comes from ``here``, and M-FABRIK found the ``nominal`` one.
         """
         poses = iter(()) if self.layers is None else self.layers.onward(i, components, here.base)
-        found = one_after_another(self._stood(i, poses, here), self._options(i, components, here, nominal))
+        stood, onward = self._stood(i, poses, here), self._resolved(i, components, here)
+        found = one_after_another(stood, onward, self._options(i, components, here, nominal))
         return (candidate for candidate in found if self.meets(candidate.pose))
 
     def arrivals(
@@ -150,6 +154,19 @@ class ConfigurationSampler:
         """Clear postures with the base at given poses, each the nearest to the present one that is found."""
         for base, k in poses:
             yield from islice(self._near_postures(i, base, k, here), 1)
+
+    def _resolved(self, i: int, components: Sequence[int], here: Pose) -> Iterator[Candidate]:
+        """The configuration to which wheels and joints go on together by the least motion."""
+        way = None if self.resolved is None else self.resolved.onward(i - 1, here)
+        if way is None:
+            return
+        axis, yaw = axis_of(self.world.robot, way[-1].base), float(way[-1].base[2])
+        for k in components:
+            if self.ladder.flat(k).holds(axis) and away(yaw, self._span(k)) == 0:
+                tool = self.world.robot.tool(way[-1].base, way[-1].joints)
+                error = float(np.linalg.norm(tool[:3, 3] - self.world.task[i].position))
+                yield Candidate(Configuration(way[-1].base, way[-1].joints, error, 0, True), k, tuple(way))
+                return
 
     def _settled(self, i: int, poses: Iterable[tuple[Array, int]], here: Pose) -> Iterator[Candidate]:
         """The same, with other postures where no near one is clear, as an arm that comes may take any."""

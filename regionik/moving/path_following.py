@@ -192,7 +192,7 @@ class PathFollower:
         if not segment.bare:
             tools = self.guard.tools(bases[: count + 1], joints[: count + 1], LOOKED_AT)
             asked = [segment.target(place) for place in places[: count + 1]]
-            turned = [_turned(*hop) for hop in zip(asked[:-1], asked[1:], tools, strict=True)]
+            turned = [turned_as_asked(*hop) for hop in zip(asked[:-1], asked[1:], tools, strict=True)]
             count = [*turned, False].index(False)
         return self.guard.proven(bases[: count + 1], joints[: count + 1])
 
@@ -204,8 +204,8 @@ class PathFollower:
         return self._solvers[family]
 
 
-def _turned(p: Target, q: Target, tools: Array) -> bool:
-    """True if tool frames on the way between two targets are turned as asked."""
+def turned_as_asked(p: Target, q: Target, tools: Array) -> bool:
+    """True if tool frames on the way between two targets, at `LOOKED_AT`, are turned as asked."""
     if p.direction is None or q.direction is None:
         return True
     asked = [goal_between(p, q, share) for share in LOOKED_AT.tolist()]

@@ -21,6 +21,7 @@ from regionik.moving.configuration_sampling import ConfigurationSampler, Evidenc
 from regionik.moving.drivers import driver_for
 from regionik.moving.layered_search import LayeredSearch
 from regionik.moving.path_following import PathFollower
+from regionik.moving.resolved_motion import ResolvedMotion
 from regionik.moving.transit import TransitPlanner
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.progress import tell
@@ -128,7 +129,8 @@ class PathSearch:
             if candidate in seen:
                 continue
             k = i + len(steps)
-            rows = self.follower.follow(k - 1, steps[-1].candidate, candidate)
+            rows = [Row(pose, "step", k - 1) for pose in candidate.way] or None
+            rows = rows or self.follower.follow(k - 1, steps[-1].candidate, candidate)
             tried += 1
             if rows is None or not self.sampler.meets(rows[-1].pose):  # the arm is solved anew on the way
                 continue
@@ -179,7 +181,10 @@ def path_search(
     """The search of a world, its base moving while the tool is on its path; on wheels by a layered graph."""
     search = search_from_places(world, ladder, standing, seed)
     follower = replace(search.follower, paths=search.transits.driver.paths(ladder))
-    return replace(search, sampler=replace(search.sampler, layers=layers), follower=follower)
+    resolved = ResolvedMotion(world, search.guard) if layers else None
+    return replace(
+        search, sampler=replace(search.sampler, layers=layers, resolved=resolved), follower=follower
+    )
 
 
 def search_from_places(world: World, ladder: Ladder, standing: Standing, seed: int) -> PathSearch:

@@ -20,6 +20,7 @@ from regionik.planners.smoothing.path_smoothing import (
     on_path,
     smooth_states,
 )
+from regionik.planners.solvers.tool_path import tool_path
 from regionik.postures.arm import aim_of, goal_between
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import axis_of
@@ -207,10 +208,7 @@ class _Layout:
             world.robot,
             self._parameter(position, states),
             _corners(position),
-            position,
-            np.array([aim.kind for aim in aims]),
-            np.array([aim.turn for aim in aims]),
-            np.array([aim.cone for aim in aims]),
+            tool_path(aims),
             _scale(world),
             lower,
             upper,

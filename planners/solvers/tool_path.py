@@ -1,0 +1,97 @@
+"""A path of the tool, point by point, what robots in given states miss of it, and how these change that."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, Aim
+from regionik.worlds.arrays import Array, Index
+from regionik.worlds.robot import Robot
+
+ANGLE_LENGTH = 0.3  # weighs angles of the tool against lengths [m/rad]
+
+
+@dataclass(frozen=True, eq=False)
+class ToolPath:
+    """What is asked of the tool at n points of its path."""
+
+    position: Array  # (n, 3) [m]
+    kind: Index  # (n,) what is asked of the tool's axes, see `damped_least_squares.Aim`
+    turn: Array  # (n, 3, 3)
+    cone: Array  # (n,) [rad]
+
+    def part(self, rows: slice) -> ToolPath:
+        """Some of the points."""
+        return ToolPath(self.position[rows], self.kind[rows], self.turn[rows], self.cone[rows])
+
+
+def tool_path(aims: Sequence[Aim]) -> ToolPath:
+    """The path through some aims."""
+    return ToolPath(
+        np.array([aim.position for aim in aims]),
+        np.array([aim.kind for aim in aims]),
+        np.array([aim.turn for aim in aims]),
+        np.array([aim.cone for aim in aims]),
+    )
+
+
+class Missed(NamedTuple):
+    """What the tool misses in states, angles as lengths (n, 6), and how states change it (n, 6, m)."""
+
+    miss: Array
+    J: Array
+
+
+def missed_by(robot: Robot, path: ToolPath, states: Array) -> Missed:
+    """What states (n, m) of coordinates x, y, yaw and joints miss of n points of a path."""
+    frame, J = tool_jacobians(robot, states)
+    miss = np.zeros((len(states), 6))
+    miss[:, :3] = path.position - frame[:, :3, 3]
+    miss[:, 3:] = _turn_left(path, frame[:, :3, :3])
+    angle = np.linalg.norm(miss[:, 3:], axis=1)
+    beyond = np.maximum(angle - path.cone, 0.0) / np.maximum(angle, 1e-300)
+    miss[:, 3:] *= ANGLE_LENGTH * beyond[:, None]
+    asked = np.where((path.kind > 0) & ((path.cone == 0) | (beyond > 0)), ANGLE_LENGTH, 0.0)
+    J[:, 3:] *= asked[:, None, None]
+    axis = frame[:, :3, 2] * (path.kind == DIRECTION)[:, None]
+    J[:, 3:] -= axis[:, :, None] * np.einsum("ni,nij->nj", axis, J[:, 3:])[:, None]  # its roll is free
+    return Missed(miss, J)
+
+
+def _turn_left(path: ToolPath, turned: Array) -> Array:
+    """Rotation vectors (n, 3) from tool frames to what is asked of them; zero where nothing is."""
+    left = np.zeros((len(turned), 3))
+    whole, pointed = path.kind == ORIENTATION, path.kind == DIRECTION
+    if whole.any():
+        way = path.turn[whole] @ np.swapaxes(turned[whole], 1, 2)
+        left[whole] = Rotation.from_matrix(way).as_rotvec()
+    if pointed.any():
+        axis, asked = turned[pointed, :, 2], path.turn[pointed, :, 2]
+        normal = np.cross(axis, asked)
+        sine = np.linalg.norm(normal, axis=1)
+        angle = np.arctan2(sine, np.einsum("ni,ni->n", axis, asked))
+        left[pointed] = normal * (angle / np.maximum(sine, 1e-300))[:, None]
+    return left
+
+
+def tool_jacobians(robot: Robot, states: Array) -> tuple[Array, Array]:
+    """Tool frames (n, 4, 4) and how coordinates x, y, yaw and joints move and turn them, (n, 6, m)."""
+    base, joints = states[:, :3], states[:, 3:]
+    frames = robot.frames(base, joints)
+    tool = frames[:, -1, :3, 3]
+    J = np.zeros((len(states), 6, states.shape[1]))
+    J[:, 0, 0] = J[:, 1, 1] = 1.0
+    up, origin = np.array([0.0, 0.0, 1.0]), np.column_stack([base[:, :2], np.zeros(len(base))])
+    J[:, :3, 2], J[:, 3:, 2] = np.cross(up, tool - origin), up
+    for k, joint in enumerate(robot.chain.joints):
+        axis = frames[:, k, :3, :3] @ joint.axis
+        if joint.kind == "revolute":
+            J[:, :3, 3 + k], J[:, 3:, 3 + k] = np.cross(axis, tool - frames[:, k, :3, 3]), axis
+        else:
+            J[:, :3, 3 + k] = axis
+    return frames[:, -1], J

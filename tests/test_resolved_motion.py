@@ -1,0 +1,78 @@
+"""Wheels and joints together: the tool on its path, every hop an arc, nothing past its limits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+
+from regionik.moving.resolved_motion import ResolvedMotion
+from regionik.postures.arm_guard import guard_of
+from regionik.postures.poses import Pose, arrays
+from regionik.worlds.arrays import Array
+from regionik.worlds.bundled import robot_named
+from regionik.worlds.drives import BaseKind
+from regionik.worlds.obstacles import Sphere
+from regionik.worlds.scene import Floor, Rules, Target, World
+
+RADIUS = 0.8  # of the car's arcs [m]
+POSTURE = np.array([0.2, 0.6, 0.7, 0.5, 0.0])  # of the youbot
+FLOOR = Floor(shapely.box(-5, -5, 5, 5))
+
+
+def world_of(base: BaseKind, way: Array, *solids: Sphere) -> tuple[World, Pose]:
+    """The youbot's arm on wheels, at the first of two targets a way apart."""
+    robot = replace(robot_named("youbot"), base=base, turning_radius=RADIUS * (base == "car"))
+    here = Pose(np.array([0.3, -0.2, 0.4]), POSTURE)
+    tool = robot.tool(here.base, here.joints)[:3, 3]
+    return World("rolling", robot, FLOOR, solids, (Target(tool), Target(tool + way)), Rules()), here
+
+
+@pytest.mark.parametrize("base", ["differential", "car"])
+@given(bearing=st.floats(-np.pi, np.pi), far=st.floats(0.01, 0.15))
+def test_the_tool_is_led_and_the_base_rolls(base: BaseKind, bearing: float, far: float) -> None:
+    way = far * np.array([np.cos(bearing), np.sin(bearing), 0.1])
+    world, here = world_of(base, way)
+    states = ResolvedMotion(world, guard_of(world)).onward(0, here)
+    if states is None:  # a car cannot help its arm sideways
+        assert base == "car"
+        return
+    robot, (bases, joints) = world.robot, arrays([here, *states])
+    tools = robot.tool(bases, joints)[:, :3, 3]
+    share = np.linspace(0, 1, len(tools))
+    assert np.abs(tools - tools[0] - share[:, None] * way).max() < 1e-6
+    slid, length = robot.drive.parts(bases[:-1], bases[1:])
+    assert np.abs(slid[:, :2]).max() < 1e-12
+    assert (np.abs(slid[:, 2]) * robot.drive.turning_radius <= np.abs(length) + 1e-9).all()
+    assert (joints >= robot.chain.lower).all()
+    assert (joints <= robot.chain.upper).all()
+
+
+def test_it_is_the_motion_of_all_that_moves() -> None:
+    """Rolling takes over what the arm would do: the joints move less than with a base that stands."""
+    ahead = 0.1 * np.array([np.cos(0.4), np.sin(0.4), 0.0])
+    world, here = world_of("differential", ahead)
+    states = ResolvedMotion(world, guard_of(world)).onward(0, here)
+    assert states is not None
+    assert np.linalg.norm(states[-1].base[:2] - here.base[:2]) > 0.03
+    assert np.abs(states[-1].joints - here.joints).max() < 0.3
+
+
+def test_what_is_in_the_way_is_not_touched() -> None:
+    way = np.array([0.12, 0.0, 0.0])
+    world, here = world_of("differential", way)
+    tool = world.task[0].position
+    assert ResolvedMotion(world, guard_of(world)).onward(0, here) is not None
+    ball = Sphere("ball", 0.03, tool + 0.5 * way + [0.0, 0.0, 0.02])
+    world = world_of("differential", way, ball)[0]
+    assert ResolvedMotion(world, guard_of(world)).onward(0, here) is None
+
+
+def test_a_base_that_would_leave_the_floor_does_not_go() -> None:
+    world, here = world_of("differential", np.array([0.0, 0.0, 0.02]))
+    narrow = replace(world, floor=Floor(shapely.box(3, 3, 5, 5)))
+    assert ResolvedMotion(narrow, guard_of(narrow)).onward(0, here) is None
