@@ -4,8 +4,8 @@ Printed for each: the time with the tool at 0.2 m/s against that of the path at 
 on the path at which the tool has it (to 2 in 100), and the same away from the path's ends and sharp corners;
 all again with limits of jerk, and with jerk and corners cut by 1 mm; the time without a tool speed, and its
 ratio to a time that nothing can beat; how much the base's path turns and where by more than 20 degrees, how
-much the joints move, the least spare clearance, and the time of planning. Below that, for the smooth motion
-with limits of jerk: where the robot's limits keep the tool from its speed, and how many corners the path has.
+often it does so without nearly resting there, how much the joints move, the least spare clearance, and the
+time of planning. Below that, for the smooth motion with limits of jerk: where the robot's limits keep the tool from its speed, and how many corners the path has.
 
 The lower bound is the larger of two. The arm's axis has to come from where it starts into the outer area of
 every set-point, in their order: on a way at least as long as the distances between the areas of any of
@@ -51,6 +51,7 @@ SMOOTH = replace(ASKED, base_jerk=10.0, turn_jerk=30.0, joint_jerk=30.0)
 CUT = 1e-3  # of the corners of the tool's path, where there is more room than by default [m]
 WORLDS = ("free", "pillar", "slab", "wall", "l_shape", "shelf", "pipe", "circle", "depot")
 CORNER, MOVED = math.radians(20), 1e-4
+SLOW = 0.02  # of the base, where it nearly rests [m/s]
 SHOWN = 5  # places where the tool is slower
 
 
@@ -60,6 +61,20 @@ def turns(base: Array) -> Array:
     hops = hops[np.linalg.norm(hops, axis=1) > MOVED]
     angle = np.diff(np.arctan2(hops[:, 1], hops[:, 0]))
     return np.abs((angle + np.pi) % (2 * np.pi) - np.pi)
+
+
+def passed(plan: Plan, timed: Plan) -> int:
+    """Corners of a base's path that it does not take at rest, or nearly so."""
+    motion = timed.motion
+    speed = np.linalg.norm(np.diff(motion.base[:, :2], axis=0), axis=1) / np.maximum(
+        np.diff(motion.time), 1e-9
+    )
+    speed = np.minimum(np.append(speed, 0.0), np.append(0.0, speed))  # the slower of those before and after
+    base = plan.motion.base
+    hops = np.flatnonzero(np.linalg.norm(np.diff(base[:, :2], axis=0), axis=1) > MOVED)
+    spots = base[hops[1:][turns(base) > CORNER]]
+    near = [np.argmin(np.linalg.norm(motion.base - spot, axis=1)) for spot in spots]
+    return int((speed[near] > SLOW).sum())
 
 
 def planned(name: str, smooth: bool) -> tuple[Plan, float]:
@@ -134,7 +149,8 @@ def lines(name: str, smooth: bool) -> list[str]:
         f"{name:8} {'smooth' if smooth else 'found':7} {plan.lift_offs:5} {timed.motion.time[-1]:7.1f} "
         f"{held(timed, ideal)} {' '.join(held(one, ideal) for one in jerks)} {free.motion.time[-1]:7.1f} "
         f"{free.motion.time[-1] / least_time(plan):6.2f} {turned.sum():7.1f} "
-        f"{(turned > CORNER).sum():7} {np.abs(np.diff(plan.motion.joints, axis=0)).sum():7.1f} "
+        f"{(turned > CORNER).sum():7} {passed(plan, jerks[0]):6} "
+        f"{np.abs(np.diff(plan.motion.joints, axis=0)).sum():7.1f} "
         f"{plan.stats['margins'].get('clearance', np.inf):8.4f} {spent:6.2f}"
     )
     return [figures, *(slow_places(jerks[0]) if smooth else [])]
@@ -145,7 +161,7 @@ def main() -> None:
     parser.add_argument("worlds", nargs="*", default=WORLDS)
     print(
         "world    motion  lifts time[s]  ratio  held  away   jerk  held  away  + 1mm held  away  free[s] "
-        "bound*  turned corners  joints   margin plan[s]"
+        "bound*  turned corners passed  joints   margin plan[s]"
     )
     for name in parser.parse_args().worlds:
         for smooth in (False, True):
