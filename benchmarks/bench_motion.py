@@ -5,7 +5,8 @@ on the path at which the tool has it (to 2 in 100), and the same away from the p
 all again with limits of jerk, and with jerk and corners cut by 1 mm; the time without a tool speed, and its
 ratio to a time that nothing can beat; how much the base's path turns and where by more than 20 degrees, how
 often it does so without nearly resting there, how much the joints move, the least spare clearance, and the
-time of planning. Below that, for the smooth motion with limits of jerk: where the robot's limits keep the tool from its speed, and how many corners the path has.
+time of planning. Below that, for the smooth motion with limits of jerk: where the robot's limits keep the
+tool from its speed, and how many corners the path has.
 
 The lower bound is the larger of two. The arm's axis has to come from where it starts into the outer area of
 every set-point, in their order: on a way at least as long as the distances between the areas of any of
