@@ -263,6 +263,6 @@ def test_states_far_from_one_that_failed_stay() -> None:
     mended = run.mended(smooth, failed, narrow, demanded)
     far = np.abs(np.arange(n)[:, None] - failed).min(axis=1) >= runs.WINDOW
     assert far.any()
-    assert np.array_equal(mended[far], smooth[far])
+    assert np.abs(mended[far] - smooth[far]).max() < 1e-9  # on their areas' edges to rounding
     assert np.abs(mended - run.states)[n // 2].max() <= narrow[n // 2] + 1e-6
     assert not np.array_equal(mended[~far], smooth[~far])
