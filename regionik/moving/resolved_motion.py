@@ -96,8 +96,9 @@ class ResolvedMotion:
         """Speeds of what moves, less for joints on their way to a limit; none for those that are there."""
         chain = self.world.robot.chain
         ranged = np.isfinite(chain.upper - chain.lower)
-        half = np.where(ranged, (chain.upper - chain.lower) / 2, 1.0)
-        off = np.where(ranged, joints + motion[2:] - (chain.upper + chain.lower) / 2, 0.0) / half
+        low, high = (np.where(ranged, ends, 0.0) for ends in (chain.lower, chain.upper))
+        half = np.where(high > low, (high - low) / 2, 1.0)
+        off = np.where(ranged, joints + motion[2:] - (low + high) / 2, 0.0) / half
         near = np.minimum(np.abs(off), NEAREST)
         weight = 1 + np.where(off * motion[2:] > 0, near / (1 - near**2) ** 2, 0.0)
         stuck = np.abs(off) >= 1
