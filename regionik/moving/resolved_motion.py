@@ -76,9 +76,10 @@ class ResolvedMotion:
             if float(np.linalg.norm(miss)) <= EXACT:
                 break
             by_motion = np.column_stack([J[0, :, :3] @ _rolling(here, motion), J[0, :, 3:]])
-            lightness = self._lightness(here.joints, motion)
-            step = lightness * (np.linalg.pinv(by_motion * lightness, rcond=FLAT) @ miss[0])
-            motion = motion + step
+            light = self._lightness(here.joints, motion)
+            step = _least_step(by_motion, miss[0], light)
+            beyond = ((pose.joints <= lower) & (step[2:] < 0)) | ((pose.joints >= upper) & (step[2:] > 0))
+            motion = motion + _least_step(by_motion, miss[0], light * np.append([1, 1], ~beyond))
             motion[2:] = np.clip(here.joints + motion[2:], lower, upper) - here.joints
             if robot.drive.turning_radius:
                 most = abs(motion[0]) / robot.drive.turning_radius
@@ -93,7 +94,7 @@ class ResolvedMotion:
         return Pose(np.array(base), here.joints + motion[2:])
 
     def _lightness(self, joints: Array, motion: Array) -> Array:
-        """Speeds of what moves, less for joints on their way to a limit; none for those that are there."""
+        """Speeds of what moves, less for joints on their way to a limit."""
         chain = self.world.robot.chain
         ranged = np.isfinite(chain.upper - chain.lower)
         low, high = (np.where(ranged, ends, 0.0) for ends in (chain.lower, chain.upper))
@@ -101,8 +102,7 @@ class ResolvedMotion:
         off = np.where(ranged, joints + motion[2:] - (low + high) / 2, 0.0) / half
         near = np.minimum(np.abs(off), NEAREST)
         weight = 1 + np.where(off * motion[2:] > 0, near / (1 - near**2) ** 2, 0.0)
-        stuck = np.abs(off) >= 1
-        return self._speeds * np.concatenate([np.ones(2), np.where(stuck, 0.0, 1 / np.sqrt(weight))])
+        return self._speeds * np.concatenate([np.ones(2), 1 / np.sqrt(weight)])
 
     @cached_property
     def _speeds(self) -> Array:
@@ -126,6 +126,12 @@ class ResolvedMotion:
         if not all(turned_as_asked(*hop) for hop in hops_asked):
             return False
         return self.guard.proven(bases, joints)[0] == len(turns)
+
+
+def _least_step(by_motion: Array, miss: Array, light: Array) -> Array:
+    """The step (m,) against a miss that is least where each part counts by how light it is."""
+    step: Array = light * (np.linalg.pinv(by_motion * light, rcond=FLAT) @ miss)
+    return step
 
 
 def _rolling(here: Pose, motion: Array) -> Array:
