@@ -7,8 +7,9 @@ Source: M-FABRIK, experiment 4 (areas made for the whole path in advance).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -28,6 +29,8 @@ from regionik.worlds.errors import Explanation, NoPlanFound
 from regionik.worlds.scene import World
 
 TURN_WEIGHT = 0.1  # cost of a turn of the base against driving [m/rad]
+
+Refusal = Callable[[], Explanation]
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,57 +72,54 @@ def whole_path(world: World) -> tuple[Standing, PathAreas, Pruned]:
         Where none of them spans the path.
     """
     found: list[tuple[Standing, PathAreas, Pruned]] = []
-    refused = None
+    refused: Refusal | None = None
     for standing, facings in ways_to_stand(world):
-        try:
-            found.append((standing(world), *prune_path(world, standing(world), facings)))
-        except NoPlanFound as failure:
-            refused = failure
-        else:
-            if not found[-1][2].breaks:
-                break
+        areas, pruned = prune_path(world, standing(world), facings)
+        if not isinstance(pruned, Pruned):
+            refused = pruned
+            continue
+        found.append((standing(world), areas, pruned))
+        if not pruned.breaks:
+            break
     if not found and refused is not None:
-        raise refused
+        raise NoPlanFound(refused())
     return min(found, key=lambda one: len(one[2].breaks))
 
 
 def spans(world: World) -> bool:
     """Return True where `whole_path` succeeds, without an explanation where it does not."""
-    return any(_spans(world, standing(world), facings) for standing, facings in ways_to_stand(world))
+    every = (prune_path(world, standing(world), facings)[1] for standing, facings in ways_to_stand(world))
+    return any(isinstance(pruned, Pruned) for pruned in every)
 
 
-def _spans(world: World, standing: Standing, facings: tuple[int, ...]) -> bool:
-    ladder = build_ladder(path_areas(world, facings=facings, standing=standing), len(world.task), standing)
-    if ladder.empty:
-        return False
-    pruned = _best_pruned(world, standing, ladder)
-    return pruned.gap is None and not _lifts_too_often(world, pruned)
-
-
-def prune_path(world: World, standing: Standing, facings: tuple[int, ...]) -> tuple[PathAreas, Pruned]:
-    """Areas for some facings, and their ladder pruned from the floor the base stands on."""
+def prune_path(
+    world: World, standing: Standing, facings: tuple[int, ...]
+) -> tuple[PathAreas, Pruned | Refusal]:
+    """Areas for some facings, and their ladder pruned from the floor the base stands on; see `cut_path`."""
     areas = path_areas(world, facings=facings, standing=standing)
     return areas, cut_path(world, standing, areas)
 
 
-def cut_path(world: World, standing: Standing, areas: PathAreas) -> Pruned:
+def cut_path(world: World, standing: Standing, areas: PathAreas) -> Pruned | Refusal:
     """Ladder of the areas of all set-points, pruned from the floor the base stands on.
 
-    Raises
-    ------
-    NoPlanFound
-        When a set-point has no area, or none that the base can get to, or there are too many lift-offs.
+    Where a set-point has no area, or none that the base can get to, or there are too many lift-offs, what
+    explains it, which may take longer than all else.
     """
     ladder = build_ladder(areas, len(world.task), standing)
     if ladder.empty:
-        raise NoPlanFound(no_places(world, ladder.empty))
+        return partial(no_places, world, ladder.empty)
     pruned = _best_pruned(world, standing, ladder)
     if pruned.gap is not None:
-        raise NoPlanFound(_cut_off(world, standing, pruned, pruned.gap))
+        return partial(_cut_off, world, standing, pruned, pruned.gap)
     if _lifts_too_often(world, pruned):
-        bridges = [shapely.shortest_line(pruned.area(i - 1), pruned.area(i)) for i in pruned.breaks]
-        raise NoPlanFound(too_many_lifts(world, pruned.breaks, bridges))
+        return partial(_too_many_lifts, world, pruned)
     return pruned
+
+
+def _too_many_lifts(world: World, pruned: Pruned) -> Explanation:
+    bridges = [shapely.shortest_line(pruned.area(i - 1), pruned.area(i)) for i in pruned.breaks]
+    return too_many_lifts(world, pruned.breaks, bridges)
 
 
 def _best_pruned(world: World, standing: Standing, ladder: Ladder) -> Pruned:

@@ -92,8 +92,11 @@ class PathSegment:
 
     def target(self, at: SegmentPoint) -> Target:
         """Target of the tool at a place; its axis or frame turns evenly."""
-        first, last = (goal_between(*self.asked, tool) for tool in self._tool(at))
-        return goal_between(first, last, at.share)
+        return goal_between(self._at_knots[at.leg], self._at_knots[at.leg + 1], at.share)
+
+    @cached_property
+    def _at_knots(self) -> list[Target]:
+        return [goal_between(*self.asked, tool) for tool in self.base.tool.tolist()]
 
     def families(self, at: SegmentPoint) -> list[Family]:
         """Posture families at both ends of a leg."""

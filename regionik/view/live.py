@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from regionik.areas.ground import GUARD, Geometries, ground_of, grow, shadow_of
 from regionik.areas.standing import PathAreas, anywhere, by_heading, turns_matter
-from regionik.pruning import Pruned, cut_path, prune_path
+from regionik.pruning import Pruned, Refusal, cut_path, prune_path
 from regionik.regions import path_areas, ways_to_stand
 from regionik.view import triangle_meshes
 from regionik.view.floor_areas import DETAIL
@@ -38,7 +38,7 @@ from regionik.view.world_picture import (
     task_meshes,
 )
 from regionik.worlds.documents.world_file import load_world
-from regionik.worlds.errors import Explanation, InputError, NoPlanFound
+from regionik.worlds.errors import Explanation, InputError
 from regionik.worlds.obstacles import Solid
 from regionik.worlds.scene import Floor, World
 
@@ -88,20 +88,22 @@ def live_areas(world: World, before: LiveAreas | None = None) -> LiveAreas:
 def _prune(world: World, areas: PathAreas) -> tuple[Pruned | None, Explanation | None]:
     """The plainest way to stand and to face that needs no lift-off, as plans choose it; or the fewest."""
     found: list[Pruned] = []
-    explanation = None
+    refused: Refusal | None = None
     for standing, facings in ways_to_stand(world):
-        try:
-            if standing is anywhere:
-                rows = np.flatnonzero([family.facing in facings for family in areas.family])
-                found.append(cut_path(world, standing(world), _select(areas, rows)))
-            else:
-                found.append(prune_path(world, standing(world), facings)[1])
-        except NoPlanFound as failure:
-            explanation = failure.explanation
+        if standing is anywhere:
+            rows = np.flatnonzero([family.facing in facings for family in areas.family])
+            pruned = cut_path(world, standing(world), _select(areas, rows))
         else:
-            if not found[-1].breaks:
-                break
-    return (min(found, key=lambda one: len(one.breaks)), None) if found else (None, explanation)
+            pruned = prune_path(world, standing(world), facings)[1]
+        if not isinstance(pruned, Pruned):
+            refused = pruned
+            continue
+        found.append(pruned)
+        if not pruned.breaks:
+            break
+    if found:
+        return min(found, key=lambda one: len(one.breaks)), None
+    return None, None if refused is None else refused()
 
 
 def _with_unchanged_parts(world: World, before: World) -> World:
