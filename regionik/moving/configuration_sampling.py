@@ -102,8 +102,12 @@ class ConfigurationSampler:
         The robot comes from ``here``, and M-FABRIK found the ``nominal`` one.
         """
         poses = iter(()) if self.layers is None else self.layers.onward(i, components, here.base)
-        stood, onward = self._stood(i, poses, here), self._resolved(i, components, here)
-        found = one_after_another(stood, onward, self._options(i, components, here, nominal))
+        found = one_after_another(
+            self._stood(i, poses, here),
+            self._nominal(i, components, here, nominal),
+            self._resolved(i, components, here),
+            self._sought(i, components, here),
+        )
         return (candidate for candidate in found if self.meets(candidate.pose))
 
     def arrivals(
@@ -111,7 +115,11 @@ class ConfigurationSampler:
     ) -> Iterator[Candidate]:
         """Clear configurations as `options` has them, for a base that comes with the tool lifted."""
         poses = iter(()) if self.layers is None else self.layers.arrivals(i, components, here.base)
-        found = one_after_another(self._settled(i, poses, here), self._options(i, components, here, nominal))
+        found = one_after_another(
+            self._settled(i, poses, here),
+            self._nominal(i, components, here, nominal),
+            self._sought(i, components, here),
+        )
         return (candidate for candidate in found if self.meets(candidate.pose))
 
     def meets(self, at: Pose) -> bool:
@@ -119,12 +127,16 @@ class ConfigurationSampler:
         criteria = self.world.rules.criteria
         return criteria is None or reach_model(self.world.robot, "point").meets(criteria, at.joints)
 
-    def _options(
+    def _nominal(
         self, i: int, components: Sequence[int], here: Pose, nominal: Candidate
     ) -> Iterator[Candidate]:
+        """What M-FABRIK found, where it is clear."""
         reached = nominal.found.converged and nominal.component in components
         if reached and self.clear(i, nominal.pose):
             yield from self._turns(nominal, here)
+
+    def _sought(self, i: int, components: Sequence[int], here: Pose) -> Iterator[Candidate]:
+        """What else is clear: as M-FABRIK goes on from here, led round, or elsewhere in the area."""
         if not self.guard.on:
             return
         target, components = self.world.task[i], self._near(components, here)
@@ -156,8 +168,9 @@ class ConfigurationSampler:
             yield from islice(self._near_postures(i, base, k, here), 1)
 
     def _resolved(self, i: int, components: Sequence[int], here: Pose) -> Iterator[Candidate]:
-        """The configuration to which wheels and joints go on together by the least motion."""
-        way = None if self.resolved is None else self.resolved.onward(i - 1, here)
+        """The configuration to which base and joints go on together by the least motion."""
+        facing = self.world.rules.heading == "face_target"
+        way = None if self.resolved is None or facing else self.resolved.onward(i - 1, here)
         if way is None:
             return
         axis, yaw = axis_of(self.world.robot, way[-1].base), float(way[-1].base[2])

@@ -181,10 +181,8 @@ def path_search(
     """The search of a world, its base moving while the tool is on its path; on wheels by a layered graph."""
     search = search_from_places(world, ladder, standing, seed)
     follower = replace(search.follower, paths=search.transits.driver.paths(ladder))
-    resolved = ResolvedMotion(world, search.guard) if layers else None
-    return replace(
-        search, sampler=replace(search.sampler, layers=layers, resolved=resolved), follower=follower
-    )
+    sampler = replace(search.sampler, layers=layers, resolved=ResolvedMotion(world, search.guard))
+    return replace(search, sampler=sampler, follower=follower)
 
 
 def search_from_places(world: World, ladder: Ladder, standing: Standing, seed: int) -> PathSearch:

@@ -1,7 +1,8 @@
-"""A base on wheels and its arm go on together: the least motion of wheels and joints that leads the tool.
+"""Base and arm go on together: the least motion of base and joints that leads the tool on its path.
 
 Where an arm has few joints, the places from which a base of some heading meets a pose lie on a line, which no
-lattice of places finds. Here the base's rolling and turning are two more joints. From state to state the
+lattice of places finds; where it has many, postures found place by place may be of another kind each. Here
+the base's motion, its rolling and turning if it is on wheels, is that of more joints. From state to state the
 tool's way is resolved into motion of all of them, the least by their speeds; joints that go towards a limit
 weigh the more the nearer it is.
 Source: Whitney, Resolved motion rate control (1969); Chan and Dubey, A weighted least-norm solution based
@@ -19,7 +20,7 @@ import numpy as np
 from regionik.areas.standing import room_for
 from regionik.moving.path_following import LOOKED_AT, SAG_SHARE, turned_as_asked
 from regionik.planners.driving.arcs import arc_end
-from regionik.planners.driving.footprint import arc_is_free
+from regionik.planners.driving.footprint import arc_is_free, slide_is_free
 from regionik.planners.solvers.tool_path import ToolPath, missed_by, tool_path
 from regionik.postures.arm import aim_of, goal_between
 from regionik.postures.arm_guard import Guard
@@ -39,7 +40,7 @@ NEAREST = 0.999  # share of the way from the middle of a joint's range to its en
 
 @dataclass(frozen=True, eq=False)
 class ResolvedMotion:
-    """Motion of a robot on wheels with its tool on the path of a world."""
+    """Motion of a robot with its tool on the path of a world."""
 
     world: World
     guard: Guard
@@ -68,30 +69,32 @@ class ResolvedMotion:
     def _next(self, path: ToolPath, here: Pose) -> Pose | None:
         """The state with the tool at the one point of a path that takes the least motion; None for none."""
         robot = self.world.robot
-        lower, upper = robot.chain.lower, robot.chain.upper
-        motion = np.zeros(2 + robot.chain.dof)  # rolled [m], turned [rad], joints
+        lower, upper, n = robot.chain.lower, robot.chain.upper, self._base_parts
+        motion = np.zeros(len(self._speeds))
         for _ in range(ROUNDS):
             pose = self._moved(here, motion)
             miss, J = missed_by(robot, path, np.concatenate([pose.base, pose.joints])[None])
             if float(np.linalg.norm(miss)) <= EXACT:
                 break
-            by_motion = np.column_stack([J[0, :, :3] @ _rolling(here, motion), J[0, :, 3:]])
+            by_base = J[0, :, :3] @ _rolling(here, motion) if robot.drive.rolls else J[0, :, :3]
+            by_motion = np.column_stack([by_base, J[0, :, 3:]])
             light = self._lightness(here.joints, motion)
             step = _least_step(by_motion, miss[0], light)
-            beyond = ((pose.joints <= lower) & (step[2:] < 0)) | ((pose.joints >= upper) & (step[2:] > 0))
-            motion = motion + _least_step(by_motion, miss[0], light * np.append([1, 1], ~beyond))
-            motion[2:] = np.clip(here.joints + motion[2:], lower, upper) - here.joints
+            beyond = ((pose.joints <= lower) & (step[n:] < 0)) | ((pose.joints >= upper) & (step[n:] > 0))
+            motion = motion + _least_step(by_motion, miss[0], light * np.append(np.ones(n), ~beyond))
+            motion[n:] = np.clip(here.joints + motion[n:], lower, upper) - here.joints
             if robot.drive.turning_radius:
                 most = abs(motion[0]) / robot.drive.turning_radius
                 motion[1] = min(max(motion[1], -most), most)
         else:
             return None
-        bent = float(np.abs(motion[2:]).max())
-        return pose if bent <= LARGEST_BEND and abs(motion[0]) <= self.world.rules.step else None
+        bent, driven = float(np.abs(motion[n:]).max()), float(np.linalg.norm(motion[: n - 1]))
+        return pose if bent <= LARGEST_BEND and driven <= self.world.rules.step else None
 
     def _moved(self, here: Pose, motion: Array) -> Pose:
-        base = arc_end(*here.base.tolist(), *motion[:2].tolist())
-        return Pose(np.array(base), here.joints + motion[2:])
+        n = self._base_parts
+        base = here.base + motion[:n] if n == 3 else np.array(arc_end(*here.base, *motion[:n]))
+        return Pose(base, here.joints + motion[n:])
 
     def _lightness(self, joints: Array, motion: Array) -> Array:
         """Speeds of what moves, less for joints on their way to a limit."""
@@ -99,25 +102,36 @@ class ResolvedMotion:
         ranged = np.isfinite(chain.upper - chain.lower)
         low, high = (np.where(ranged, ends, 0.0) for ends in (chain.lower, chain.upper))
         half = np.where(high > low, (high - low) / 2, 1.0)
-        off = np.where(ranged, joints + motion[2:] - (low + high) / 2, 0.0) / half
+        arm = motion[self._base_parts :]
+        off = np.where(ranged, joints + arm - (low + high) / 2, 0.0) / half
         near = np.minimum(np.abs(off), NEAREST)
-        weight = 1 + np.where(off * motion[2:] > 0, near / (1 - near**2) ** 2, 0.0)
-        return self._speeds * np.concatenate([np.ones(2), 1 / np.sqrt(weight)])
+        weight = 1 + np.where(off * arm > 0, near / (1 - near**2) ** 2, 0.0)
+        return self._speeds * np.concatenate([np.ones(self._base_parts), 1 / np.sqrt(weight)])
 
     @cached_property
     def _speeds(self) -> Array:
-        """Of rolling, turning and the joints."""
+        """Of the base, x, y and yaw, or what it rolls and turns, and of the joints."""
         limits = motion_limits(self.world.robot, self.world.speeds or Speeds())
-        return np.array([limits.speeds.base_velocity, limits.speeds.turn_velocity, *limits.joint_velocity])
+        turning = 0.0 if self.world.rules.heading == "fixed" else limits.speeds.turn_velocity
+        driving = [limits.speeds.base_velocity] * (self._base_parts - 1)
+        return np.array([*driving, turning, *limits.joint_velocity])
+
+    @property
+    def _base_parts(self) -> int:
+        """Number of coordinates of the base's motion."""
+        return 2 if self.world.robot.drive.rolls else 3
 
     def _holds(self, asked: list[Target], poses: list[Pose]) -> bool:
         """Whether the base's way is free, and the tool led along its path with the arm clear."""
         bases, joints = arrays(poses)
-        turns, rolled = np.diff(bases[:, 2]), self.world.robot.drive.rolled(bases)
-        hops = zip(bases, rolled.tolist(), turns.tolist(), strict=False)
+        drive, room, turns = self.world.robot.drive, room_for(self.world), np.diff(bases[:, 2])
+        hops = zip(bases[:-1], bases[1:], drive.rolled(bases).tolist(), turns.tolist(), strict=True)
         line = np.array([target.position for target in asked])
         sag = SAG_SHARE * self.world.rules.planned_path_tolerance
-        if not all(arc_is_free(room_for(self.world), *hop) for hop in hops):
+        if not all(
+            arc_is_free(room, a, rolled, turn) if drive.rolls else slide_is_free(room, a, b)
+            for a, b, rolled, turn in hops
+        ):
             return False
         if self.guard.led(bases, joints, line, LOOKED_AT, sag) < len(turns):
             return False
