@@ -1,4 +1,4 @@
-"""Wheels and joints together: the tool on its path, every hop an arc, nothing past its limits."""
+"""Base and joints together: the tool on its path, hops as the base drives, nothing past its limits."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.drives import BaseKind
 from regionik.worlds.obstacles import Sphere
-from regionik.worlds.scene import Floor, Rules, Target, World
+from regionik.worlds.scene import Floor, Rules, Start, Target, World
 
 RADIUS = 0.8  # of the car's arcs [m]
 POSTURE = np.array([0.2, 0.6, 0.7, 0.5, 0.0])  # of the youbot
 FLOOR = Floor(shapely.box(-5, -5, 5, 5))
 
 
-def world_of(base: BaseKind, way: Array, *solids: Sphere) -> tuple[World, Pose]:
-    """The youbot's arm on wheels, at the first of two targets a way apart."""
+def world_of(base: BaseKind, way: Array, *solids: Sphere, posture: Array = POSTURE) -> tuple[World, Pose]:
+    """The youbot's arm on a base, at the first of two targets a way apart."""
     robot = replace(robot_named("youbot"), base=base, turning_radius=RADIUS * (base == "car"))
-    here = Pose(np.array([0.3, -0.2, 0.4]), POSTURE)
+    here = Pose(np.array([0.3, -0.2, 0.4]), posture)
     tool = robot.tool(here.base, here.joints)[:3, 3]
     return World("rolling", robot, FLOOR, solids, (Target(tool), Target(tool + way)), Rules()), here
 
 
-@pytest.mark.parametrize("base", ["differential", "car"])
+@pytest.mark.parametrize("base", ["differential", "car", "omni"])
 @given(bearing=st.floats(-np.pi, np.pi), far=st.floats(0.01, 0.15))
-def test_the_tool_is_led_and_the_base_rolls(base: BaseKind, bearing: float, far: float) -> None:
+def test_the_tool_is_led_as_the_base_drives(base: BaseKind, bearing: float, far: float) -> None:
     way = far * np.array([np.cos(bearing), np.sin(bearing), 0.1])
     world, here = world_of(base, way)
     states = ResolvedMotion(world, guard_of(world)).onward(0, here)
@@ -46,7 +46,7 @@ def test_the_tool_is_led_and_the_base_rolls(base: BaseKind, bearing: float, far:
     share = np.linspace(0, 1, len(tools))
     assert np.abs(tools - tools[0] - share[:, None] * way).max() < 1e-6
     slid, length = robot.drive.parts(bases[:-1], bases[1:])
-    assert np.abs(slid[:, :2]).max() < 1e-12
+    assert base == "omni" or np.abs(slid[:, :2]).max() < 1e-12
     assert (np.abs(slid[:, 2]) * robot.drive.turning_radius <= np.abs(length) + 1e-9).all()
     assert (joints >= robot.chain.lower).all()
     assert (joints <= robot.chain.upper).all()
@@ -60,6 +60,30 @@ def test_it_is_the_motion_of_all_that_moves() -> None:
     assert states is not None
     assert np.linalg.norm(states[-1].base[:2] - here.base[:2]) > 0.03
     assert np.abs(states[-1].joints - here.joints).max() < 0.3
+
+
+@given(
+    joint=st.integers(0, 3), upper=st.booleans(), bearing=st.floats(-np.pi, np.pi), up=st.floats(-0.3, 0.3)
+)
+def test_a_joint_next_to_its_limit_stays_within(joint: int, upper: bool, bearing: float, up: float) -> None:
+    chain = robot_named("youbot").chain
+    near = chain.upper - 1e-3 if upper else chain.lower + 1e-3
+    posture = np.where(np.arange(5) == joint, near, POSTURE)
+    world, here = world_of("omni", np.array([np.cos(bearing), np.sin(bearing), up]) * 0.05, posture=posture)
+    guard = guard_of(replace(world, rules=Rules(avoidance=False)))
+    for pose in ResolvedMotion(world, guard).onward(0, here) or ():
+        assert (pose.joints >= chain.lower).all()
+        assert (pose.joints <= chain.upper).all()
+
+
+def test_a_fixed_heading_is_kept() -> None:
+    world, here = world_of("omni", np.array([0.05, 0.1, 0.0]))
+    fixed = replace(world, rules=Rules(heading="fixed"), start=Start(here.base, here.joints))
+    turned, kept = (ResolvedMotion(one, guard_of(one)).onward(0, here) for one in (world, fixed))
+    assert turned is not None
+    assert kept is not None
+    assert turned[-1].base[2] != here.base[2]
+    assert all(pose.base[2] == here.base[2] for pose in kept)
 
 
 def test_what_is_in_the_way_is_not_touched() -> None:
