@@ -17,7 +17,7 @@ from shapely.affinity import rotate, translate
 from regionik import pipeline
 from regionik.areas.standing import room_for, turns_matter
 from regionik.planners.smoothing.quadratic_program import minimize_quadratic
-from regionik.planners.solvers.tool_path import tool_jacobians
+from regionik.planners.solvers.aims import tool_jacobians
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import axis_of
 from regionik.pruning import whole_path

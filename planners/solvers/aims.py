@@ -1,4 +1,4 @@
-"""A path of the tool, point by point, what robots in given states miss of it, and how these change that."""
+"""Aims of the tool along a path, what robots in given states miss of them, and how these change that."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ ANGLE_LENGTH = 0.3  # weighs angles of the tool against lengths [m/rad]
 
 
 @dataclass(frozen=True, eq=False)
-class ToolPath:
-    """What is asked of the tool at n points of its path."""
+class Aims:
+    """What is asked of the tool at n points of its path: `Aim` by column."""
 
     position: Array  # (n, 3) [m]
     kind: Index  # (n,) what is asked of the tool's axes, see `damped_least_squares.Aim`
     turn: Array  # (n, 3, 3)
     cone: Array  # (n,) [rad]
 
-    def part(self, rows: slice) -> ToolPath:
+    def part(self, rows: slice) -> Aims:
         """Some of the points."""
-        return ToolPath(self.position[rows], self.kind[rows], self.turn[rows], self.cone[rows])
+        return Aims(self.position[rows], self.kind[rows], self.turn[rows], self.cone[rows])
 
 
-def tool_path(aims: Sequence[Aim]) -> ToolPath:
-    """The path through some aims."""
-    return ToolPath(
+def in_columns(aims: Sequence[Aim]) -> Aims:
+    """Aims one by one as columns."""
+    return Aims(
         np.array([aim.position for aim in aims]),
         np.array([aim.kind for aim in aims]),
         np.array([aim.turn for aim in aims]),
@@ -47,31 +47,31 @@ class Missed(NamedTuple):
     J: Array
 
 
-def missed_by(robot: Robot, path: ToolPath, states: Array) -> Missed:
-    """What states (n, m) of coordinates x, y, yaw and joints miss of n points of a path."""
+def missed_by(robot: Robot, aims: Aims, states: Array) -> Missed:
+    """What states (n, m) of coordinates x, y, yaw and joints miss of n aims."""
     frame, J = tool_jacobians(robot, states)
     miss = np.zeros((len(states), 6))
-    miss[:, :3] = path.position - frame[:, :3, 3]
-    miss[:, 3:] = _turn_left(path, frame[:, :3, :3])
+    miss[:, :3] = aims.position - frame[:, :3, 3]
+    miss[:, 3:] = _turn_left(aims, frame[:, :3, :3])
     angle = np.linalg.norm(miss[:, 3:], axis=1)
-    beyond = np.maximum(angle - path.cone, 0.0) / np.maximum(angle, 1e-300)
+    beyond = np.maximum(angle - aims.cone, 0.0) / np.maximum(angle, 1e-300)
     miss[:, 3:] *= ANGLE_LENGTH * beyond[:, None]
-    asked = np.where((path.kind > 0) & ((path.cone == 0) | (beyond > 0)), ANGLE_LENGTH, 0.0)
+    asked = np.where((aims.kind > 0) & ((aims.cone == 0) | (beyond > 0)), ANGLE_LENGTH, 0.0)
     J[:, 3:] *= asked[:, None, None]
-    axis = frame[:, :3, 2] * (path.kind == DIRECTION)[:, None]
+    axis = frame[:, :3, 2] * (aims.kind == DIRECTION)[:, None]
     J[:, 3:] -= axis[:, :, None] * np.einsum("ni,nij->nj", axis, J[:, 3:])[:, None]  # its roll is free
     return Missed(miss, J)
 
 
-def _turn_left(path: ToolPath, turned: Array) -> Array:
+def _turn_left(aims: Aims, turned: Array) -> Array:
     """Rotation vectors (n, 3) from tool frames to what is asked of them; zero where nothing is."""
     left = np.zeros((len(turned), 3))
-    whole, pointed = path.kind == ORIENTATION, path.kind == DIRECTION
+    whole, pointed = aims.kind == ORIENTATION, aims.kind == DIRECTION
     if whole.any():
-        way = path.turn[whole] @ np.swapaxes(turned[whole], 1, 2)
+        way = aims.turn[whole] @ np.swapaxes(turned[whole], 1, 2)
         left[whole] = Rotation.from_matrix(way).as_rotvec()
     if pointed.any():
-        axis, asked = turned[pointed, :, 2], path.turn[pointed, :, 2]
+        axis, asked = turned[pointed, :, 2], aims.turn[pointed, :, 2]
         normal = np.cross(axis, asked)
         sine = np.linalg.norm(normal, axis=1)
         angle = np.arctan2(sine, np.einsum("ni,ni->n", axis, asked))
