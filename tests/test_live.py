@@ -80,7 +80,7 @@ def test_only_what_changes_is_sent_again(path: Path) -> None:
     assert len(told) == 4
     assert str(path) in told[2]
     assert "\n" not in told[2]
-    assert "of 30 areas recomputed" in told[3]
+    assert told[3].startswith(told[0])
 
 
 def test_a_file_that_is_no_world_at_first_is_an_error(tmp_path: Path) -> None:

@@ -7,7 +7,6 @@ base goes from one slab to the next where it may stand in both.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import NamedTuple
@@ -133,12 +132,7 @@ def away(yaw: float, span: tuple[float, float]) -> float:
 
 def into_span(yaw: float, span: tuple[float, float]) -> float:
     """The heading within a span that is nearest to a heading, the shorter way round from it [rad]."""
-    low, high = span
-    if high - low >= 2 * np.pi:
-        return yaw
-    middle, half = (low + high) / 2, (high - low) / 2
-    off = (yaw - middle + math.pi) % (2 * math.pi) - math.pi
-    return yaw - (off - min(max(off, -half), half))
+    return float(into_spans(np.array(yaw), span))
 
 
 def into_spans(yaw: Array, span: tuple[float, float]) -> Array:

@@ -47,28 +47,14 @@ _DPI = 130
 BEYOND, LIGHT = 0.45, 0.13  # opacity beyond limits, and of intervals with the tool lifted
 _LEFT, _RIGHT, _ROW = 4.2, 7.2, 1.9  # widths of a column of joints and of the floor, height of curves [in]
 _STYLE = {
-    "axes.axisbelow": True,
-    "axes.edgecolor": "#5f6b76",
-    "axes.grid": True,
-    "axes.labelsize": 9,
-    "axes.spines.right": False,
-    "axes.spines.top": False,
-    "axes.titlelocation": "left",
-    "axes.titlesize": 10,
-    "figure.constrained_layout.h_pad": 0.08,
-    "figure.constrained_layout.use": True,
-    "font.size": 9,
-    "grid.alpha": 0.35,
-    "grid.linewidth": 0.5,
-    "legend.columnspacing": 1.4,
-    "legend.fontsize": 8.5,
-    "legend.frameon": False,
-    "legend.handlelength": 1.6,
-    "lines.linewidth": 1.2,
+    "axes.axisbelow": True, "axes.edgecolor": "#5f6b76", "axes.grid": True, "axes.labelsize": 9,
+    "axes.spines.right": False, "axes.spines.top": False, "axes.titlelocation": "left", "axes.titlesize": 10,
+    "figure.constrained_layout.h_pad": 0.08, "figure.constrained_layout.use": True,
+    "font.size": 9, "grid.alpha": 0.35, "grid.linewidth": 0.5, "lines.linewidth": 1.2,
+    "legend.columnspacing": 1.4, "legend.fontsize": 8.5, "legend.frameon": False, "legend.handlelength": 1.6,
     "svg.hashsalt": "regionik",  # without it names inside the file differ from run to run
-    "xtick.labelsize": 8,
-    "ytick.labelsize": 8,
-}
+    "xtick.labelsize": 8, "ytick.labelsize": 8,
+}  # fmt: skip
 
 
 def plot(plan: Plan, path: str | os.PathLike[str]) -> None:
@@ -189,15 +175,9 @@ def _field_figure(field: Field) -> Figure:
         _area(ax, solids, facecolor=_hex(Color.SOLID), zorder=3)
         key.append(Patch(facecolor=_hex(Color.SOLID), label="obstacles"))
     if len(task):
-        size = max(2.0, 4.0 * _crowding(60, task))
-        key += ax.plot(
-            *task.T, "o", color=_hex(Color.AHEAD), markersize=size, mew=0, zorder=4, label="targets"
-        )
-    ax.grid(visible=False)
+        key += _dots(ax, task, zorder=4, label="targets")
     title = field.meaning.partition(":")[0]  # of a slice, the legend names its values
-    ax.set(title=f"{field.world}: {title}", xlabel="x [m]", ylabel="y [m]", aspect="equal")
-    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-    ax.legend(handles=key, loc="upper center", bbox_to_anchor=(0.5, 0.0), borderaxespad=4.5, ncols=5)
+    _finish_floor(ax, f"{field.world}: {title}", low, high, key, ncols=5)
     return figure
 
 
@@ -214,10 +194,8 @@ def _field_values(ax: Axes, field: Field) -> list[Patch]:
         scale.ax.yaxis.set_major_locator(MaxNLocator(8, integer=True))
         return []
     key = []
-    for value, label, color in (
-        (UNDECIDED, "undecided", Color.TURNING),
-        (REACHABLE, "reachable", Color.STRONG),
-    ):
+    verdicts = (UNDECIDED, "undecided", Color.TURNING), (REACHABLE, "reachable", Color.STRONG)
+    for value, label, color in verdicts:
         if (field.values == value).any():
             cells = np.ma.masked_not_equal(field.values, value)
             ax.imshow(cells, cmap=ListedColormap([_hex(color)]), **place)
@@ -227,8 +205,7 @@ def _field_values(ax: Axes, field: Field) -> list[Patch]:
 
 def _stops_figure(world: World, stops: Sequence[Stop]) -> Figure:
     floor = stops_floor(world, stops)
-    high = (_RIGHT - 0.8) * float(np.clip(floor.height / floor.width, 0.3, 1.0)) + 1.2
-    figure = Figure(figsize=(_RIGHT, high + 0.7))
+    figure = Figure(figsize=(_RIGHT, _floor_height(floor) + 0.7))
     facts = count_noun(len(world.task), "set-point"), count_noun(len(stops), "stop")
     figure.suptitle(f"{world.name}: {', '.join(facts)}", fontsize=13, fontweight="bold")
     _floor(figure.add_subplot(), floor)
@@ -237,8 +214,7 @@ def _stops_figure(world: World, stops: Sequence[Stop]) -> Figure:
 
 def _figure(plan: Plan) -> Figure:
     curves, floor, dof = plan_curves(plan), plan_floor(plan), plan.world.robot.chain.dof
-    panels = 1 if curves.speeds is None else 2
-    high = (_RIGHT - 0.8) * float(np.clip(floor.height / floor.width, 0.3, 1.0)) + 1.2
+    panels, high = 1 if curves.speeds is None else 2, _floor_height(floor)
     figure = Figure(figsize=(_LEFT * panels + _RIGHT, max(1.3 * dof, high + _ROW * panels) + 0.7))
     figure.suptitle(_title(plan, curves), fontsize=13, fontweight="bold")
     sides = figure.add_gridspec(1, 2, width_ratios=[_LEFT * panels, _RIGHT])
@@ -252,6 +228,11 @@ def _figure(plan: Plan) -> Figure:
     return figure
 
 
+def _floor_height(floor: FloorView) -> float:
+    """Height of a panel of the floor, with its legend [in]."""
+    return (_RIGHT - 0.8) * float(np.clip(floor.height / floor.width, 0.3, 1.0)) + 1.2
+
+
 def _fix_layout(figure: Figure) -> None:
     """Lay the panels out once and round their positions: the solver's last digits vary between runs."""
     figure.draw_without_rendering()
@@ -263,12 +244,9 @@ def _fix_layout(figure: Figure) -> None:
 
 def _title(plan: Plan, curves: PlanCurves) -> str:
     facts = [count_noun(len(plan.setpoints), "set-point"), count_noun(plan.lift_offs, "lift-off")]
-    last = (
-        f"{curves.states[-1]:.1f} s"
-        if curves.timed
-        else f"{count_noun(len(plan.motion), 'state')}, not timed"
-    )
-    return f"{plan.world.name}: {', '.join([*facts, last])}"
+    states = count_noun(len(plan.motion), "state")
+    facts.append(f"{curves.states[-1]:.1f} s" if curves.timed else f"{states}, not timed")
+    return f"{plan.world.name}: {', '.join(facts)}"
 
 
 def _joints(figure: Figure, place: SubplotSpec, plan: Plan, curves: PlanCurves) -> None:
@@ -285,8 +263,7 @@ def _joints(figure: Figure, place: SubplotSpec, plan: Plan, curves: PlanCurves) 
             ax = figure.add_subplot(grid[k, column])
             _curve(ax, curves, values[:, k], (lower, upper))
             _shared_axis(ax, curves, last=k + 1 == len(joints))
-            ax.set_title(name)
-            ax.set_ylabel(f"[{unit}]")
+            ax.set(title=name, ylabel=f"[{unit}]")
 
 
 def _curve(ax: Axes, curves: PlanCurves, values: Array, limits: tuple[float, float]) -> None:
@@ -298,12 +275,8 @@ def _curve(ax: Axes, curves: PlanCurves, values: Array, limits: tuple[float, flo
     for limit, beyond in zip(limits, (low - pad, high + pad), strict=True):
         if np.isfinite(limit):
             ax.axhspan(limit, beyond, facecolor=_hex(Color.SOLID), alpha=BEYOND, linewidth=0)
-    ax.plot(
-        curves.along,
-        values,
-        color=_hex(Color.AXIS_PATH),
-        linewidth=0.6 + 0.6 * _crowding(1500, curves.states),
-    )
+    width = 0.6 + 0.6 * _crowding(1500, curves.states)
+    ax.plot(curves.along, values, color=_hex(Color.AXIS_PATH), linewidth=width)
     ax.yaxis.set_major_locator(MaxNLocator(4))
 
 
@@ -312,10 +285,8 @@ def _shared_axis(ax: Axes, curves: PlanCurves, last: bool) -> None:
     ax.set_xlim(curves.states[0], max(curves.states[-1], curves.states[0] + 1e-3))
     for start, end in curves.lifted.tolist():
         ax.axvspan(start, end, facecolor=_hex(Color.LIFTED), alpha=LIGHT, linewidth=0)
-    where, width = ax.get_xaxis_transform(), _crowding(100, curves.setpoints)
-    ax.vlines(
-        curves.setpoints, 0.0, 0.06, transform=where, color=_hex(Color.AHEAD), linewidth=width, zorder=3
-    )
+    ticks: dict[str, Any] = {"transform": ax.get_xaxis_transform(), "color": _hex(Color.AHEAD), "zorder": 3}
+    ax.vlines(curves.setpoints, 0.0, 0.06, linewidth=_crowding(100, curves.setpoints), **ticks)
     if last:
         ax.set_xlabel("time [s]" if curves.timed else "state, from 1 (the plan is not timed)")
     else:
@@ -324,22 +295,19 @@ def _shared_axis(ax: Axes, curves: PlanCurves, last: bool) -> None:
 
 def _key_to_marks(figure: Figure, curves: PlanCurves) -> None:
     """The legend of ticks and shades."""
-    ticks = Line2D(
-        [], [], color=_hex(Color.AHEAD), marker="|", markersize=7, linestyle="", label="set-points"
-    )
+    mark: dict[str, Any] = {"marker": "|", "markersize": 7, "linestyle": ""}
+    ticks = Line2D([], [], color=_hex(Color.AHEAD), label="set-points", **mark)
     beyond = Patch(facecolor=_hex(Color.SOLID), alpha=BEYOND, label="beyond the limits")
     lifted = Patch(facecolor=_hex(Color.LIFTED), alpha=LIGHT, label="tool lifted")
-    figure.legend(
-        handles=[ticks, beyond, *([lifted] if len(curves.lifted) else [])], loc="outside lower left", ncols=3
-    )
+    handles = [ticks, beyond, *([lifted] if len(curves.lifted) else [])]
+    figure.legend(handles=handles, loc="outside lower left", ncols=3)
 
 
 def _speeds(ax: Axes, curves: PlanCurves) -> None:
     assert curves.speeds is not None
     ax.plot(curves.along, curves.speeds.tool, color=_hex(Color.PASSED), linewidth=1.6, label="tool")
     ax.plot(curves.along, curves.speeds.base, color=_hex(Color.AXIS_PATH), linewidth=0.8, label="base")
-    ax.set_title("speed")
-    ax.set_ylabel("[m/s]")
+    ax.set(title="speed", ylabel="[m/s]")
     ax.set_ylim(bottom=0.0)
     _shared_axis(ax, curves, last=False)
     _legend(ax)
@@ -357,8 +325,7 @@ def _clearance(ax: Axes, plan: Plan, curves: PlanCurves) -> None:
             ax.plot(curves.states, values, color=_hex(color), linestyle=style, label=label)
             if least > 0:
                 ax.axhline(least, color=_hex(color), linestyle="--", linewidth=0.9, label="asked for")
-    ax.set_title("clearance")
-    ax.set_ylabel("[m]")
+    ax.set(title="clearance", ylabel="[m]")
     ax.set_ylim(bottom=min(0.0, *(float(values.min()) for _, values, *_ in lines)))
     _shared_axis(ax, curves, last=True)
     _legend(ax)
@@ -394,17 +361,12 @@ def _floor(ax: Axes, floor: FloorView) -> None:
         label = "tool path asked for" if floor.driven else "order of the set-points"
         label, color = ("path of the tool", Color.PASSED) if floor.moves else (label, Color.PATH)
         key += ax.plot(*floor.tool_path.T, color=_hex(color), linewidth=1.0, label=label)
-    line, width, label = (
-        ("-", 1.6, "path of the arm's axis") if floor.driven else (":", 1.0, "order of the stops")
-    )
     if len(floor.axis_path):
-        key += ax.plot(
-            *floor.axis_path.T, line, color=_hex(Color.AXIS_PATH), linewidth=width, label=label, zorder=5
-        )
-    size = max(2.0, 4.0 * _crowding(60, floor.setpoints))
-    key += ax.plot(
-        *floor.setpoints.T, "o", color=_hex(Color.AHEAD), markersize=size, mew=0, label="set-points"
-    )
+        driven = {"linestyle": "-", "linewidth": 1.6, "label": "path of the arm's axis"}
+        joined = {"linestyle": ":", "linewidth": 1.0, "label": "order of the stops"}
+        line: dict[str, Any] = driven if floor.driven else joined
+        key += ax.plot(*floor.axis_path.T, color=_hex(Color.AXIS_PATH), zorder=5, **line)
+    key += _dots(ax, floor.setpoints, label="set-points")
     if not floor.circles.is_empty:
         paint = {"facecolor": _hex(Color.PARKING)}
         _area(ax, floor.circles, zorder=5, **paint)
@@ -416,11 +378,23 @@ def _floor(ax: Axes, floor: FloorView) -> None:
     if len(floor.headings):
         where = "the base at some set-points" if len(floor.axis_path) else "the base at the start"
         key.append(Line2D([], [], color=_hex(Color.ROBOT), linewidth=0.9, label=where))
-    (x_low, y_low), (x_high, y_high) = floor.low, floor.high
-    ax.set(xlim=(x_low, x_high), ylim=(y_low, y_high), aspect="equal", xlabel="x [m]", ylabel="y [m]")
-    ax.set_title("floor, by places of the arm's axis")
+    _finish_floor(ax, "floor, by places of the arm's axis", floor.low, floor.high, key, ncols=3)
+
+
+def _finish_floor(
+    ax: Axes, title: str, low: Array, high: Array, key: list[Patch | Line2D], ncols: int
+) -> None:
+    """Title, window and legend of a floor."""
     ax.grid(visible=False)
-    ax.legend(handles=key, loc="upper center", bbox_to_anchor=(0.5, 0.0), borderaxespad=4.5, ncols=3)
+    ax.set(title=title, xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    ax.legend(handles=key, loc="upper center", bbox_to_anchor=(0.5, 0.0), borderaxespad=4.5, ncols=ncols)
+
+
+def _dots(ax: Axes, points: Array, **more: Any) -> list[Line2D]:
+    """Set-points or targets (n, 2), smaller where there are many."""
+    size = max(2.0, 4.0 * _crowding(60, points))
+    return ax.plot(*points.T, "o", color=_hex(Color.AHEAD), markersize=size, mew=0, **more)
 
 
 def _area(ax: Axes, area: BaseGeometry, **paint: Any) -> None:

@@ -1,15 +1,10 @@
-"""`show --live`: watch a world file, and compute and draw again only what its changes affect.
-
-The area of a set-point depends on the set-point, the robot, the rules, the floor, and the obstacles within
-its reach. While the others stay, an obstacle that is added, removed or moved affects only the set-points
-whose reach meets its grown shadow, before or after.
-"""
+"""`show --live`: watch a world file, compute its areas anew on each save, and redraw what has changed."""
 
 from __future__ import annotations
 
 import gc
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -19,30 +14,26 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from regionik.areas.ground import GUARD, Geometries, ground_of, grow, shadow_of
-from regionik.areas.standing import PathAreas, anywhere, by_heading, turns_matter
-from regionik.pruning import Pruned, Refusal, cut_path, prune_path
-from regionik.regions import path_areas, ways_to_stand
+from regionik.areas.ground import ground_of, grow, shadow_of
+from regionik.areas.standing import PathAreas, by_heading, turns_matter
+from regionik.pruning import Pruned, whole_path
+from regionik.regions import path_areas
 from regionik.view import triangle_meshes
 from regionik.view.floor_areas import DETAIL
-from regionik.view.picture import Color, Picture, SceneMesh, camera_for, count_noun
+from regionik.view.picture import Color, Picture, SceneMesh, count_noun
 from regionik.view.viewer import delete_node, draw_meshes, draw_message, set_scene
 from regionik.view.world_picture import (
     floor_layer,
-    floor_radius,
     map_meshes,
-    robot_meshes,
-    robot_points,
+    picture_with_robot,
     scene_obstacle,
-    shown_start,
     task_meshes,
 )
 from regionik.worlds.documents.world_file import load_world
-from regionik.worlds.errors import Explanation, InputError
+from regionik.worlds.errors import Explanation, InputError, NoPlanFound
 from regionik.worlds.obstacles import Solid
 from regionik.worlds.scene import Floor, World
 
-Index = NDArray[np.intp]
 POLL_INTERVAL = 0.05  # [s]
 
 
@@ -54,7 +45,6 @@ class LiveAreas:
     areas: PathAreas  # of every set-point, over the arm's front and back, at any heading of the base
     pruned: Pruned | None  # areas that whole traversals use; None where there is none
     explanation: Explanation | None  # why there is none
-    recomputed: tuple[int, ...]  # set-points whose areas were computed anew
 
 
 def live_areas(world: World, before: LiveAreas | None = None) -> LiveAreas:
@@ -64,121 +54,33 @@ def live_areas(world: World, before: LiveAreas | None = None) -> LiveAreas:
     ----------
     world : World
     before : LiveAreas, optional
-        Of an earlier version of the world; what has not changed is taken from there.
+        Of an earlier version of the world: parts of it that have not changed are the very same objects.
 
     Examples
     --------
     >>> from regionik.worlds.documents.world_file import load_world
-    >>> first = live_areas(load_world("pillar"))
-    >>> again = live_areas(load_world("pillar"), first)
-    >>> first.explanation is None, len(first.recomputed), len(again.recomputed)
-    (True, 15, 0)
+    >>> live_areas(load_world("pillar")).explanation is None
+    True
     """
     if before is not None:
         world = _with_unchanged_parts(world, before.world)
-    standing = anywhere(world)
-    kept = {} if before is None else _kept_targets(before, world)
-    recomputed = tuple(i for i in range(len(world.task)) if i not in kept)
-    fresh = path_areas(world, [world.task[i] for i in recomputed], standing=standing)
-    areas = _combined(fresh, recomputed, before.areas if before else fresh, kept)
-    pruned, explanation = _prune(world, areas)
-    return LiveAreas(world, areas, pruned, explanation, recomputed)
-
-
-def _prune(world: World, areas: PathAreas) -> tuple[Pruned | None, Explanation | None]:
-    """The plainest way to stand and to face that needs no lift-off, as plans choose it; or the fewest."""
-    found: list[Pruned] = []
-    refused: Refusal | None = None
-    for standing, facings in ways_to_stand(world):
-        if standing is anywhere:
-            rows = np.flatnonzero([family.facing in facings for family in areas.family])
-            pruned = cut_path(world, standing(world), _select(areas, rows))
-        else:
-            pruned = prune_path(world, standing(world), facings)[1]
-        if not isinstance(pruned, Pruned):
-            refused = pruned
-            continue
-        found.append(pruned)
-        if not pruned.breaks:
-            break
-    if found:
-        return min(found, key=lambda one: len(one.breaks)), None
-    return None, None if refused is None else refused()
+    areas = path_areas(world)
+    try:
+        return LiveAreas(world, areas, whole_path(world)[2], None)
+    except NoPlanFound as no:
+        return LiveAreas(world, areas, None, no.explanation)
 
 
 def _with_unchanged_parts(world: World, before: World) -> World:
     """The world with parts equal to those before replaced by them: caches know them by identity."""
-    solids: dict[str, list[Solid]] = {}
-    for solid in before.obstacles:
-        solids.setdefault(solid.name, []).append(solid)
-    obstacles = tuple(
-        next((twin for twin in solids.get(one.name, []) if is_equal(one, twin)), one)
-        for one in world.obstacles
-    )
-    floor = before.floor if is_equal(world.floor, before.floor) else world.floor
-    robot = before.robot if is_equal(world.robot, before.robot) else world.robot
+
+    def kept(now: Any, then: Any) -> Any:
+        return then if is_equal(now, then) else now
+
+    known = {solid.name: solid for solid in before.obstacles}
+    obstacles = tuple(kept(solid, known.get(solid.name)) for solid in world.obstacles)
+    floor, robot = kept(world.floor, before.floor), kept(world.robot, before.robot)
     return replace(world, obstacles=obstacles, floor=floor, robot=robot)
-
-
-def _kept_targets(before: LiveAreas, world: World) -> dict[int, int]:
-    """Set-points whose area has not changed, each with its index before."""
-    old = before.world
-    same = is_equal((old.robot, old.floor, old.rules), (world.robot, world.floor, world.rules))
-    if not same or (world.rules.heading == "fixed" and not is_equal(old.start, world.start)):
-        return {}
-    changed = _changed_shadows(old, world)
-    affected = np.zeros(len(old.task), dtype=bool)
-    if len(changed):
-        rows, _ = shapely.STRtree(changed).query(before.areas.reach, predicate="intersects")
-        affected[before.areas.target[rows]] = True
-    others = np.flatnonzero(~affected).tolist()
-    kept: dict[int, int] = {}
-    for i, target in enumerate(world.task):
-        first = [i] if i < len(old.task) and not affected[i] else []  # most keep their index
-        for j in (*first, *others):
-            if is_equal(old.task[j], target):
-                kept[i] = j
-                break
-    return kept
-
-
-def _changed_shadows(before: World, after: World) -> Geometries:
-    """Grown shadows of the obstacles that are not in both worlds."""
-    shadows = []
-    for one, other in ((before, after), (after, before)):
-        shared = {id(solid) for solid in other.obstacles}
-        distance = ground_of(one).clearance + ground_of(one).far + GUARD
-        for solid in one.obstacles:
-            shadow = None if id(solid) in shared else shadow_of(solid, one.robot.body_height)
-            if shadow is not None:
-                shadows.append(grow(shadow, distance, inner=True))
-    shapes: Geometries = np.array(shadows, dtype=object)
-    return shapes
-
-
-def _combined(
-    fresh: PathAreas, recomputed: Sequence[int], before: PathAreas, kept: dict[int, int]
-) -> PathAreas:
-    """Rows of the areas computed anew and of those kept, by set-point."""
-    new = np.array(recomputed, dtype=np.intp)[fresh.target]
-    old = [(i, row) for i, j in kept.items() for row in np.flatnonzero(before.target == j).tolist()]
-    pairs = np.array(old, dtype=np.intp).reshape(-1, 2)
-    parts = _select(before, pairs[:, 1])
-    target = np.concatenate([new, pairs[:, 0]])
-    order = np.argsort(target, kind="stable")
-    families = (*fresh.family, *parts.family)
-    return PathAreas(
-        target[order],
-        tuple(families[k] for k in order.tolist()),
-        np.concatenate([fresh.side, parts.side])[order],
-        np.concatenate([fresh.reach, parts.reach])[order],
-        np.concatenate([fresh.inner, parts.inner])[order],
-    )
-
-
-def _select(areas: PathAreas, rows: Index) -> PathAreas:
-    family = tuple(areas.family[k] for k in rows.tolist())
-    return PathAreas(areas.target[rows], family, areas.side[rows], areas.reach[rows], areas.inner[rows])
 
 
 def is_equal(a: Any, b: Any) -> bool:
@@ -239,8 +141,7 @@ def watch(
         shown = redraw(visualizer, shown, picture)
         draw_message(visualizer, verdict(areas), camera, picture.legend)
         seconds = time.perf_counter() - began
-        count = f"{len(areas.recomputed)} of {len(areas.world.task)} areas recomputed"
-        report(f"{verdict(areas)} ({count}, {seconds:.2f} s)")
+        report(f"{verdict(areas)} ({seconds:.2f} s)")
 
 
 def file_changes(path: Path) -> Iterator[None]:
@@ -306,13 +207,8 @@ def live_picture(areas: LiveAreas) -> Picture:
 
     The robot stands at its start, or at the edge of the first set-point's area.
     """
-    world = areas.world
     first = areas.areas.inner[areas.areas.target == 0]
-    pose = shown_start(world, shapely.union_all(first))
-    robot, poses = ([], {}) if pose is None else robot_meshes(world, *pose, ghost=world.start is None)
-    camera = camera_for(world, np.empty((0, 3)) if pose is None else robot_points(world.robot, *pose))
-    bodies = (*live_meshes(areas), *robot)
-    return Picture(world.name, (), bodies, poses, camera, floor_radius(world, camera))
+    return picture_with_robot(areas.world, (), live_meshes(areas), shapely.union_all(first))
 
 
 def live_meshes(areas: LiveAreas) -> list[SceneMesh]:

@@ -44,17 +44,18 @@ _SEEN = 0.7  # of the footprint, from which visual surfaces show the whole base
 
 def picture_of_world(world: World) -> Picture:
     """The picture of a world before anything is planned."""
-    pose = shown_start(world)
+    facts = tuple(line for line in (world.about, count_noun(len(world.task), "set-point")) if line)
+    return picture_with_robot(world, facts, world_meshes(world))
+
+
+def picture_with_robot(
+    world: World, facts: tuple[str, ...], bodies: list[SceneMesh], area: BaseGeometry | None = None
+) -> Picture:
+    """A picture of bodies, and of the robot where `shown_start` has it."""
+    pose = shown_start(world, area)
     robot, poses = ([], {}) if pose is None else robot_meshes(world, *pose, ghost=world.start is None)
     camera = camera_for(world, np.empty((0, 3)) if pose is None else robot_points(world.robot, *pose))
-    return Picture(
-        title=world.name,
-        facts=tuple(line for line in (world.about, count_noun(len(world.task), "set-point")) if line),
-        bodies=(*world_meshes(world), *robot),
-        poses=poses,
-        camera=camera,
-        extent=floor_radius(world, camera),
-    )
+    return Picture(world.name, facts, (*bodies, *robot), poses, camera, floor_radius(world, camera))
 
 
 def world_meshes(world: World, covered: BaseGeometry | None = None) -> list[SceneMesh]:
