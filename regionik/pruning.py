@@ -72,17 +72,14 @@ def whole_path(world: World) -> tuple[Standing, PathAreas, Pruned]:
         Where none of them spans the path.
     """
     found: list[tuple[Standing, PathAreas, Pruned]] = []
-    refused: Refusal | None = None
     for standing, facings in ways_to_stand(world):
         areas, pruned = prune_path(world, standing(world), facings)
-        if not isinstance(pruned, Pruned):
-            refused = pruned
-            continue
-        found.append((standing(world), areas, pruned))
-        if not pruned.breaks:
-            break
-    if not found and refused is not None:
-        raise NoPlanFound(refused())
+        if isinstance(pruned, Pruned):
+            found.append((standing(world), areas, pruned))
+            if not pruned.breaks:
+                break
+    if not found and not isinstance(pruned, Pruned):
+        raise NoPlanFound(pruned())
     return min(found, key=lambda one: len(one[2].breaks))
 
 
@@ -95,24 +92,24 @@ def spans(world: World) -> bool:
 def prune_path(
     world: World, standing: Standing, facings: tuple[int, ...]
 ) -> tuple[PathAreas, Pruned | Refusal]:
-    """Areas for some facings, and their ladder pruned from the floor the base stands on; see `cut_path`."""
-    areas = path_areas(world, facings=facings, standing=standing)
-    return areas, cut_path(world, standing, areas)
-
-
-def cut_path(world: World, standing: Standing, areas: PathAreas) -> Pruned | Refusal:
-    """Ladder of the areas of all set-points, pruned from the floor the base stands on.
+    """Areas of all set-points for some facings, and their ladder pruned from the floor the base stands on.
 
     Where a set-point has no area, or none that the base can get to, or there are too many lift-offs, what
     explains it, which may take longer than all else.
     """
-    ladder = build_ladder(areas, len(world.task), standing)
+    areas = path_areas(world, facings=facings, standing=standing)
+    return areas, _cut(world, standing, build_ladder(areas, len(world.task), standing))
+
+
+def _cut(world: World, standing: Standing, ladder: Ladder) -> Pruned | Refusal:
     if ladder.empty:
         return partial(no_places, world, ladder.empty)
-    pruned = _best_pruned(world, standing, ladder)
+    every = (prune(ladder, ladder.floor == piece) for piece in _start_pieces(world, standing, ladder))
+    pruned = min(every, key=lambda found: (found.gap is not None, len(found.breaks)))
     if pruned.gap is not None:
         return partial(_cut_off, world, standing, pruned, pruned.gap)
-    if _lifts_too_often(world, pruned):
+    allowed = world.rules.max_lift_offs
+    if allowed is not None and len(pruned.breaks) > allowed:
         return partial(_too_many_lifts, world, pruned)
     return pruned
 
@@ -120,18 +117,6 @@ def cut_path(world: World, standing: Standing, areas: PathAreas) -> Pruned | Ref
 def _too_many_lifts(world: World, pruned: Pruned) -> Explanation:
     bridges = [shapely.shortest_line(pruned.area(i - 1), pruned.area(i)) for i in pruned.breaks]
     return too_many_lifts(world, pruned.breaks, bridges)
-
-
-def _best_pruned(world: World, standing: Standing, ladder: Ladder) -> Pruned:
-    """The ladder pruned to the piece of floor that serves all set-points with the fewest lift-offs."""
-    pieces = _start_pieces(world, standing, ladder)
-    every = (prune(ladder, ladder.floor == piece) for piece in pieces)
-    return min(every, key=lambda found: (found.gap is not None, len(found.breaks)))
-
-
-def _lifts_too_often(world: World, pruned: Pruned) -> bool:
-    allowed = world.rules.max_lift_offs
-    return allowed is not None and len(pruned.breaks) > allowed
 
 
 def _cut_off(world: World, standing: Standing, pruned: Pruned, gap: int) -> Explanation:

@@ -174,16 +174,14 @@ def path_areas(
         for side in track("headings", sides)
     ]
     areas = [side.subtract(rings) for side, (_, _, rings) in zip(sides, found, strict=True)]
-    target = np.concatenate([rows for rows, _, _ in found])
-    order = np.argsort(target, kind="stable")
-    family = [one for _, families, _ in found for one in families]
-    return PathAreas(
-        target[order],
-        tuple(family[k] for k in order.tolist()),
-        np.repeat(np.arange(len(sides)), [len(rows) for rows, _, _ in found])[order],
-        np.concatenate([rings for _, _, rings in found])[order],
-        np.concatenate(areas)[order],
+    by_side = PathAreas(
+        np.concatenate([rows for rows, _, _ in found]),
+        tuple(one for _, families, _ in found for one in families),
+        np.repeat(np.arange(len(sides)), [len(rows) for rows, _, _ in found]),
+        np.concatenate([rings for _, _, rings in found]),
+        np.concatenate(areas),
     )
+    return by_side.sorted_by(by_side.target)
 
 
 def ways_to_stand(world: World) -> Iterator[tuple[Callable[[World], Standing], tuple[int, ...]]]:

@@ -17,7 +17,8 @@ import regionik as rik
 from regionik.planners.collision.proximity import nearest
 from regionik.planners.collision.robot_bodies import bodies_from
 from regionik.values import Plan
-from regionik.view.clearance import clearances, footprints
+from regionik.verification.base_clearance import footprint_hulls
+from regionik.view.clearance import clearances
 from regionik.view.figure_data import POSES, plan_curves, plan_floor
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
@@ -40,7 +41,7 @@ def test_clearances_are_those_of_each_state(plan: Plan) -> None:
     found = clearances(world, motion.base, motion.joints)
     shadows = [solid.shadow(world.robot.body_height) for solid in world.solids]
     bodies = bodies_from(world.robot, world.solids)
-    outlines = footprints(world.robot, motion.base)
+    outlines = footprint_hulls(world.robot, motion.base)
     for k in range(0, len(motion), 7):
         gaps = [shadow.distance(outlines[k]) for shadow in shadows if shadow is not None]
         assert found.base[k] == pytest.approx(min(gaps), abs=1e-9)

@@ -65,7 +65,7 @@ def test_no_cover_by_the_poses_drawn_has_fewer() -> None:
     inside = np.zeros((len(every._drawn), len(world.task)), dtype=bool)
     for k in range(len(inside)):
         every._prove(k, inside)
-    served = {i for pose in found for i in pose.held.served}
+    served = {i for part in found for i in part.setpoints}
     assert served == set(np.flatnonzero(inside.any(axis=0)).tolist())
     assert len(found) == len(least_cover(inside[:, sorted(served)]).chosen) >= parking.lower
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -133,17 +133,22 @@ def shortest_choice(distance: Array, layers: Sequence[Index], lead: Array, tail:
     lead, tail : (m,) arrays
         As of `shortest_order`.
     """
-    cost, back = lead[layers[0]], list[Index]()
-    for here, there in pairwise(layers):
-        ways = cost[:, None] + distance[np.ix_(here, there)]
+    steps = (distance[np.ix_(here, there)] for here, there in pairwise(layers))
+    chosen = _cheapest_through(lead[layers[0]], steps, tail[layers[-1]])
+    return [int(layer[k]) for layer, k in zip(layers, chosen, strict=True)]
+
+
+def _cheapest_through(cost: Array, steps: Iterable[Array], end: Array | float = 0.0) -> list[int]:
+    """One option of each layer, by dynamic programming: costs of the first, of steps between, of the last."""
+    back = list[Index]()
+    for step in steps:
+        ways = cost[:, None] + step
         back.append(np.argmin(ways, axis=0))
         cost = ways.min(axis=0)
-    k = int(np.argmin(cost + tail[layers[-1]]))
-    chosen = [k]
+    chosen = [int(np.argmin(cost + end))]
     for table in back[::-1]:
-        k = int(table[k])
-        chosen.append(k)
-    return [int(layer[k]) for layer, k in zip(layers, chosen[::-1], strict=True)]
+        chosen.append(int(table[chosen[-1]]))
+    return chosen[::-1]
 
 
 def _ends(far: Array, some: ArrayLike | None) -> Array:
@@ -234,17 +239,9 @@ def _sampled(region: BaseGeometry) -> Array:
 def _best_of_samples(samples: list[Array], start: Array | None) -> Array:
     """Shortest tour through one sample of each region, by dynamic programming."""
     cost = np.zeros(len(samples[0])) if start is None else np.hypot(*(samples[0] - start).T)
-    back: list[Index] = []
-    for here, there in pairwise(samples):
-        ways = cost[:, None] + np.hypot(*(here[:, None] - there[None]).transpose(2, 0, 1))
-        back.append(np.argmin(ways, axis=0))
-        cost = ways.min(axis=0)
-    k = int(np.argmin(cost))
-    chosen = [k]
-    for table in back[::-1]:
-        k = int(table[k])
-        chosen.append(k)
-    return np.array([spots[k] for spots, k in zip(samples, chosen[::-1], strict=True)])
+    steps = (np.hypot(*(here[:, None] - there).transpose(2, 0, 1)) for here, there in pairwise(samples))
+    chosen = _cheapest_through(cost, steps)
+    return np.array([spots[k] for spots, k in zip(samples, chosen, strict=True)])
 
 
 def _between(region: BaseGeometry, before: Array | None, after: Array | None, here: Array) -> Array:
@@ -255,19 +252,12 @@ def _between(region: BaseGeometry, before: Array | None, after: Array | None, he
     line = LineString([before, after])
     if region.intersects(line):
         return np.array(shapely.shortest_line(region & line, Point(here)).coords[0])
-    spots = np.vstack(
-        [_reflection_points(shapely.get_coordinates(ring), before, after) for ring in _rings(region)]
-    )
+    rings = map(shapely.get_coordinates, shapely.get_rings(shapely.get_parts(region)))
+    spots = np.vstack([_reflection_points(ring, before, after) for ring in rings])
     ways = np.hypot(*(spots - before).T) + np.hypot(*(spots - after).T)
     best = int(np.argmin(ways))
     now = float(np.hypot(*(here - before)) + np.hypot(*(here - after)))
     return spots[best] if ways[best] < now - GAIN else here
-
-
-def _rings(region: BaseGeometry) -> list[BaseGeometry]:
-    """Rings of all polygons of a region."""
-    rings: list[BaseGeometry] = list(shapely.get_rings(shapely.get_parts(region)))
-    return rings
 
 
 def _reflection_points(ring: Array, before: Array, after: Array) -> Array:

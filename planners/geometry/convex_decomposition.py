@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 from shapely.geometry import Polygon
 
-from regionik.planners.geometry.delaunay import delaunay_triangles
+from regionik.planners.geometry.triangulation import delaunay_triangles
 from regionik.worlds.arrays import Array
 
 # fcl searches the corners of a solid one by one up to 32 and walks along its edges above that;

@@ -9,9 +9,9 @@ from heapq import heappop, heappush
 from math import hypot
 
 import numpy as np
+import shapely
 from shapely.geometry import MultiPolygon, Polygon
 
-from regionik.planners.geometry.delaunay import delaunay_triangles
 from regionik.planners.geometry.polygons import DEPTH, FlatPolygon, nearest_on_segment
 from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array, Index
@@ -27,6 +27,14 @@ class Triangulation:
     vertices: Array  # (v, 2) [m]
     corners: Index  # (t, 3) vertices of each triangle, counter-clockwise
     neighbours: Index  # (t, 3) triangle across the edge from corner k to corner k + 1, -1 for none
+
+
+def delaunay_triangles(polygon: Polygon | MultiPolygon) -> tuple[Array, Index]:
+    """Constrained Delaunay triangles: vertices (v, 2) [m], and indices counter-clockwise, (t, 3)."""
+    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
+    xy = shapely.get_coordinates(shapely.orient_polygons(triangles)).reshape(-1, 4, 2)[:, :3]
+    vertices, corners = np.unique(xy.reshape(-1, 2), axis=0, return_inverse=True)
+    return vertices, corners.reshape(-1, 3).astype(np.int64)
 
 
 @lru_cache(maxsize=32)

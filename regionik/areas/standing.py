@@ -76,6 +76,12 @@ class PathAreas:
     reach: Geometries
     inner: Geometries
 
+    def sorted_by(self, target: Index) -> PathAreas:
+        """Return the rows in the order of other numbers of their targets, (m,)."""
+        by = np.argsort(target, kind="stable")
+        family = tuple(self.family[k] for k in by.tolist())
+        return PathAreas(target[by], family, self.side[by], self.reach[by], self.inner[by])
+
 
 @dataclass(frozen=True, eq=False)
 class Standing:

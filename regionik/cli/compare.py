@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from dataclasses import asdict
 from pathlib import Path
@@ -21,7 +19,7 @@ from regionik.cli.console import (
     print_message,
     read_world,
 )
-from regionik.storage.files import json_text, json_values, write_atomic
+from regionik.storage.files import csv_text, json_text, json_values, write_atomic
 
 if TYPE_CHECKING:
     from regionik.comparison import Comparison, Score
@@ -82,12 +80,7 @@ def _document(comparison: Comparison) -> dict[str, Any]:
 def scores_csv(comparison: Comparison) -> str:
     """Return scores as CSV, one row a method; cells are empty for NaN."""
     rows = [asdict(score) for score in comparison.scores]
-    text = io.StringIO(newline="")
-    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    for row in rows:
-        writer.writerow({key: "" if value != value else value for key, value in row.items()})
-    return text.getvalue()
+    return csv_text([rows[0], *(["" if cell != cell else cell for cell in row.values()] for row in rows)])
 
 
 def _print_scores(comparison: Comparison) -> None:

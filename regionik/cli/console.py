@@ -101,7 +101,8 @@ def check_output(
     choices = tuple(suffixes)
     if path.is_dir():
         raise InputError(f"{path}: expected a file to write, this is a folder")
-    if choices and path.suffix.lower() not in choices and not _is_device(path):
+    is_device = path.exists() and not path.is_file()  # a pipe, or /dev/stdout
+    if choices and path.suffix.lower() not in choices and not is_device:
         raise InputError(f"{path}: expected a file name ending in {', '.join(choices)}")
     if not path.parent.is_dir():
         raise InputError(f"{path}: expected an existing folder, {path.parent} is not there")
@@ -110,11 +111,6 @@ def check_output(
         raise InputError(f"{path}: nothing can be written in that folder")
     if path.is_file() and any(read is not None and _is_same_file(path, read) for read in reads):
         raise InputError(f"{path}: is the file to read, expected another to write")
-
-
-def _is_device(path: Path) -> bool:
-    """Return True for what is there and no file: a pipe, or ``/dev/stdout``."""
-    return path.exists() and not path.is_file()
 
 
 def _is_same_file(path: Path, other: Path | str) -> bool:
@@ -386,14 +382,11 @@ def _asked(world: World) -> dict[str, tuple[str, float]]:
 def print_answers(answer: Answer) -> None:
     """Print answers as a table on stdout."""
     from rich.console import Console
-    from rich.table import Table
+    from rich.table import Column, Table
 
-    table = Table(box=None, pad_edge=False)
-    for column in ("x", "y", "z"):
-        table.add_column(column, justify="right")
-    table.add_column("verdict")
-    table.add_column("base x, y, yaw")
-    table.add_column("reason", overflow="fold")
+    right = [Column(name, justify="right") for name in ("x", "y", "z")]
+    rest = "verdict", "base x, y, yaw", Column("reason", overflow="fold")
+    table = Table(*right, *rest, box=None, pad_edge=False)
     for k, target in enumerate(answer.targets):
         base = ", ".join(f"{v:z.3f}" for v in answer.base[k]) if answer.reachable[k] else ""
         verdict = str(answer.verdict[k])

@@ -5,12 +5,10 @@
 
 from __future__ import annotations
 
-import csv
 import hashlib
-import io
 import json
 import platform
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -21,7 +19,7 @@ from shapely.geometry import Point, mapping
 from regionik.executors import AHEAD, Pool, map_unordered
 from regionik.planners.progress import tell, track
 from regionik.reachability.reach import CHUNK, reach
-from regionik.storage.files import json_text, json_values, open_partial, write_atomic
+from regionik.storage.files import csv_text, json_text, json_values, open_partial, write_atomic
 from regionik.storage.plan_document import feature, feature_collection
 from regionik.values import Answer, Stop
 from regionik.worlds.documents.world_file import world_to_document
@@ -143,18 +141,12 @@ def write_answers(answer: Answer, names: Sequence[str], path: Path) -> None:
 
 def csv_header(names: Sequence[str]) -> str:
     """The first line of a table of answers."""
-    return _csv([(*_AXES, "verdict", *_BASE, *names, "reason")])
+    return csv_text([(*_AXES, "verdict", *_BASE, *names, "reason")])
 
 
 def csv_rows(answer: Answer, names: Sequence[str]) -> str:
     """Answers as lines of a table, without its header."""
-    return _csv(zip(*_columns(answer, names).values(), strict=True))
-
-
-def _csv(rows: Iterable[Iterable[object]]) -> str:
-    text = io.StringIO(newline="")
-    csv.writer(text, lineterminator="\n").writerows(rows)
-    return text.getvalue()
+    return csv_text(zip(*_columns(answer, names).values(), strict=True))
 
 
 def _columns(answer: Answer, names: Sequence[str]) -> dict[str, list[Any]]:
@@ -212,8 +204,8 @@ def stream_answers(
     blocks = index_csv(table, CHUNK)
     with open_partial(output, _manifest(world, blocks)) as partial:
         counts = partial.counts()
-        if not counts:
-            _check_lines(blocks)
+        for k in track("read", range(0 if counts else len(blocks))):
+            blocks.block(k).path()  # a mistake in the last line is reported before the first is answered
         missing = ((k, blocks.block(k)) for k in range(len(blocks)) if k not in counts)
         tell("blocks", len(counts), len(blocks))
         done = dict(counts)
@@ -223,12 +215,6 @@ def stream_answers(
             tell("blocks", len(done), len(blocks))
         partial.join(csv_header(world.robot.chain.names).encode())
     return sum(yes for yes, _ in done.values()), sum(total for _, total in done.values())
-
-
-def _check_lines(blocks: CsvTable) -> None:
-    """Read every line once: a mistake in the last is reported before the first is answered."""
-    for k in track("read", range(len(blocks))):
-        blocks.block(k).path()
 
 
 def _answer_block(world: World, block: CsvBlock) -> tuple[bytes, int, int]:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from regionik.output.ros2 import Message, nanoseconds, stamp
+from regionik.output.ros2 import Message, nanoseconds, quaternion, stamp, vector
 from regionik.timing.trajectory import TrajectorySample
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import World
@@ -62,14 +62,13 @@ def motion_events(world: World, sample: TrajectorySample, frame: str) -> list[Ev
     for k, time in enumerate(nanoseconds(sample.time).tolist()):
         header = {"stamp": stamp(time), "frame_id": frame}
         x, y, yaw = sample.base[k].tolist()
-        turn = {"x": 0.0, "y": 0.0, "z": float(np.sin(yaw / 2)), "w": float(np.cos(yaw / 2))}
-        place = {"translation": {"x": x, "y": y, "z": 0.0}, "rotation": turn}
+        place = {"translation": vector(x, y), "rotation": quaternion(yaw)}
         moved = {"header": header, "child_frame_id": frames.base_link, "transform": place}
-        held = dict(zip("xyz", T_base_tool[k, :3, 3].tolist(), strict=True))
+        turn = dict(zip("xyzw", turns[k].tolist(), strict=True))
         tool = {
             "header": {"stamp": stamp(time), "frame_id": frames.base_link},
             "child_frame_id": frames.tool0,
-            "transform": {"translation": held, "rotation": dict(zip("xyzw", turns[k].tolist(), strict=True))},
+            "transform": {"translation": vector(*T_base_tool[k, :3, 3].tolist()), "rotation": turn},
         }
         joints = {
             "header": {"stamp": stamp(time), "frame_id": ""},

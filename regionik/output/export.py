@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import os
 from collections.abc import Callable
@@ -15,7 +13,7 @@ import numpy as np
 from regionik.output.ros2 import SUFFIXES, both_messages, joint_trajectory, message_text, path_message
 from regionik.output.ros2_folder import ros2_files
 from regionik.output.urdf import robot_to_urdf
-from regionik.storage.files import write_atomic, write_folder
+from regionik.storage.files import csv_text, write_atomic, write_folder
 from regionik.storage.plan_document import PARTS, feature, multipolygon
 from regionik.timing.limits import tool_velocity
 from regionik.timing.trajectory import is_timed, sample_plan, trajectory
@@ -120,13 +118,11 @@ def plan_to_csv(plan: Plan, rate: float | None = None) -> str:
         speed = np.linalg.norm(tool_velocity(robot, *sample.columns[:2]), axis=1)
         columns += [sample.base_velocity, sample.joint_velocity]
         columns += [sample.base_acceleration, sample.joint_acceleration, speed[:, None]]
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(header)
-    owners, numbers = rows.setpoint.tolist(), np.hstack(columns).tolist()
-    for k, (kind, owner, time) in enumerate(zip(rows.kind, owners, sample.time.tolist(), strict=True)):
-        writer.writerow([k, kind, "" if owner < 0 else owner, "" if np.isnan(time) else time, *numbers[k]])
-    return text.getvalue()
+    owners = (None if i < 0 else i for i in rows.setpoint.tolist())
+    times = (None if np.isnan(time) else time for time in sample.time.tolist())
+    cells = zip(rows.kind, owners, times, np.hstack(columns).tolist(), strict=True)
+    lines = ([k, kind, owner, time, *numbers] for k, (kind, owner, time, numbers) in enumerate(cells))
+    return csv_text([header, *lines])
 
 
 def plan_to_geojson(plan: Plan) -> str:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from regionik.output.ros2 import FRAME
+from regionik.output.ros2 import FRAME, quaternion, vector
 from regionik.view.triangle_meshes import obstacle_mesh
 from regionik.worlds.arrays import Array
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
@@ -40,8 +40,7 @@ def _collision_object(solid: Solid, frame: str) -> dict[str, Any]:
         case Prism() | Mesh():
             mesh = obstacle_mesh(solid)
             triangles = [{"vertex_indices": corners} for corners in mesh.faces.tolist()]
-            vertices = [{"x": x, "y": y, "z": z} for x, y, z in mesh.vertices.tolist()]
-            shape = {"triangles": triangles, "vertices": vertices}
+            shape = {"triangles": triangles, "vertices": [vector(*one) for one in mesh.vertices.tolist()]}
             return {**document, "meshes": [shape], "mesh_poses": [_pose(np.zeros(3))]}
     return {**document, "primitives": [shape], "primitive_poses": [pose]}
 
@@ -51,6 +50,4 @@ def _primitive(kind: int, dimensions: Array) -> dict[str, Any]:
 
 
 def _pose(position: Array, yaw: float = 0.0) -> dict[str, Any]:
-    x, y, z = position.tolist()
-    turn = {"x": 0.0, "y": 0.0, "z": float(np.sin(yaw / 2)), "w": float(np.cos(yaw / 2))}
-    return {"position": {"x": x, "y": y, "z": z}, "orientation": turn}
+    return {"position": vector(*position.tolist()), "orientation": quaternion(yaw)}

@@ -67,7 +67,7 @@ def base_trajectory(plan: Plan, rate: float | None = None, frame: str = FRAME) -
     """
     points = [
         {
-            "transforms": [{"translation": _vector(x, y), "rotation": _quaternion(yaw)}],
+            "transforms": [{"translation": vector(x, y), "rotation": quaternion(yaw)}],
             "velocities": [_twist(sample.base_velocity[k])],
             "accelerations": [_twist(sample.base_acceleration[k])],
             "time_from_start": moment,
@@ -109,7 +109,7 @@ def path_message(plan: Plan, rate: float | None = None, frame: str = FRAME) -> M
     poses = [
         {
             "header": _header(frame, moment),
-            "pose": {"position": _vector(x, y), "orientation": _quaternion(yaw)},
+            "pose": {"position": vector(x, y), "orientation": quaternion(yaw)},
         }
         for moment, (x, y, yaw) in zip(clock.tolist(), rows.sample.base.tolist(), strict=True)
     ]
@@ -134,18 +134,20 @@ def message_text(message: Message, suffix: str) -> str:
     return "\n".join(_block(message, "")) + "\n"
 
 
-def _vector(x: float, y: float, z: float = 0.0) -> Message:
+def vector(x: float, y: float, z: float = 0.0) -> Message:
+    """Fields of geometry_msgs/msg/Vector3 and Point."""
     return {"x": x, "y": y, "z": z}
 
 
-def _quaternion(yaw: float) -> Message:
+def quaternion(yaw: float) -> Message:
+    """Fields of geometry_msgs/msg/Quaternion of a turn about z."""
     return {"x": 0.0, "y": 0.0, "z": float(np.sin(yaw / 2)), "w": float(np.cos(yaw / 2))}
 
 
 def _twist(rates: Array) -> Message:
     """Rates of x, y and yaw as the fields of geometry_msgs/msg/Twist."""
     x, y, turn = rates.tolist()
-    return {"linear": _vector(x, y), "angular": _vector(0.0, 0.0, turn)}
+    return {"linear": vector(x, y), "angular": vector(0.0, 0.0, turn)}
 
 
 def _header(frame: str, clock: int) -> Message:

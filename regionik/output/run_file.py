@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-import io
-
 import numpy as np
 
 from regionik.output.bag import Event, bag_files, motion_events
 from regionik.output.ros2 import PATH, nanoseconds, path_message
 from regionik.simulation.run import SimulatedRun
+from regionik.storage.files import csv_text
 from regionik.timing.trajectory import TrajectorySample
 
 _BASE = ("base_x", "base_y", "base_yaw")
@@ -28,12 +26,8 @@ def run_to_csv(run: SimulatedRun) -> str:
     numbers = np.column_stack(
         [np.round(run.time, 9), run.base, run.joints, run.estimate, run.tool, run.tool_speed, run.tool_error]
     )
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(header)
-    for row, on_path in zip(numbers.tolist(), run.reference.on_path.tolist(), strict=True):
-        writer.writerow([*row, int(on_path)])
-    return text.getvalue()
+    rows = zip(numbers.tolist(), run.reference.on_path.tolist(), strict=True)
+    return csv_text([header, *([*row, int(on_path)] for row, on_path in rows)])
 
 
 def run_to_mcap(run: SimulatedRun) -> bytes:

@@ -86,11 +86,9 @@ class _Branches:
 
     def joined(self, joints: Array, owner: Index) -> _Branches:
         """These and others that are not like one of them at the same set-point."""
-        new = [
-            n
-            for n, (q, k) in enumerate(zip(joints, owner, strict=True))
-            if not (np.abs(self.joints[self.owner == k] - q).max(axis=1) <= ALIKE).any()
-        ]
+        known = (self.joints[self.owner == k] for k in owner)
+        off = [np.abs(rows - q).max(axis=1).min() for rows, q in zip(known, joints, strict=True)]
+        new = np.flatnonzero(np.array(off) > ALIKE)
         return _Branches(np.vstack([self.joints, joints[new]]), np.concatenate([self.owner, owner[new]]))
 
 
@@ -115,7 +113,8 @@ class _ArmTour:
     def led_on(self, branches: _Branches) -> _Branches:
         """Branches, and more: along the shortest tour each posture led on from the one before."""
         for _ in range(LED):
-            chosen = branches.of(np.array(self._shortest(branches, self._times(branches)).order))
+            far = _times(branches.joints, self.velocity)
+            chosen = branches.of(np.array(self._shortest(branches, far).order))
             more = self.carrier.led(self.held.base, chosen.owner, chosen.joints)
             before, branches = len(branches.owner), branches.joined(more, chosen.owner)
             if len(branches.owner) == before:
@@ -127,7 +126,7 @@ class _ArmTour:
 
         Its length counts motions that are not clear by the way round; its bound counts all as clear.
         """
-        far, left = self._times(branches), np.ones(len(branches.owner), dtype=bool)
+        far, left = _times(branches.joints, self.velocity), np.ones(len(branches.owner), dtype=bool)
         holds = np.arange(len(left)) < len(self.held.joints)
         for k in range(PROVEN):
             some = np.flatnonzero(left if k < PROVEN - 1 else holds)
@@ -139,7 +138,7 @@ class _ArmTour:
             if holds[order].all() and not self._ways_round(branches, order, far):
                 break
         rest = branches.of(some)
-        lower = self._shortest(rest, self._times(rest)).lower
+        lower = self._shortest(rest, _times(rest.joints, self.velocity)).lower
         return branches.of(order), replace(tour, lower=min(lower, tour.length))
 
     def _holds(self, branches: _Branches, n: int) -> bool:
@@ -171,10 +170,6 @@ class _ArmTour:
         root = self.held.roadmap.joints[:1]
         ends = cdist(root / self.velocity, branches.joints / self.velocity, "chebyshev")[0]
         return shortest_tour_of_sets(far, branches.owner, ends, ends)
-
-    def _times(self, branches: _Branches) -> Array:
-        """Time from one posture to another, all joints straight (m, m) [s]."""
-        return _times(branches.joints, self.velocity)
 
 
 def _times(joints: Array, velocity: Array) -> Array:

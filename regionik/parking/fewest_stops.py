@@ -85,21 +85,16 @@ def park_in_any_order(world: World) -> Parking:
     for standing, facings in list(ways_to_stand(world))[1::2]:
         found: list[Parking] = []
         for parking_areas in parking_areas_on(world, standing(world), facings):
-            empty = np.flatnonzero(_component_counts(parking_areas) == 0)
-            if len(empty):
-                refused = refused or NoPlanFound(no_room(world, int(empty[0]), parking_areas))
+            ladder = parking_areas.ladder
+            held = set(ladder.target[shapely.area(parking_areas.narrow) > 0].tolist())
+            empty = [i for i in range(ladder.count) if i not in held]
+            if empty:
+                refused = refused or NoPlanFound(no_room(world, empty[0], parking_areas))
             else:
                 found.append(_covered(world, parking_areas))
         if found:
             return min(found, key=lambda one: len(one.groups))
     raise refused or NoPlanFound(no_place(world, 0))
-
-
-def _component_counts(parking_areas: ParkingAreas) -> Index:
-    real = shapely.area(parking_areas.narrow) > 0
-    return np.bincount(parking_areas.ladder.target[real], minlength=parking_areas.ladder.count).astype(
-        np.intp
-    )
 
 
 def _covered(world: World, parking_areas: ParkingAreas) -> Parking:
@@ -109,7 +104,7 @@ def _covered(world: World, parking_areas: ParkingAreas) -> Parking:
     side = np.array(sides, dtype=np.intp)[part]
     groups = _assigned(world.task, faces, side, cover, parking_areas)
     some = world.task[:: stride(len(world.task))]  # none does with fewer than some of the set-points need
-    outer = shrunk_by_circle(_outer(world, some), world, outside=True)
+    outer = _outer_places(world, some)
     bound = least_cover(overlay_faces(outer).inside)
     known: dict[str, int | bool | str] = {
         "lower_bound": bound.lower, "bound": "outer areas",
@@ -138,47 +133,39 @@ def _assigned(
     return groups
 
 
-def _outer(world: World, task: Sequence[Target]) -> Geometries:
-    areas = np.empty(len(task), dtype=object)
-    areas[:] = outer_areas(world, task)
-    return areas
+def _outer_places(world: World, task: Sequence[Target]) -> Geometries:
+    """Places to park for each target, bounded from outside."""
+    return shrunk_by_circle(np.array(outer_areas(world, task), dtype=object), world, outside=True)
 
 
 @lru_cache(maxsize=8)
 def _fewest_outer_runs(world: World) -> int:
     """Lower bound of the stops in the given order, whatever the headings and postures."""
-    areas = shrunk_by_circle(_outer(world, world.task), world, outside=True)
-    count = len(areas)
+    areas, count = _outer_places(world, world.task), len(world.task)
     back = [[i - 1] if i else [] for i in range(count)]
     return len(fewest_runs(areas, np.arange(count + 1), back))
 
 
 def no_room(world: World, i: int, parking_areas: ParkingAreas) -> Explanation:
     """Explanation of a set-point i without a place to park."""
-    rungs = parking_areas.ladder.rungs
-    span = slice(int(rungs[i]), int(rungs[i + 1]))
-    every = parking_areas.ladder.component[span]
+    ladder = parking_areas.ladder
+    span = slice(int(ladder.rungs[i]), int(ladder.rungs[i + 1]))
+    every = ladder.component[span]
     if not len(every):
         return no_place(world, i)
     if not parking_areas.usable[span].any():
-        piece = parking_areas.ladder.floor[parking_areas.usable][:1].tolist() or [
-            int(parking_areas.ladder.floor[span][0])
-        ]
-        return cut_off(
-            world, i, shapely.union_all(parking_areas.standing.whole(piece[0])), shapely.union_all(every)
-        )
+        pieces = np.append(ladder.floor[parking_areas.usable], ladder.floor[span])
+        floor = shapely.union_all(parking_areas.standing.whole(int(pieces[0])))
+        return cut_off(world, i, floor, shapely.union_all(every))
     widest = max(radius(area) for area in every[parking_areas.usable[span]])
     wanted = world.rules.stop_tolerance
     who = setpoint_at(world.task, i)
     circle = f"circle of radius {wanted:.4f} m to park in"
     proven = shrunk(outer_areas(world, [world.task[i]])[0], wanted, outside=True).is_empty
-    if proven:
-        reason = f"{who} can be reached, but the base has no {circle}; the largest has {widest:.4f} m."
-    else:
-        reason = (
-            f"{no_way_to(who)} from a {circle}; the largest known has {widest:.4f} m, and outer "
-            "areas leave room for one."
-        )
+    reason = f"{who} can be reached, but the base has no {circle}; the largest has {widest:.4f} m."
+    if not proven:
+        reason = f"{no_way_to(who)} from a {circle}; the largest known has {widest:.4f} m, and outer areas "
+        reason += "leave room for one."
     reason += f" A stop_tolerance of at most {widest:.4f} m would do."
     cause = Cause("floor", "room to park", wanted - widest)
     return Explanation("unreachable" if proven else "undecided", i, reason, (cause,))

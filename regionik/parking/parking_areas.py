@@ -41,6 +41,21 @@ class StopGroup:
 
 
 @dataclass(frozen=True, eq=False)
+class StopPart:
+    """Set-points that are done from one place of the arm axis (2,), by the side of its standing."""
+
+    side: int
+    axis: Array
+    setpoints: tuple[int, ...]
+    held: HeldPostures | None = None  # at the set-points, where a place does not give the arm its posture
+
+    def of(self, setpoints: tuple[int, ...]) -> StopPart:
+        """Return the part for some of the set-points."""
+        held, at = self.held, [self.setpoints.index(i) for i in setpoints]
+        return replace(self, setpoints=setpoints, held=None if held is None else held.of(at))
+
+
+@dataclass(frozen=True, eq=False)
 class ParkingAreas:
     """Areas to park in, under one way to stand and to face."""
 
@@ -87,10 +102,14 @@ class ParkingAreas:
 
     @cached_property
     def _areas(self) -> dict[int, Geometries]:
-        return {s: _areas_of(self, s) for s in sorted(set(self.ladder.side.tolist()))}
+        return {}
 
     def areas_at(self, side: int) -> Geometries:
         """Places to park at one side, by set-point, whatever the posture."""
+        if side not in self._areas:
+            own, target = self.ladder.side == side, self.ladder.target
+            parts = [self.narrow[own & (target == i)] for i in range(self.ladder.count)]
+            self._areas[side] = np.array([shapely.union_all(part) for part in parts], dtype=object)
         return self._areas[side]
 
     def shared(self, setpoints: Sequence[int], side: int, near: ArrayLike) -> BaseGeometry:
@@ -146,10 +165,7 @@ def parking_areas_on(
 def reordered(world: World, parking_areas: ParkingAreas, order: Sequence[int]) -> ParkingAreas:
     """Parking areas for a world of the same set-points in another order, by the index that each had."""
     areas = parking_areas.areas
-    target = np.argsort(order)[areas.target]
-    by = np.argsort(target, kind="stable")
-    family = tuple(areas.family[k] for k in by.tolist())
-    moved = PathAreas(target[by], family, areas.side[by], areas.reach[by], areas.inner[by])
+    moved = areas.sorted_by(np.argsort(order)[areas.target])
     found = parking_areas_on(world, parking_areas.standing, parking_areas.facings, moved)
     return next(one for one in found if one.piece == parking_areas.piece)
 
@@ -160,15 +176,6 @@ def _pieces(world: World, standing: Standing, ladder: Ladder) -> list[int]:
         return sorted(set(ladder.floor.tolist()) - {-1})
     piece = standing.piece_at(axis_of(world.robot, world.start.base), float(world.start.base[2]))
     return [] if piece is None else [piece]
-
-
-def _areas_of(parking_areas: ParkingAreas, side: int) -> Geometries:
-    """Places to park at one side, by set-point."""
-    ladder, own = parking_areas.ladder, parking_areas.ladder.side == side
-    parts = [parking_areas.narrow[own & (ladder.target == i)] for i in range(ladder.count)]
-    areas = np.empty(ladder.count, dtype=object)
-    areas[:] = [shapely.union_all(part) for part in parts]
-    return areas
 
 
 def shrunk_by_circle(shapes: Geometries, world: World, *, outside: bool) -> Geometries:

@@ -21,7 +21,7 @@ from regionik.areas.ground import Geometries
 from regionik.areas.standing import spread
 from regionik.parking.arm_roadmap import HeldPostures
 from regionik.parking.held_postures import PostureCarrier
-from regionik.parking.parking_areas import Parking
+from regionik.parking.parking_areas import Parking, StopPart
 from regionik.planners.coverage.set_cover import least_cover
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import pose_of
@@ -38,15 +38,6 @@ NODES = 200  # of branch and bound for a cover
 ROUNDS = 40  # in which a cover is taken
 
 Mask = NDArray[np.bool_]
-
-
-@dataclass(frozen=True, eq=False)
-class SampledPose:
-    """A pose of the base, by the side of its standing, and the set-points that are done from there."""
-
-    side: int
-    axis: Array  # (2,) position of the arm axis [m]
-    held: HeldPostures
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +59,8 @@ class PoseCover:
     parking: Parking
     _proven: dict[int, HeldPostures | None] = field(default_factory=dict)
 
-    def fewest(self) -> list[SampledPose]:
-        """Return the poses of a least cover; what none of those drawn serves is left out."""
+    def fewest(self) -> list[StopPart]:
+        """Return what the poses of a least cover serve; what none of those drawn serves is left out."""
         poses = self._drawn
         inside = np.zeros((len(poses), len(self.world.task)), dtype=bool)
         for row, pose in zip(inside, poses, strict=True):
@@ -90,7 +81,8 @@ class PoseCover:
                 break
             for k in new:
                 self._prove(k, inside)
-        return [self._sampled(k) for k in chosen if self._proven.get(k) is not None]
+        held = ((poses[k], self._proven.get(k)) for k in chosen)
+        return [StopPart(pose.side, pose.axis, one.served, one) for pose, one in held if one is not None]
 
     def _of_known(self, inside: Mask) -> tuple[int, ...] | None:
         """The least cover by poses whose postures are proven; None where these do not cover."""
@@ -107,11 +99,6 @@ class PoseCover:
         inside[k] = False
         if held is not None:
             inside[k, list(held.served)] = True
-
-    def _sampled(self, k: int) -> SampledPose:
-        pose, held = self._drawn[k], self._proven[k]
-        assert held is not None
-        return SampledPose(pose.side, pose.axis, held)
 
     @cached_property
     def _carrier(self) -> PostureCarrier:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import shapely
@@ -14,13 +14,12 @@ from regionik.explain.arm_failures import no_posture
 from regionik.parking.arm_roadmap import HeldPostures
 from regionik.parking.arm_tour import in_short_order
 from regionik.parking.fewest_stops import park
-from regionik.parking.parking_areas import Parking, StopGroup
+from regionik.parking.parking_areas import Parking, StopGroup, StopPart
 from regionik.parking.placements import BasePlacement, PlacementSearch
 from regionik.parking.sampled_poses import PoseCover
 from regionik.parking.stop_sequence import StopSequence, stop_sequence
 from regionik.planners.coverage.set_cover import least_cover, undominated
 from regionik.values import Stop
-from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.scene import World
 
@@ -109,21 +108,6 @@ def in_sequence(world: World, parking: Parking) -> StopSequence:
     return replace(sequence, tours={**sequence.tours, **arm})
 
 
-@dataclass(frozen=True, eq=False)
-class _Part:
-    """Set-points that are done from one place of the arm axis, by the side of its standing."""
-
-    side: int
-    axis: Array
-    setpoints: tuple[int, ...]
-    held: HeldPostures | None = None  # at the set-points, where a place does not give the arm its posture
-
-    def of(self, setpoints: tuple[int, ...]) -> _Part:
-        """Return the part for some of the set-points."""
-        held, at = self.held, [self.setpoints.index(i) for i in setpoints]
-        return replace(self, setpoints=setpoints, held=None if held is None else held.of(at))
-
-
 def _by_one_heading(world: World, parking: Parking) -> tuple[StopGroup, ...]:
     """Fewest stops found of which one heading serves each: areas do not know how far a pivot turns.
 
@@ -138,29 +122,25 @@ def _by_one_heading(world: World, parking: Parking) -> tuple[StopGroup, ...]:
         parts = _covering([*parts, *_from_places(placements, parking)], len(world.task))
     else:
         parts = _from_poses(placements, parking)
+    areas = parking.parking_areas
+    places = ({part.side: areas.shared(part.setpoints, part.side, part.axis)} for part in parts)
     return tuple(
-        StopGroup(
-            part.setpoints,
-            {part.side: parking.parking_areas.shared(part.setpoints, part.side, part.axis)},
-            part.axis,
-            part.held,
-        )
-        for part in parts
+        StopGroup(part.setpoints, place, part.axis, part.held)
+        for part, place in zip(parts, places, strict=True)
     )
 
 
-def _from_places(placements: PlacementSearch, parking: Parking) -> Iterator[_Part]:
+def _from_places(placements: PlacementSearch, parking: Parking) -> Iterator[StopPart]:
     """What headings serve from the places of faces, and from places all over the areas."""
     for side, spots in parking.spots.items():
         some = spread(shapely.union_all(parking.parking_areas.areas_at(side)), PLACES, 0)
         for spot in np.concatenate([spots, some]):
-            yield from (_Part(side, spot, found) for found in placements.served(spot, side))
+            yield from (StopPart(side, spot, found) for found in placements.served(spot, side))
 
 
-def _from_poses(placements: PlacementSearch, parking: Parking) -> list[_Part]:
+def _from_poses(placements: PlacementSearch, parking: Parking) -> list[StopPart]:
     """The least cover by sampled poses, and parts of stops for what none of these serves."""
-    found = PoseCover(placements.world, parking).fewest()
-    parts = [_Part(pose.side, pose.axis, pose.held.served, pose.held) for pose in found]
+    parts = PoseCover(placements.world, parking).fewest()
     served = {i for part in parts for i in part.setpoints}
     for group in parking.groups:
         left = tuple(i for i in group.setpoints if i not in served)
@@ -168,7 +148,7 @@ def _from_poses(placements: PlacementSearch, parking: Parking) -> list[_Part]:
     return _covering(parts, len(placements.world.task))
 
 
-def _covering(parts: Sequence[_Part], count: int) -> list[_Part]:
+def _covering(parts: Sequence[StopPart], count: int) -> list[StopPart]:
     """The least cover of all set-points by parts, each set-point left to one of them."""
     inside = np.zeros((len(parts), count), dtype=bool)
     for row, part in zip(inside, parts, strict=True):
@@ -181,14 +161,14 @@ def _covering(parts: Sequence[_Part], count: int) -> list[_Part]:
     return [parts[k].of(own) for k, own in zip(chosen.tolist(), members, strict=True) if own]
 
 
-def _parts(placements: PlacementSearch, group: StopGroup) -> Iterator[_Part]:
+def _parts(placements: PlacementSearch, group: StopGroup) -> Iterator[StopPart]:
     while group.setpoints:
         widest = placements.widest(group)
         if widest is None:
             raise NoPlanFound(no_posture(placements.world, group.setpoints[0]))
         side = int(placements.parking_areas.ladder.side[widest.chain[0]])
         held = HeldPostures(widest.base, widest.setpoints, widest.near, 0.0, widest.roadmap)
-        yield _Part(side, widest.axis, widest.setpoints, None if placements.exact else held)
+        yield StopPart(side, widest.axis, widest.setpoints, None if placements.exact else held)
         left = tuple(i for i in group.setpoints if i not in widest.setpoints)
         group = StopGroup(left, group.places)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import fields
 from functools import lru_cache
 from itertools import chain
 from typing import Any, Literal, NamedTuple
@@ -138,7 +138,7 @@ def _decided(world: World, targets: Sequence[Target]) -> list[_Result]:
     ruled_out = {i: area.is_empty for i, area in zip(rest, outer, strict=True)}
     for i in track("targets in doubt", rest):
         if ruled_out[i]:
-            results[i] = _ruled_out(world, targets[i])
+            results[i] = _Result("unreachable", None, 0.0, no_place(world, 0, [targets[i]]).reason)
         else:
             results[i] = _closely(world, targets[i], _largest_first(areas, i))
     return [results[i] for i in range(len(targets))]
@@ -170,7 +170,7 @@ def _carried(
         return None
     away = target.position[:2] - axis_of(world.robot, place)
     cells = int(np.hypot(*away) / KNOWN), round(float(target.position[2]) / KNOWN)
-    known = _known_postures(world).at(family, *cells)
+    known = _known_posture(world, family, *cells)
     if known is None:
         return None
     if world.rules.heading != "fixed":
@@ -178,27 +178,12 @@ def _carried(
     return solver.least_change(target, place, known)
 
 
-@dataclass(frozen=True, eq=False)
-class _KnownPostures:
-    """Postures with the tool at cells of distance and height, the same whichever target asks for them."""
-
-    world: World
-    _found: dict[tuple[Family, int, int], Array | None] = field(default_factory=dict)
-
-    def at(self, family: Family, out: int, up: int) -> Array | None:
-        """A posture with the tool so many cells out and up; None where none is known."""
-        key = family, out, up
-        if key not in self._found:
-            base, carry = pose_of(self.world.robot, np.zeros(2), 0.0), self.world.robot.carry
-            spot = np.array([KNOWN * out, 0.0, KNOWN * up])
-            reached = solver_for(self.world, family).hold(spot, base, carry)
-            self._found[key] = reached.joints if reached.converged else None
-        return self._found[key]
-
-
-@lru_cache(maxsize=8)
-def _known_postures(world: World) -> _KnownPostures:
-    return _KnownPostures(world)
+@lru_cache(maxsize=4096)
+def _known_posture(world: World, family: Family, out: int, up: int) -> Array | None:
+    """A posture with the tool so many cells out and up, whichever target asks; None where none is known."""
+    base, spot = pose_of(world.robot, np.zeros(2), 0.0), np.array([KNOWN * out, 0.0, KNOWN * up])
+    reached = solver_for(world, family).hold(spot, base, world.robot.carry)
+    return reached.joints if reached.converged else None
 
 
 def _closely(world: World, target: Target, likely: Sequence[KnownArea]) -> _Result:
@@ -229,18 +214,12 @@ def _everywhere(search: TargetSearch) -> _Result:
         return _Result("undecided", None, np.inf, "")
     seen = search_any_base(world, target, CELLS)
     if seen.verdict == Verdict.RULED_OUT:
-        around = ", ".join([*seen.around, "itself and its base"])
-        return _Result(
-            "unreachable", None, 0.0, f"{_who(target)} cannot be reached: {_NO_WAY.format(around)}"
-        )
+        way = _NO_WAY.format(", ".join([*seen.around, "itself and its base"]))
+        return _Result("unreachable", None, 0.0, f"{_who(target)} cannot be reached: {way}")
     if seen.pose is not None and search.confirms(seen.pose):
         return _Result("reachable", seen.pose, 0.0, "")
     gap = np.inf if seen.pose is not None else seen.gap  # an unconfirmed pose bounds nothing
     return _Result("undecided", None, gap, "")
-
-
-def _ruled_out(world: World, target: Target) -> _Result:
-    return _Result("unreachable", None, 0.0, no_place(world, 0, [target]).reason)
 
 
 def _doubt(search: TargetSearch, gap: float, tried: int) -> str:

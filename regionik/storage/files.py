@@ -6,8 +6,10 @@ made from. Once all of them exist, they are joined, the file is moved into place
 
 from __future__ import annotations
 
+import csv
 import dataclasses
 import fcntl
+import io
 import json
 import math
 import os
@@ -15,7 +17,7 @@ import re
 import secrets
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -250,6 +252,13 @@ def json_values(value: Any) -> Any:
     if hasattr(value, "tolist"):  # an array or a number of numpy
         return json_values(value.tolist())
     return value
+
+
+def csv_text(rows: Iterable[Iterable[object]]) -> str:
+    """Rows as CSV, None an empty cell."""
+    text = io.StringIO(newline="")
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue()
 
 
 def json_text(value: Any) -> str:

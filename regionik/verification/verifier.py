@@ -8,13 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from regionik.planners.progress import tell
-from regionik.values import Configuration, Motion, Plan, Report, Violation
+from regionik.values import Answer, Configuration, Motion, Plan, Report, Violation
 from regionik.verification.arm_clearance import verify_arm_clearance
 from regionik.verification.base_clearance import verify_base_clearance, verify_floor
 from regionik.verification.derived_fields import verify_derived_fields
@@ -109,25 +107,9 @@ def _report(findings: Sequence[Finding]) -> Report:
     return Report(not violations, margins, violations)
 
 
-class ReachAnswers(Protocol):
-    """What is read of the answers of `regionik.reach`."""
-
-    @property
-    def targets(self) -> Array: ...
-
-    @property
-    def reachable(self) -> NDArray[np.bool_]: ...
-
-    @property
-    def base(self) -> Array: ...
-
-    @property
-    def joints(self) -> Array: ...
-
-
 def verify_answers(
     world: World,
-    answer: ReachAnswers,
+    answer: Answer,
     targets: Sequence[Target] | None = None,
     which: Sequence[int] | None = None,
 ) -> Report:

@@ -11,8 +11,8 @@ import shapely
 from regionik.planners.collision.proximity import nearest
 from regionik.planners.collision.robot_bodies import Bodies, ContactTargets, bodies_from
 from regionik.postures.arm_guard import guard_of
+from regionik.verification.base_clearance import base_shadows, footprint_hulls
 from regionik.worlds.arrays import Array
-from regionik.worlds.robot import Robot
 from regionik.worlds.scene import World
 
 
@@ -52,21 +52,12 @@ def _distances(bodies: Bodies, base: Array, joints: Array, contact: ContactTarge
 
 def _base_clearance(world: World, base: Array) -> Array:
     """Footprint to the nearest shadow at every pose, 0 where they meet, (n,) [m]."""
-    shadows = [solid.shadow(world.robot.body_height) for solid in world.solids]
-    shown = [shadow for shadow in shadows if shadow is not None and not shadow.core.is_empty]
+    shown = [shadow for _, shadow in base_shadows(world)]
     nearest_shadow = np.full(len(base), np.inf)
-    prints = footprints(world.robot, base)
+    prints = footprint_hulls(world.robot, base)
     for radius in sorted({shadow.radius for shadow in shown}):
         cores = shapely.STRtree([shadow.core for shadow in shown if shadow.radius == radius])
         which, distance = cores.query_nearest(prints, return_distance=True, all_matches=False)
         nearest_shadow[which[0]] = np.minimum(nearest_shadow[which[0]], distance - radius)
     clearance: Array = np.maximum(nearest_shadow, 0.0)
     return clearance
-
-
-def footprints(robot: Robot, base: Array) -> shapely.Geometry:
-    """Return the outlines of the base at poses (n, 3), an (n,) array of polygons."""
-    c, s = np.cos(base[:, 2]), np.sin(base[:, 2])
-    turn = np.stack([np.stack([c, s], -1), np.stack([-s, c], -1)], 1)
-    corners = robot.footprint @ turn + base[:, None, :2]
-    return shapely.convex_hull(shapely.multipoints(corners))

@@ -14,7 +14,8 @@ from regionik.postures.poses import axis_of
 from regionik.timing.limits import tool_velocity
 from regionik.timing.trajectory import is_timed, trajectory
 from regionik.values import Plan, Stop
-from regionik.view.clearance import Clearances, clearances, footprints
+from regionik.verification.base_clearance import footprint_hulls
+from regionik.view.clearance import Clearances, clearances
 from regionik.view.floor_areas import (
     DETAIL,
     area_words,
@@ -213,7 +214,7 @@ def _floor_view(
 
 def _outlines(world: World, base: Array) -> BaseGeometry:
     if len(world.robot.footprint) > 2:
-        return footprints(world.robot, base)
+        return footprint_hulls(world.robot, base)
     return shapely.buffer(shapely.points(base[:, :2]), 0.06)
 
 

@@ -20,7 +20,7 @@ from regionik.view.floor_areas import (
     used_areas,
 )
 from regionik.view.picture import Color, KeyframeTrack, Picture, SceneMesh, camera_for, count_noun
-from regionik.view.timeline import timeline
+from regionik.view.timeline import timeline, unwrapped
 from regionik.view.triangle_meshes import TUBE_SIDES, TriangleMesh, floor_mesh, merge, spheres, tubes
 from regionik.view.world_picture import (
     MARK_RADIUS,
@@ -73,7 +73,7 @@ def key_frames(plan: Plan, clock: Array) -> KeyFrames:
         sample = trajectory(plan).sample(times)
         lifted = (motion.kind == "transit")[np.searchsorted(motion.time, times)]
         return _frames(times, np.column_stack([sample.base, sample.joints, lifted]), passed)
-    states = _unwrapped(motion.base)
+    states = unwrapped(motion.base)
     index = plan.world.robot.drive.cuts(states)
     times, base = _interpolated(index, clock), plan.world.robot.drive.sampled(states, index)
     keep = _selected(np.isin(index, np.flatnonzero(motion.kind == "setpoint")))
@@ -96,11 +96,7 @@ def display_times(plan: Plan) -> Array:
     motion = plan.motion
     if is_timed(motion):
         return motion.time
-    return _even_times(_unwrapped(motion.base), motion.joints, plan.tools())
-
-
-def _unwrapped(base: Array) -> Array:
-    return np.column_stack([base[:, :2], np.unwrap(base[:, 2])])
+    return _even_times(unwrapped(motion.base), motion.joints, plan.tools())
 
 
 def _interpolated(index: Array, column: Array) -> Array:
@@ -111,19 +107,12 @@ def _interpolated(index: Array, column: Array) -> Array:
 
 def _even_times(base: Array, joints: Array, tools: Array) -> Array:
     """Times (n,) at which base, tool or a joint moves at `SPEED`, whichever moves farther [s]."""
-    moves = np.column_stack(
-        [
-            np.linalg.norm(np.diff(base[:, :2], axis=0), axis=1),
-            np.linalg.norm(np.diff(tools, axis=0), axis=1),
-            _TURN_RADIUS * np.abs(np.diff(base[:, 2])),
-            _TURN_RADIUS * np.abs(np.diff(joints, axis=0)).max(axis=1),
-        ]
-    ).max(axis=1)
+    driven, moved = (np.linalg.norm(np.diff(p, axis=0), axis=1) for p in (base[:, :2], tools))
+    turned = np.abs(np.diff(np.column_stack([base[:, 2], joints]), axis=0)).max(axis=1)
+    moves = np.maximum(np.maximum(driven, moved), _TURN_RADIUS * turned)
     times = np.concatenate([[0.0], np.cumsum(np.maximum(moves, _LEAST_STEP))]) / SPEED
     total = times[-1]
-    scale = np.clip(total, SHORTEST, LONGEST) / total if total > 0 else 1.0
-    scaled: Array = times * scale
-    return scaled
+    return times * (np.clip(total, SHORTEST, LONGEST) / total if total > 0 else 1.0)
 
 
 def _selected(at_setpoint: NDArray[np.bool_]) -> NDArray[np.intp]:

@@ -49,7 +49,9 @@ def timeline(plan: Plan, clock: Array) -> Timeline:
         tool = tool_velocity(robot, *sample.columns[:2])
         speeds = {"tool": np.linalg.norm(tool, axis=1), "base": np.hypot(*sample.base_velocity[:, :2].T)}
     else:
-        poses = _poses(plan, clock, times)
+        index = np.interp(times, clock, np.arange(len(clock)))
+        base = robot.drive.sampled(unwrapped(motion.base), index)
+        poses = np.column_stack([base, *(np.interp(times, clock, column) for column in motion.joints.T)])
     rows = np.searchsorted(times, measured)
     return Timeline(
         timed=is_timed(motion),
@@ -66,13 +68,9 @@ def timeline(plan: Plan, clock: Array) -> Timeline:
     )
 
 
-def _poses(plan: Plan, clock: Array, times: Array) -> Array:
-    """Base and joints (n, 3 + dof) at some times of a motion that is not timed, as it goes between states."""
-    motion = plan.motion
-    states = np.column_stack([motion.base[:, :2], np.unwrap(motion.base[:, 2])])
-    index = np.interp(times, clock, np.arange(len(clock)))
-    joints = [np.interp(times, clock, column) for column in motion.joints.T]
-    return np.column_stack([plan.world.robot.drive.sampled(states, index), *joints])
+def unwrapped(base: Array) -> Array:
+    """Base poses (n, 3) whose headings go on from one to the next."""
+    return np.column_stack([base[:, :2], np.unwrap(base[:, 2])])
 
 
 def lifted_intervals(motion: Motion, clock: Array) -> Array:

@@ -148,13 +148,19 @@ def _first_row(lines: Iterable[str], where: str) -> tuple[int, int]:
 
 
 def _path_of_lines(lines: Sequence[str], where: str, row: int, columns: int, number: int) -> ToolPath:
-    kept = lines[max(0, row - number) :]
-    number = max(row, number)
-    numbers: Sequence[int] = range(number, number + len(kept))
-    rows = _fast_rows(kept, columns)
-    if rows is None:
-        rows, numbers = _careful_rows(kept, where, row, columns, number)
-    return _path_of_rows(rows, where, numbers)
+    """Return the path of lines from the first with a point on; ``number`` is that of the first given."""
+    rows: list[list[float]] = []
+    numbers: list[int] = []
+    for at, line in enumerate(lines[max(0, row - number) :], start=max(row, number)):
+        cells = _cells(line)
+        if _is_skipped(cells):
+            continue
+        rows.append(_row(cells, f"{where}: line {at}"))
+        numbers.append(at)
+        if len(cells) != columns:
+            expected = f"expected {columns} columns as in line {row}, got {len(cells)}"
+            raise InputError(f"{where}: line {at}: {expected}")
+    return _path_of_rows(np.array(rows).reshape(-1, columns), where, numbers)
 
 
 def _check_lengths(lines: Sequence[str], where: str, number: int) -> None:
@@ -170,35 +176,6 @@ def _cells(line: str) -> list[str]:
 
 def _is_skipped(cells: list[str]) -> bool:
     return not any(cells) or cells[0].startswith("#")
-
-
-def _fast_rows(lines: Sequence[str], columns: int) -> Array | None:
-    """Return all lines at once where each is a row of finite numbers; else None."""
-    if not lines or not all(lines):
-        return None
-    try:
-        rows = np.loadtxt(lines, delimiter=",", comments=None, ndmin=2)
-    except ValueError:
-        return None
-    return rows if rows.shape == (len(lines), columns) and (np.abs(rows) <= LARGEST).all() else None
-
-
-def _careful_rows(
-    lines: Sequence[str], where: str, row: int, columns: int, number: int
-) -> tuple[Array, list[int]]:
-    """Return the rows, read line by line, and the number of the line of each."""
-    rows: list[list[float]] = []
-    numbers: list[int] = []
-    for at, line in enumerate(lines, start=number):
-        cells = _cells(line)
-        if _is_skipped(cells):
-            continue
-        rows.append(_row(cells, f"{where}: line {at}"))
-        numbers.append(at)
-        if len(cells) != columns:
-            expected = f"expected {columns} columns as in line {row}, got {len(cells)}"
-            raise InputError(f"{where}: line {at}: {expected}")
-    return np.array(rows).reshape(-1, columns), numbers
 
 
 def _row(cells: list[str], where: str) -> list[float]:
