@@ -28,7 +28,7 @@ from regionik.planners.kernels import compiled
 from regionik.planners.reach.planar_cells import Stance
 from regionik.planners.solvers.planar_kinematics import two_link_angles
 from regionik.postures.arm_guard import contact_for, guard_of
-from regionik.reachability.any_base import scene_of, stance_of, writable
+from regionik.reachability.any_base import prepared, stance_of, writable
 from regionik.reachability.reach import reach
 from regionik.verification.verifier import verify_answers
 from regionik.worlds.arrays import Array
@@ -109,7 +109,7 @@ def screened(
 def refuted(world: World, target: Target, starts: int, rng: np.random.Generator) -> bool:
     """Whether brute force finds a configuration."""
     stance, room, robot = stance_of(world), room_for(world), world.robot
-    scene, avoids = scene_of(world), world.rules.avoidance
+    scene, avoids = prepared(world).scene, world.rules.avoidance
     contact = contact_for(world, [target])
     free = target.direction is None
     direction = np.array([0.0, 0.0, 1.0]) if free else writable(target.direction)

@@ -222,6 +222,20 @@ def test_a_browser_shows_a_world(tmp_path: Path) -> None:
         assert browser.complaints == []
 
 
+def drag(browser: BrowserPage, *points: tuple[float, float]) -> None:
+    """Press the mouse at the first point of the window, move it over all, release it at the last."""
+    held = {"button": "left", "buttons": 1, "clickCount": 1}
+    kinds = ("mousePressed", *("mouseMoved" for _ in points[1:]), "mouseReleased")
+    for kind, (x, y) in zip(kinds, (*points, points[-1]), strict=True):
+        browser.send("Input.dispatchMouseEvent", type=kind, x=x, y=y, **held)
+
+
+def press(browser: BrowserPage, key: str) -> None:
+    """Press and release a key, by its name in events of the browser."""
+    for kind in ("keyDown", "keyUp"):
+        browser.send("Input.dispatchKeyEvent", type=kind, key=key)
+
+
 def settle(browser: BrowserPage) -> None:
     """Wait until what was asked for is drawn."""
     browser.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
@@ -264,7 +278,7 @@ def test_the_controls_of_a_page_tell_what_the_plan_holds(tmp_path: Path) -> None
         assert not browser.evaluate(cut)
 
         x, y, width, height = place(browser, "document.getElementById('bar')")
-        browser.drag(*((x + share * width, y + height / 2) for share in (0.01, 0.3, 0.5)))
+        drag(browser, *((x + share * width, y + height / 2) for share in (0.01, 0.3, 0.5)))
         lines = told(browser)
         assert number(lines["time"]) == pytest.approx(end / 2, abs=2 * end / width)
         at = np.interp(number(lines["time"]), motion.time, distances.base)
@@ -283,9 +297,9 @@ def test_the_controls_of_a_page_tell_what_the_plan_holds(tmp_path: Path) -> None
             assert number(lines["joint_2"].replace("\u00b0", "")) == pytest.approx(
                 np.degrees(motion.joints[k, 1]), abs=0.06
             )
-            browser.press("ArrowRight")
+            press(browser, "ArrowRight")
 
-        browser.press(" ")
+        press(browser, " ")
         browser.evaluate(PLAYED_ON)
         assert number(told(browser)["time"]) > motion.time[k]
 
@@ -293,11 +307,11 @@ def test_the_controls_of_a_page_tell_what_the_plan_holds(tmp_path: Path) -> None
         first = picture_of_plan(plan).legend[0].paths[0]
         assert browser.evaluate(f"nodeOf({first!r}).visible") is False
 
-        browser.press("t")
+        press(browser, "t")
         settle(browser)
         assert browser.evaluate("viewer.camera.position.y > 100 * Math.abs(viewer.camera.position.z)")
         x, y = browser.evaluate(PROJECTED)
-        browser.drag((x, y))
+        drag(browser, (x, y))
         assert browser.evaluate("document.getElementById('tip').innerText") == "set-point 30"
         assert told(browser)["at set-point"] == "30 of 40"
         assert browser.complaints == []

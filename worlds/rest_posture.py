@@ -7,12 +7,7 @@ from numpy.typing import NDArray
 
 from regionik.worlds.arrays import Array
 from regionik.worlds.robot import Robot
-from regionik.worlds.self_collision import (
-    postures_clear,
-    postures_off_floor,
-    seeded_postures,
-    solid_frames,
-)
+from regionik.worlds.self_collision import postures_clear, postures_off_floor, seeded_postures, solid_frames
 
 CLEAR = (0.01, 0.003, 0.0)  # kept between solids, the first that can be had [m]
 NEAR_ENOUGH = 0.02  # by which zeros may be worse than the best posture that was found [m]

@@ -94,5 +94,5 @@ def _descend_each(
 ) -> None:
     """`descend` for each row; counts (m, 3): steps, restarts, 0."""
     for i in range(len(positions)):
-        found = descend(kernel, arm, Aim(positions[i], POSITION, np.eye(3), 0.0), starts, limits, joints[i])
-        errors[i], counts[i, 0], counts[i, 1] = found.error, found.steps, found.restarts
+        aim = Aim(positions[i], POSITION, np.eye(3), 0.0)
+        errors[i], _, counts[i, 0], counts[i, 1] = descend(kernel, arm, aim, starts, limits, joints[i])

@@ -51,15 +51,9 @@ class Genetic(ArmMethod):
         try:
             import pygad
         except ModuleNotFoundError:
-            raise InputError(
-                "genetic: expected pygad to be installed: pip install regionik[compare]"
-            ) from None
-        self._algorithm, self._mutation, self._elite, self._seed = (
-            pygad.GA,
-            float(mutation),
-            int(elite),
-            int(seed),
-        )
+            needed = "genetic: expected pygad to be installed: pip install regionik[compare]"
+            raise InputError(needed) from None
+        self._algorithm, self._mutation, self._elite, self._seed = pygad.GA, mutation, elite, seed
         self._reach = arm_length(chain)
 
     def search(self, aim: Aim, joints: Array) -> SearchResult:
@@ -89,9 +83,8 @@ class Genetic(ArmMethod):
         genes, _, _ = search.best_solution(search.last_generation_fitness)
         q = np.clip(genes.astype(np.float64), self.chain.lower, self.chain.upper)
         angle = float(_angles(aim, self.chain.forward(q)[None])[0])
-        return SearchResult(
-            q, position_error(self.chain, aim, q), angle, int(search.generations_completed), 0
-        )
+        error, generations = position_error(self.chain, aim, q), int(search.generations_completed)
+        return SearchResult(q, error, angle, generations, 0)
 
     def _bounds(self, aim: Aim, joints: Array) -> tuple[Array, Array]:
         turns = np.array([joint.kind == "revolute" for joint in self.chain.joints])

@@ -53,15 +53,6 @@ class DescentLimits(NamedTuple):
     reach: float
 
 
-class Descent(NamedTuple):
-    """The end of a descent: misses [m], [rad], steps in all, restarts."""
-
-    error: float
-    angle: float
-    steps: int
-    restarts: int
-
-
 class IterativeMethod(ArmMethod):
     """An iterative method with restarts, known by its kernel.
 
@@ -92,8 +83,8 @@ class IterativeMethod(ArmMethod):
     def search(self, aim: Aim, joints: Array) -> SearchResult:
         """Descend from the joints, then from the starts, until the aim is met; return the nearest end."""
         q = np.array(joints)
-        found = descend(self.kernel, self.arm, aim, self.starts, self.limits, q)
-        return SearchResult(q, float(found.error), float(found.angle), int(found.steps), int(found.restarts))
+        error, angle, steps, restarts = descend(self.kernel, self.arm, aim, self.starts, self.limits, q)
+        return SearchResult(q, float(error), float(angle), int(steps), int(restarts))
 
 
 class PseudoInverse(IterativeMethod):
@@ -123,12 +114,12 @@ class CyclicDescent(IterativeMethod):
 @compiled
 def descend(
     kernel: int, arm: SerialArm, aim: Aim, starts: Array, limits: DescentLimits, joints: Array
-) -> Descent:
+) -> tuple[float, float, int, int]:
     """Descend from ``joints``, then from each of ``starts`` (r, dof), until the aim is met.
 
-    ``joints`` (dof,) becomes the answer, or the nearest end.
+    ``joints`` (dof,) becomes the answer, or the nearest end. Misses [m], [rad], steps in all, restarts.
     """
-    nearest, best, trial = np.inf, Descent(np.inf, np.inf, 0, 0), joints.copy()
+    nearest, best, trial = np.inf, (np.inf, np.inf, 0), joints.copy()
     steps = 0
     for i in range(len(starts) + 1):
         if i > 0:
@@ -137,11 +128,11 @@ def descend(
         steps += used
         share = max(error / limits.tolerance, angle / limits.angle_tolerance)
         if share < nearest:
-            nearest, best = share, Descent(error, angle, steps, i)
+            nearest, best = share, (error, angle, i)
             joints[:] = trial
         if share <= 1.0:
             break
-    return Descent(best.error, best.angle, steps, best.restarts)
+    return best[0], best[1], steps, best[2]
 
 
 @compiled

@@ -114,13 +114,7 @@ def displacement(
 
 @compiled
 def displacement_from_tool(
-    arm: SerialArm,
-    frames: Array,
-    axes: Array,
-    chord: Array,
-    levers: Array,
-    link: int,
-    point: Array,
+    arm: SerialArm, frames: Array, axes: Array, chord: Array, levers: Array, link: int, point: Array
 ) -> float:
     """Most that a point of a link moves against the tool; ``levers`` are those of the tool [m]."""
     n = len(axes)

@@ -127,9 +127,7 @@ def reach_rows(
     """
     margin = world.rules.reach_margin if inner else None
     which, kinds, shapes = rows_of(
-        world,
-        targets,
-        ReachQuery(world.rules, margin, span, tuple(facings), coarse=coarse, proven=proven),
+        world, targets, ReachQuery(world.rules, margin, span, tuple(facings), coarse=coarse, proven=proven)
     )
     if inner:
         shapes = _eroded(shapes, world.axis_error)

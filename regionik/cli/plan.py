@@ -219,8 +219,7 @@ def export_plan(
 
 
 def plot_plan(
-    path: PlanPath,
-    output: Annotated[Path, typer.Option("-o", "--output", help="An .svg or .png file.")],
+    path: PlanPath, output: Annotated[Path, typer.Option("-o", "--output", help="An .svg or .png file.")]
 ) -> None:
     """Draw joints, speeds, clearance and floor of a plan."""
     check_output(output, PICTURES, [path])

@@ -44,8 +44,7 @@ STOP_CRITERIA = "tolerance, clearance, manipulability, effort, distance, probabi
 def reach_targets(
     world: WorldName,
     target: Annotated[
-        list[str] | None,
-        typer.Option("--target", metavar=TARGET, help="A target [m]; may be repeated."),
+        list[str] | None, typer.Option("--target", metavar=TARGET, help="A target [m]; may be repeated.")
     ] = None,
     table: Annotated[Path | None, typer.Option("--csv", help="Targets from a CSV file: x, y, z.")] = None,
     output: Annotated[
@@ -258,8 +257,7 @@ def _print_stops(found: tuple[Stop, ...]) -> None:
 def explain_world(
     world: WorldName,
     target: Annotated[
-        list[str] | None,
-        typer.Option("--target", metavar=TARGET, help="A target [m]; else the whole path."),
+        list[str] | None, typer.Option("--target", metavar=TARGET, help="A target [m]; else the whole path.")
     ] = None,
     html: Annotated[
         Path | None, typer.Option("--html", help="File for an offline page of what stands in the way.")

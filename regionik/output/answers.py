@@ -170,11 +170,7 @@ def stops_geojson(stops: Sequence[Stop]) -> dict[str, Any]:
 
 
 def stream_answers(
-    world: World,
-    table: Path,
-    output: Path,
-    executor: Pool | None = None,
-    ahead: int = AHEAD,
+    world: World, table: Path, output: Path, executor: Pool | None = None, ahead: int = AHEAD
 ) -> tuple[int, int]:
     """Write the answers to all targets of a CSV file to another.
 

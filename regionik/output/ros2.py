@@ -107,10 +107,7 @@ def path_message(plan: Plan, rate: float | None = None, frame: str = FRAME) -> M
     rows = sample_plan(plan, rate)
     clock = nanoseconds(rows.sample.time if is_timed(plan.motion) else np.zeros(len(rows)))
     poses = [
-        {
-            "header": _header(frame, moment),
-            "pose": {"position": vector(x, y), "orientation": quaternion(yaw)},
-        }
+        {"header": _header(frame, moment), "pose": {"position": vector(x, y), "orientation": quaternion(yaw)}}
         for moment, (x, y, yaw) in zip(clock.tolist(), rows.sample.base.tolist(), strict=True)
     ]
     return {"header": _header(frame, 0), "poses": poses}

@@ -8,14 +8,7 @@ import numpy as np
 
 from regionik.output.bag import Event, bag_files, motion_events
 from regionik.output.planning_scene import planning_scene
-from regionik.output.ros2 import (
-    FRAME,
-    Message,
-    base_trajectory,
-    joint_trajectory,
-    message_text,
-    path_message,
-)
+from regionik.output.ros2 import FRAME, Message, base_trajectory, joint_trajectory, message_text, path_message
 from regionik.timing.trajectory import sample_plan
 from regionik.values import Motion, Plan
 from regionik.worlds.robot import Robot

@@ -71,8 +71,8 @@ def search_any_base(world: World, target: Target, most: int) -> AnyBaseResult:
     bodies, contact = guard_of(world).bodies, contact_for(world, [target])
     if name := solid_at_target(bodies, target.position, world.rules.tolerance, 0.0, contact):
         return AnyBaseResult(Verdict.RULED_OUT, None, 0.0, (name,))
-    task = any_base_of(world, target)
-    rings, circles = np.empty((MOST_RINGS, 2)), boundary_of(world)
+    task, rings = any_base_of(world, target), np.empty((MOST_RINGS, 2))
+    circles = prepared(world).circles
     found = intervals_at_height(task.mount.plane, FREE, circles, target.position[2], True, True, rings)
     verdict, gap = search_cells(task, rings[:found], max(most, FEWEST))
     if verdict == Verdict.PROVEN:
@@ -86,7 +86,7 @@ def any_base_of(world: World, target: Target) -> AnyBase:
     arm, stance, capsules = prepared(world), stance_of(world), prepared(world).capsules
     return AnyBase(
         capsules, arm.mount, stance.sign, stance.offset, arm.floor, _around(world, target),
-        _demand(world, target), scene_of(world), SPARE, cell_for(len(capsules.rank)),
+        _demand(world, target), arm.scene, SPARE, cell_for(len(capsules.rank)),
         np.empty(3), writable(world.robot.carry), np.zeros(2, dtype=np.int64),
     )  # fmt: skip
 
@@ -101,12 +101,15 @@ class PreparedWorld(NamedTuple):
     deep: Array
     owner: Index
     far: float  # from a target, beyond which a solid touches no link [m]
+    circles: Array  # (n, 3) on which the arm's reach can begin or end
+    scene: RobotScene  # the robot among the solids that it keeps away from
 
 
 @lru_cache(maxsize=8)
 def prepared(world: World) -> PreparedWorld:
     """Return what is the same for all targets of a world."""
-    stance, capsules = stance_of(world), plane_capsules(world.robot, planar_reach(world.robot).arm)
+    stance, model, guard = stance_of(world), planar_reach(world.robot), guard_of(world)
+    capsules = plane_capsules(world.robot, model.arm)
     fixed = world.rules.heading == "fixed"
     mount = ArmMount(
         stance.plane, stance.mount, stance.zero, stance.low, stance.high, stance.yaw if fixed else np.nan
@@ -124,6 +127,8 @@ def prepared(world: World) -> PreparedWorld:
         inradii(solids),
         np.array(obstacles.owner, dtype=np.int64)[whole],
         float(far + world.rules.tolerance),
+        boundary_circles(model.arm, model.plane.shoulder_z),
+        guard.bodies.scene(guard.contact),
     )
 
 
@@ -171,20 +176,6 @@ def stance_of(world: World) -> Stance:
     yaw = 0.0 if world.start is None else float(world.start.base[2])
     sign, offset, mount = map(writable, (arm.sign, arm.offset, robot.mount[:2]))
     return Stance(model.plane, sign, offset, zero, low, high, mount, yaw)
-
-
-@lru_cache(maxsize=8)
-def boundary_of(world: World) -> Array:
-    """Circles on which the arm's reach can begin or end, (n, 3)."""
-    model = planar_reach(world.robot)
-    return boundary_circles(model.arm, model.plane.shoulder_z)
-
-
-@lru_cache(maxsize=8)
-def scene_of(world: World) -> RobotScene:
-    """Return the robot among the solids that it keeps away from."""
-    guard = guard_of(world)
-    return guard.bodies.scene(guard.contact)
 
 
 @lru_cache(maxsize=256)

@@ -8,8 +8,8 @@ import numpy as np
 
 from regionik.simulation.noise import Noise, PoseEstimate
 from regionik.simulation.physics import Physics
-from regionik.simulation.reference import PERIOD, Reference, reference
-from regionik.simulation.run import Contact, SimulatedRun
+from regionik.simulation.reference import PERIOD, reference
+from regionik.simulation.run import SimulatedRun
 from regionik.simulation.simulated_robot import SUBSTEPS, SimulatedRobot
 from regionik.simulation.tracking import TrackingController
 from regionik.timing.trajectory import trajectory
@@ -49,17 +49,18 @@ def simulate(
     robot = SimulatedRobot(world, way, noise.slips(float(way.time[-1]), rng), allowed)
     controller = TrackingController(world.robot, world.speeds or Speeds(), way)
     setpoints = robot.setpoints(trajectory(plan), len(way.time))
-    record, localization = _Record(len(way.time), world.robot.chain.dof), _Localization(noise, rng)
+    localization, rows = _Localization(noise, rng), list[tuple[Array, ...]]()
     estimate, joints = noise.start(way.base[0], rng), way.joints[0]
     for k, now in enumerate(way.time[:-1].tolist()):
         estimate = localization.corrected(estimate, robot.physics.position[:3])
-        record.take(k, robot.physics, estimate)
+        rows.append(_row(robot.physics, estimate))
         command = controller.command(k, estimate.pose, robot.twist, joints)
         said = robot.run(command, setpoints[k * SUBSTEPS : (k + 1) * SUBSTEPS], now)
         estimate, joints = estimate.moved(said, PERIOD, noise.slip), command.joints
-    record.take(len(way.time) - 1, robot.physics, estimate)
+    rows.append(_row(robot.physics, estimate))
     contacts = tuple(sorted(robot.contacts.values(), key=lambda contact: contact.time))
-    return record.run(plan, way, contacts, allowed)
+    columns = [np.array(column) for column in zip(*rows, strict=True)]
+    return SimulatedRun(plan, way, *columns, contacts=contacts, tolerance=allowed)
 
 
 class _Localization:
@@ -84,26 +85,10 @@ class _Localization:
         return estimate.corrected(seen + deviations * self._rng.standard_normal(3), then, deviations)
 
 
-class _Record:
-    """Rows of a run, as they are made."""
-
-    def __init__(self, rows: int, dof: int) -> None:
-        self._base, self._estimate, self._tool = (np.zeros((rows, 3)) for _ in range(3))
-        self._joints, self._velocity = np.zeros((rows, dof)), np.zeros((rows, 3 + dof))
-        self._tool_speed, self._covariance = np.zeros(rows), np.zeros((rows, 3, 3))
-
-    def take(self, k: int, physics: Physics, estimate: PoseEstimate) -> None:
-        """Keep the present state as row k."""
-        physics.refresh()
-        self._base[k], self._joints[k] = physics.position[:3], physics.position[3:]
-        self._velocity[k], self._tool[k] = physics.velocity, physics.tool
-        self._tool_speed[k] = np.linalg.norm(physics.tool_velocity())
-        self._estimate[k], self._covariance[k] = estimate.pose, estimate.covariance
-
-    def run(
-        self, plan: Plan, way: Reference, contacts: tuple[Contact, ...], tolerance: float
-    ) -> SimulatedRun:
-        return SimulatedRun(
-            plan, way, self._base, self._estimate, self._covariance, self._joints, self._velocity, self._tool,
-            self._tool_speed, contacts, tolerance,
-        )  # fmt: skip
+def _row(physics: Physics, estimate: PoseEstimate) -> tuple[Array, ...]:
+    """What a run keeps of the present, in the order of the columns of `SimulatedRun`."""
+    physics.refresh()
+    base, joints = np.split(physics.position.copy(), [3])
+    speed = np.linalg.norm(physics.tool_velocity())
+    velocity, tool = physics.velocity.copy(), physics.tool.copy()
+    return base, estimate.pose, estimate.covariance, joints, velocity, tool, np.array(speed)

@@ -108,10 +108,7 @@ def _report(findings: Sequence[Finding]) -> Report:
 
 
 def verify_answers(
-    world: World,
-    answer: Answer,
-    targets: Sequence[Target] | None = None,
-    which: Sequence[int] | None = None,
+    world: World, answer: Answer, targets: Sequence[Target] | None = None, which: Sequence[int] | None = None
 ) -> Report:
     """Check base and arm of targets said to be reachable, each as a plan of one set-point.
 

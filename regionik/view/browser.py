@@ -97,9 +97,8 @@ class BrowserPage:
     def open(self, page: Path, width: int, height: int) -> None:
         """Show a file and wait until it is loaded."""
         target = self.send("Target.createTarget", url="about:blank")["targetId"]
-        self._session = {
-            "sessionId": self.send("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
-        }
+        attached = self.send("Target.attachToTarget", targetId=target, flatten=True)
+        self._session = {"sessionId": attached["sessionId"]}
         self.send("Runtime.enable")
         size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
         self.send("Emulation.setDeviceMetricsOverride", **size)
@@ -148,21 +147,6 @@ class BrowserPage:
     def screenshot(self) -> bytes:
         """Return what the page shows, as PNG."""
         return base64.b64decode(self.send("Page.captureScreenshot", format="png")["data"])
-
-    def drag(self, *points: tuple[float, float]) -> None:
-        """Press the mouse at the first point of the window, move it over all, release it at the last."""
-        held = {"button": "left", "buttons": 1, "clickCount": 1}
-        for kind, (x, y) in (
-            ("mousePressed", points[0]),
-            *(("mouseMoved", point) for point in points[1:]),
-            ("mouseReleased", points[-1]),
-        ):
-            self.send("Input.dispatchMouseEvent", type=kind, x=x, y=y, **held)
-
-    def press(self, key: str) -> None:
-        """Press and release a key, by its name in events of the browser."""
-        for kind in ("keyDown", "keyUp"):
-            self.send("Input.dispatchKeyEvent", type=kind, key=key)
 
 
 def _complaint(details: dict[str, Any]) -> str:

@@ -71,12 +71,7 @@ def page_document(picture: Picture) -> dict[str, Any]:
         if len(body.mesh.faces) and (body.name or body.label)
     }
     motion = None if picture.timeline is None else timeline_document(picture.timeline)
-    return {
-        "layers": layers,
-        "names": names,
-        "half": picture.camera.half.tolist(),
-        "motion": motion,
-    }
+    return {"layers": layers, "names": names, "half": picture.camera.half.tolist(), "motion": motion}
 
 
 @contextmanager

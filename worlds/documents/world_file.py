@@ -73,8 +73,7 @@ class ExecutionPart(Strict):
         default=Execution.tool_error, description="of the tool on its path; below path_tolerance [m]"
     )
     arm_error: NotNegative | None = Field(
-        default=None,
-        description="of any point of the arm [m]; without it as much as base and tool are off",
+        default=None, description="of any point of the arm [m]; without it as much as base and tool are off"
     )
 
 
