@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from regionik.areas.ground import Geometries
 from regionik.areas.standing import LEAST_AREA, PathAreas, Standing, component_labels
-from regionik.planners.geometry.polygons import FlatPolygon, flats_of
+from regionik.planners.geometry.polygons import FlatPolygon
 from regionik.postures.families import Family
 
-BLOCK, BLOCKS = 64, 8  # components that are flattened together, and how many such blocks are kept
+FLATS = 512  # components that are kept flattened
 SURE = 1e-4  # half the side of a square that two areas share beyond doubt [m]
 
 Mask = NDArray[np.bool_]
@@ -39,7 +39,7 @@ class Ladder:
     floor: Index  # (m,) connected piece of the free floor that holds the component
     edges: Index  # (e, 2) pairs of components of neighbouring set-points that overlap
     group: Index  # (m,) components of one set-point with the same number are joined by turning the base
-    _flats: dict[int, list[FlatPolygon]] = field(init=False, default_factory=dict)
+    _flats: dict[int, FlatPolygon] = field(init=False, default_factory=dict)
 
     @cached_property
     def rungs(self) -> Index:
@@ -60,13 +60,12 @@ class Ladder:
         return np.flatnonzero(np.diff(self.rungs) == 0).tolist()
 
     def flat(self, k: int) -> FlatPolygon:
-        """Return a component for kernels; flattened by blocks, of which a few are cached."""
-        block = k // BLOCK
-        if block not in self._flats:
-            if len(self._flats) >= BLOCKS:
+        """Return a component for kernels; a few are cached."""
+        if k not in self._flats:
+            if len(self._flats) >= FLATS:
                 self._flats.clear()
-            self._flats[block] = flats_of(self.component[block * BLOCK : (block + 1) * BLOCK])
-        return self._flats[block][k % BLOCK]
+            self._flats[k] = FlatPolygon.from_shapely(self.component[k])
+        return self._flats[k]
 
     @cached_property
     def ahead(self) -> list[list[int]]:
@@ -103,8 +102,6 @@ def build_ladder(areas: PathAreas, count: int, standing: Standing) -> Ladder:
     real = (shapely.get_type_id(parts) == 3) & (shapely.area(parts) > LEAST_AREA)
     parts, row = parts[real], row[real]
     target = areas.target[row]
-    order = np.argsort(target, kind="stable")
-    parts, row, target = parts[order], row[order], target[order]
     shapely.prepare(parts)
     kinds, side = tuple(areas.family[k] for k in row), areas.side[row]
     spots = shapely.point_on_surface(parts)

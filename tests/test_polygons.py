@@ -13,7 +13,6 @@ from regionik.planners.geometry.polygons import (
     FlatPolygon,
     clamp,
     contains,
-    flats_of,
     nearest_on_boundary,
     segment_in_either,
     segment_inside,
@@ -174,14 +173,6 @@ def test_two_rooms_with_one_wall_are_together_but_not_across_a_slit() -> None:
         arrays = left.vertices, left.starts, right.vertices, right.starts
         assert segment_in_either(*arrays, 0.5, 0.5, 1.5, 0.5) == together
         assert segment_in_either(*arrays, 0.2, 0.5, 0.8, 0.5)
-
-
-def test_many_polygons_are_flattened_as_one_by_one() -> None:
-    polygons = [part for seed in range(3) for part in shapely.get_parts(random_area(seed)).tolist()]
-    for flat, polygon in zip(flats_of(np.array(polygons, dtype=object)), polygons, strict=True):
-        alone = FlatPolygon.from_shapely(polygon)
-        np.testing.assert_array_equal(flat.vertices, alone.vertices)
-        np.testing.assert_array_equal(flat.starts, alone.starts)
 
 
 def test_a_thin_wall_is_a_wall() -> None:

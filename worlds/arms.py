@@ -36,8 +36,6 @@ class PlanarArm:
     offset: Array  # (m,) [rad]
     lower: Array  # (m,) limits of the bends [rad]
     upper: Array
-    pivot_lower: float  # limits of the first joint [rad]
-    pivot_upper: float
     pivot_zero: float  # direction of the plane, from above in the arm base frame, at joint zero [rad]
     roll: int | None  # index of the joint that rolls about the last link, if there is one
     tool_along_link: bool  # the tool's axis (its frame's z) points along the last link
@@ -112,8 +110,6 @@ def planar_arm(chain: Chain) -> PlanarArm:
         offset=offset,
         lower=ends[:, 0],
         upper=ends[:, 1],
-        pivot_lower=chain.joints[0].lower,
-        pivot_upper=chain.joints[0].upper,
         pivot_zero=pivot_zero,
         roll=chain.dof - 1 if rolls else None,
         tool_along_link=bool(np.linalg.norm(frames[-1][:3, 2] - along) < _ALIGNED),

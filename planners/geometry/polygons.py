@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
@@ -49,11 +48,10 @@ class FlatPolygon:
         >>> contains(flat.vertices, flat.starts, 1.0, 0.5)
         True
         """
-        polygons = (
-            shapely.get_parts(geometry) if isinstance(checked_polygon(geometry), MultiPolygon) else [geometry]
-        )
-        starts, vertices, _ = _rings(np.array(polygons, dtype=object))
-        return cls(vertices, starts)
+        rings = shapely.get_rings(shapely.get_parts(checked_polygon(geometry)))
+        ends = np.cumsum(shapely.get_num_coordinates(rings))
+        starts = np.append(0, ends - np.arange(1, len(ends) + 1)).astype(np.int64)
+        return cls(np.delete(shapely.get_coordinates(rings), ends - 1, axis=0), starts)
 
     def holds(self, spot: Array) -> bool:
         """True if a point (2,) is inside; see `contains`."""
@@ -64,17 +62,6 @@ class FlatPolygon:
         return bool(segment_inside(self.vertices, self.starts, a[0], a[1], b[0], b[1]))
 
 
-def flats_of(polygons: NDArray[np.object_]) -> list[FlatPolygon]:
-    """Flatten many Polygons at once, each as `FlatPolygon.from_shapely` does."""
-    starts, vertices, owner = _rings(polygons)
-    first = np.searchsorted(owner, np.arange(len(polygons) + 1))
-    corners = starts[first]
-    return [
-        FlatPolygon(vertices[corners[k] : corners[k + 1]], starts[first[k] : first[k + 1] + 1] - corners[k])
-        for k in range(len(polygons))
-    ]
-
-
 def checked_polygon(geometry: BaseGeometry) -> Polygon | MultiPolygon:
     """The geometry itself, refused where it is not a Polygon or MultiPolygon or is empty."""
     if not isinstance(geometry, Polygon | MultiPolygon) or geometry.is_empty:
@@ -82,18 +69,6 @@ def checked_polygon(geometry: BaseGeometry) -> Polygon | MultiPolygon:
             f"polygon: expected a Polygon or MultiPolygon that is not empty, got {geometry!r:.60}"
         )
     return geometry
-
-
-def _rings(polygons: NDArray[np.object_]) -> tuple[Index, Array, Index]:
-    """First vertex of every ring (and the end), vertices without the closing ones, polygon of every ring."""
-    rings, owner = shapely.get_rings(polygons, return_index=True)
-    ends = np.cumsum(shapely.get_num_coordinates(rings))
-    coordinates = shapely.get_coordinates(rings)
-    kept = np.ones(len(coordinates), dtype=bool)
-    kept[ends - 1] = False
-    starts = np.zeros(len(ends) + 1, dtype=np.int64)
-    starts[1:] = ends - np.arange(1, len(ends) + 1)
-    return starts, coordinates[kept], owner
 
 
 @compiled

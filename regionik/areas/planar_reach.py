@@ -14,7 +14,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from regionik.areas.ground import EVERY
 from regionik.areas.reach_model import (
     FineRows,
     Index,
@@ -36,7 +35,7 @@ from regionik.worlds.arms import PlanarArm
 from regionik.worlds.arrays import Array
 from regionik.worlds.criteria import Criteria
 from regionik.worlds.robot import check_criteria
-from regionik.worlds.scene import Rules, Target
+from regionik.worlds.scene import Target
 
 Arc = tuple[float, float]  # middle and half width [rad]
 
@@ -199,21 +198,9 @@ class PlanarReach(ReachModel):
             return False
         return asked is None or bool(posture_margin(self.plane, asked[0], self.arm.bends(joints)) >= 0.0)
 
-    def turns_freely(self, rules: Rules, span: tuple[float, float]) -> bool:
-        """True where headings and pivot together turn the plane all round; see `ReachModel`."""
-        low, high = self._pivot(rules)
-        return span == EVERY or bool(high - low + span[1] - span[0] >= 2 * np.pi)
-
-    def _pivot(self, rules: Rules) -> tuple[float, float]:
-        """Turns of the pivot that the rules leave; at one where the base looks where the plane does [rad]."""
-        low, high = self.arm.pivot_lower, self.arm.pivot_upper
-        if rules.heading == "face_target":
-            low = high = min(max(0.0, low), high)
-        return low, high
-
     def _arcs(self, family: Family, query: ReachQuery) -> list[Arc]:
         """Directions the plane may take: the family's own, cut to what base and pivot turn to."""
-        own, span, (low, high) = (family.azimuth, family.half), query.span, self._pivot(query.rules)
+        own, span, (low, high) = (family.azimuth, family.half), query.span, self.pivot(query.rules)
         half = (span[1] - span[0] + high - low) / 2
         if not half < np.pi:
             return [own]

@@ -11,12 +11,12 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from regionik.areas.ground import GUARD, Geometries
+from regionik.areas.ground import EVERY, GUARD, Geometries
 from regionik.planners.solvers.planar_kinematics import LIMIT_SLACK
 from regionik.planners.solvers.posture_criteria import Thresholds
 from regionik.postures.arm import Arm
 from regionik.postures.families import BACK, FRONT, Family
-from regionik.worlds.arms import with_pivot
+from regionik.worlds.arms import pivot_index, with_pivot
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.criteria import Criteria
@@ -152,7 +152,16 @@ class ReachModel(ABC):
 
     def turns_freely(self, rules: Rules, span: tuple[float, float]) -> bool:
         """True where areas are the same for a base that keeps its headings within a span."""
-        return True
+        low, high = self.pivot(rules)
+        return span == EVERY or bool(high - low + span[1] - span[0] >= 2 * np.pi)
+
+    def pivot(self, rules: Rules) -> tuple[float, float]:
+        """Turns of the pivot that the rules leave; at one where the base looks where the arm does [rad]."""
+        joint = self.chain.joints[pivot_index(self.chain)]
+        low, high = float(joint.lower), float(joint.upper)
+        if rules.heading == "face_target":
+            low = high = min(max(0.0, low), high)
+        return low, high
 
     def is_proven(self, rules: Rules) -> bool:
         """True where every place of an inner area is proven to work."""

@@ -38,7 +38,7 @@ from regionik.planners.solvers.posture_criteria import Thresholds
 from regionik.postures.arm import Arm, Goal, aim_of, goal_of
 from regionik.postures.families import FRONT, Family
 from regionik.postures.serial_solver import serial_solver
-from regionik.worlds.arms import pivot_index, planar_arm
+from regionik.worlds.arms import planar_arm
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.criteria import Criteria
@@ -225,10 +225,9 @@ class PivotedReach(ReachModel):
 
     def _sampled(self, targets: Sequence[Target], query: ReachQuery) -> Rows:
         shapes = [self._sampled_area(aim_of(target), query) for target in track("areas", targets)]
-        real = [i for i, shape in enumerate(shapes) if not shape.is_empty]
-        rows = np.empty(len(real), dtype=object)
-        rows[:] = [shapes[i] for i in real]
-        return np.array(real, dtype=np.intp), (Family(FRONT),) * len(real), rows
+        rows = np.array(shapes, dtype=object)
+        real = np.flatnonzero(~shapely.is_empty(rows))
+        return real, (Family(FRONT),) * len(real), rows[real]
 
     def _sampled_area(self, aim: Aim, query: ReachQuery) -> BaseGeometry:
         bound = not PivotedReach.is_proven(self, query.rules)
@@ -256,26 +255,13 @@ class PivotedReach(ReachModel):
         found = [inner_sectors(self.chain, z - self.height) for z in positions[:, 2].tolist()]
         which = np.repeat(np.arange(len(found)), [len(some) for some in found])
         low, high, right, left = np.array([row for some in found for row in some]).reshape(-1, 4).T
-        pivot, span = self._pivot(query.rules), query.span
+        pivot, span = self.pivot(query.rules), query.span
         half = (pivot[1] - pivot[0] + span[1] - span[0] - (left - right)) / 2 - query.guard
         middle = float(self.robot.mount[3]) + (sum(pivot) + sum(span) + right + left) / 2
         real = wide_enough(low, high, query) & (half > 0)
         rings = Sectors(positions[which, :2], low, high, middle + np.pi, half)
         rings = Sectors(*(part[real] for part in rings))
         return which[real], (Family(FRONT),) * int(real.sum()), sector_polygons(rings, query)
-
-    def turns_freely(self, rules: Rules, span: tuple[float, float]) -> bool:
-        """True where headings and pivot together turn the tool all round; see `ReachModel`."""
-        low, high = self._pivot(rules)
-        return span == EVERY or bool(high - low + span[1] - span[0] >= 2 * np.pi)
-
-    def _pivot(self, rules: Rules) -> tuple[float, float]:
-        """Turns of the pivot that the rules leave [rad]."""
-        pivot = self.chain.joints[pivot_index(self.chain)]
-        low, high = float(pivot.lower), float(pivot.upper)
-        if rules.heading == "face_target":
-            low = high = min(max(0.0, low), high)
-        return low, high
 
     def distances(self, criteria: Criteria | None, heights: Array, *, inner: bool) -> list[Array]:
         """R(z) at each height; see `ReachModel`."""

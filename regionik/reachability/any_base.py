@@ -168,10 +168,7 @@ def _demand(world: World, target: Target) -> ToolDemand:
 def stance_of(world: World) -> Stance:
     """Stance of the robot, at the heading of the world's start."""
     robot, model = world.robot, planar_reach(world.robot)
-    arm = model.arm
-    low, high = arm.pivot_lower, arm.pivot_upper
-    if world.rules.heading == "face_target":
-        low = high = min(max(0.0, low), high)
+    arm, (low, high) = model.arm, model.pivot(world.rules)
     zero = float(arm.pivot_zero + robot.mount[3])
     yaw = 0.0 if world.start is None else float(world.start.base[2])
     sign, offset, mount = map(writable, (arm.sign, arm.offset, robot.mount[:2]))

@@ -59,8 +59,8 @@ def simulate(
         estimate, joints = estimate.moved(said, PERIOD, noise.slip), command.joints
     rows.append(_row(robot.physics, estimate))
     contacts = tuple(sorted(robot.contacts.values(), key=lambda contact: contact.time))
-    columns = [np.array(column) for column in zip(*rows, strict=True)]
-    return SimulatedRun(plan, way, *columns, contacts=contacts, tolerance=allowed)
+    base, poses, covariance, joints, velocity, tool, speed = map(np.array, zip(*rows, strict=True))
+    return SimulatedRun(plan, way, base, poses, covariance, joints, velocity, tool, speed, contacts, allowed)
 
 
 class _Localization:
