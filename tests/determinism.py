@@ -21,10 +21,10 @@ from shapely.geometry import box, shape
 
 import regionik as rik
 from regionik.output.answers import csv_rows
-from regionik.storage.plan_document import plan_to_document
 from regionik.worlds.errors import NoPlanFound
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
+from tests.plans import plan_to_document
 
 NEAR = 1e-9
 Document = dict[str, Any]
@@ -33,7 +33,7 @@ Document = dict[str, Any]
 def planned(world: World) -> Document:
     """The plan of a world as its file has it, or why there is none."""
     try:
-        document: Document = json.loads(json.dumps(plan_to_document(rik.plan(world))))
+        document: Document = plan_to_document(rik.plan(world))
     except NoPlanFound as no:
         return {"reason": no.explanation.reason}
     return document

@@ -15,10 +15,9 @@ import numpy as np
 import trimesh
 from PIL import Image
 
-from regionik.storage.plan_document import plan_to_document
 from regionik.worlds.documents.world_file import load_world, world_to_document
 from tests.nasty import GOOD, TASK, broken
-from tests.plans import every_solid, synthetic_plan
+from tests.plans import every_solid, plan_to_document, synthetic_plan
 from tests.urdfs import CRANE
 
 Files = Mapping[str, bytes]

@@ -6,13 +6,16 @@ is on every set-point by closed-form inverse kinematics, and states between set-
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import shapely
 from shapely.geometry import MultiPolygon, Point, Polygon, box
 from shapely.ops import nearest_points
 
+from regionik.storage.plan_document import plan_to_text
 from regionik.values import Configuration, Motion, Plan, PlannedArea
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
@@ -30,6 +33,12 @@ DH = (
 )
 LIMITS: Array = np.radians(np.array([[-169, 169], [0, 155], [-146, 151], [-12.5, 192.5], [-167.5, 167.5]]))
 FOOTPRINT = ((0.29, 0.19), (-0.29, 0.19), (-0.29, -0.19), (0.29, -0.19))
+
+
+def plan_to_document(plan: Plan) -> dict[str, Any]:
+    """A plan as its file has it."""
+    document: dict[str, Any] = json.loads(plan_to_text(plan))
+    return document
 
 
 def youbot(

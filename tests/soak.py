@@ -24,7 +24,6 @@ from rich.progress import track
 from regionik.output.urdf import robot_to_urdf
 from regionik.pipeline import search
 from regionik.reachability.reach import reach
-from regionik.storage.plan_document import plan_to_document
 from regionik.timing.retime import retime
 from regionik.timing.trajectory import is_timed, sample_plan
 from regionik.values import Plan
@@ -41,6 +40,7 @@ from tests.opinion.judge import detours, objections, posture_objections
 from tests.opinion.machine import Facts, Machine
 from tests.opinion.moment import Moment
 from tests.opinion.search import find, find_clear
+from tests.plans import plan_to_document
 from tests.soaked import GROUND, KINDS, STOPS, soaked_world
 from tests.witnesses import traits_of, witness
 
@@ -89,7 +89,7 @@ def facts_of(robot: Robot) -> Facts:
 def told(made: Plan) -> tuple[dict[str, Any], str, Facts]:
     """All that the second opinion is told of a plan."""
     robot = made.world.robot
-    document = json.loads(json.dumps(plan_to_document(made)))
+    document = plan_to_document(made)
     return document, robot_to_urdf(robot, made.world.floor.polygon), facts_of(robot)
 
 

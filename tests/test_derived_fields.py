@@ -19,11 +19,11 @@ from regionik.area_verification import verify_areas
 from regionik.cli.app import app
 from regionik.output.plan_file import load_plan
 from regionik.pipeline import plan, search
-from regionik.storage.plan_document import plan_to_document
 from regionik.timing.retime import retime
 from regionik.values import Plan, Report
 from regionik.verification.verifier import verify
 from regionik.worlds.documents.world_file import load_world
+from tests.plans import plan_to_document
 from tests.soaked import soaked_world
 
 Document = dict[str, Any]

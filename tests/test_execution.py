@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from functools import cache
 
@@ -18,7 +17,6 @@ from regionik.pipeline import search, why
 from regionik.regions import admissible_area
 from regionik.simulation.noise import typical_noise
 from regionik.simulation.simulate import simulate
-from regionik.storage.plan_document import plan_to_document
 from regionik.timing.retime import retime
 from regionik.values import Plan
 from regionik.verification.verifier import verify
@@ -31,7 +29,7 @@ from regionik.worlds.speeds import Speeds
 from tests import examples
 from tests.opinion.judge import objections
 from tests.planned import planned
-from tests.plans import FOOTPRINT, youbot
+from tests.plans import FOOTPRINT, plan_to_document, youbot
 from tests.soak import against, facts_of
 
 ERRORS = Execution(base_error=0.02, heading_error=0.03, tool_error=0.004, arm_error=0.03)
@@ -71,7 +69,7 @@ def test_a_plan_holds_wherever_the_base_strays() -> None:
 def test_the_second_opinion_knows_the_errors() -> None:
     assert against(strict_plan()) == ()
     plan = strict_plan()
-    document = json.loads(json.dumps(plan_to_document(plan)))
+    document = plan_to_document(plan)
     robot, floor = plan.world.robot, plan.world.floor.polygon
     for errors, kind in (({"base_error": 0.5}, "clearance"), ({"arm_error": 0.9}, "arm")):
         document["world"]["rules"]["execution"] = errors

@@ -17,7 +17,7 @@ from regionik.pipeline import search
 from regionik.pruning import whole_path
 from regionik.reachability.reach import reach
 from regionik.regions import admissible_area, path_areas
-from regionik.storage.plan_document import plan_to_document, plan_to_text
+from regionik.storage.plan_document import plan_to_text
 from regionik.values import Configuration
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
@@ -30,6 +30,7 @@ from regionik.worlds.obstacles import Box, Cylinder, Prism, Solid, Sphere
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from tests import examples
+from tests.plans import plan_to_document
 from tests.test_random_worlds import random_world
 
 FEW = settings(max_examples=examples(12))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import json
 from collections import Counter
 from dataclasses import replace
 from functools import cache
@@ -21,7 +20,6 @@ from regionik.output.urdf import robot_to_urdf
 from regionik.pipeline import search
 from regionik.reachability.reach import reach
 from regionik.regions import admissible_area
-from regionik.storage.plan_document import plan_to_document
 from regionik.timing.retime import retime
 from regionik.values import Plan
 from regionik.worlds.bundled import world_names
@@ -35,6 +33,7 @@ from tests.opinion.search import find_clear, stand_at
 from tests.opinion.shortest import Ground
 from tests.opinion.things import distance_of, placed
 from tests.planned import planned
+from tests.plans import plan_to_document
 from tests.soak import against, against_reach, counterexample, facts_of, judged, machine_of
 from tests.soaked import GROUND, KINDS, soaked_world
 
@@ -160,7 +159,7 @@ def test_a_sound_plan_is_not_objected_to() -> None:
 @pytest.mark.parametrize("how", HOWS)
 def test_a_spoiled_plan_is_objected_to(how: str) -> None:
     world = sound_plan().world
-    document = json.loads(json.dumps(plan_to_document(sound_plan())))
+    document = plan_to_document(sound_plan())
     spoiled(document, how)
     told = objections(document, robot_to_urdf(world.robot, world.floor.polygon), facts_of(world.robot))
     assert any(text.startswith(how) for text in told), told
@@ -172,7 +171,7 @@ def test_a_spoiled_plan_is_objected_to(how: str) -> None:
 def test_a_tool_that_sinks_into_its_work_is_objected_to(depth: float, reach: float, told: str) -> None:
     """A block stands where the tool is at a set-point, round which its link is 35 mm thick."""
     robot, floor = sound_plan().world.robot, sound_plan().world.floor
-    document = json.loads(json.dumps(plan_to_document(sound_plan())))
+    document = plan_to_document(sound_plan())
     state = [one for one in document["states"] if one["kind"] == "setpoint"][5]
     document["states"] = [state]
     block = {"size": [0.05, 0.05, 0.05], "center": state["tool"]}

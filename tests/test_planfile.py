@@ -23,14 +23,14 @@ from regionik.output.plan_file import load_plan, plan_schema
 from regionik.pipeline import search
 from regionik.storage import plan_document
 from regionik.storage.files import json_values
-from regionik.storage.plan_document import multipolygon, plan_to_document, plan_to_text
+from regionik.storage.plan_document import multipolygon, plan_to_text
 from regionik.values import Motion, Plan
 from regionik.verification.verifier import verify
 from regionik.view.figures import plot
 from regionik.view.page import to_html
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError
-from tests.plans import every_solid, l_shape, synthetic_plan
+from tests.plans import every_solid, l_shape, plan_to_document, synthetic_plan
 
 SCHEMA = Path(__file__).parents[1] / "docs" / "plan.schema.json"
 

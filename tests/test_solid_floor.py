@@ -18,7 +18,6 @@ from regionik.planners.collision.proximity import nearest
 from regionik.postures.arm_guard import SPARE, guard_of
 from regionik.postures.poses import Pose
 from regionik.reachability.reach import reach
-from regionik.storage.plan_document import plan_to_document
 from regionik.values import Plan
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
@@ -29,6 +28,7 @@ from regionik.worlds.scene import Floor, Rules, Target, World
 from regionik.worlds.self_collision import off_floor, postures_off_floor
 from tests import examples
 from tests.opinion.judge import posture_objections
+from tests.plans import plan_to_document
 from tests.soak import facts_of
 from tests.test_verify import motion_of, plan_of, world_of
 

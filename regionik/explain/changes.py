@@ -6,15 +6,14 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from shapely.affinity import translate
 
 from regionik.areas.reachable import model_of
 from regionik.explain.constraints import ARM_CLEARANCE, CLEARANCE, with_rules
 from regionik.explain.minimal_change import FINE, grid_above
 from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import Array
+from regionik.worlds.chain import translation
 from regionik.worlds.errors import Repair, RepairKind, Unit
-from regionik.worlds.obstacles import Mesh, Prism, Solid
 from regionik.worlds.scene import Target, World
 
 
@@ -201,18 +200,10 @@ def _with_target_moved(world: World, repair: Repair, i: int) -> World:
 
 
 def _with_obstacle_moved(world: World, repair: Repair, _: int) -> World:
-    by = np.array(repair.vector)
-    moved = tuple(_moved(solid, by) if solid.name == repair.name else solid for solid in world.obstacles)
+    x, y = repair.vector
+    T = translation(x, y, 0.0)
+    moved = tuple(one.transformed(T) if one.name == repair.name else one for one in world.obstacles)
     return replace(world, obstacles=moved)
-
-
-def _moved(solid: Solid, by: Array) -> Solid:
-    step = np.array([by[0], by[1], 0.0])
-    if isinstance(solid, Prism):
-        return replace(solid, polygon=translate(solid.polygon, float(by[0]), float(by[1])))
-    if isinstance(solid, Mesh):
-        return replace(solid, vertices=solid.vertices + step)
-    return replace(solid, center=solid.center + step)
 
 
 def _with_lift_offs(world: World, repair: Repair, _: int) -> World:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from regionik.worlds.arrays import Array
+from regionik.worlds.chain import rot_z
 from regionik.worlds.errors import InputError
 
 SLIP_TIME = 1.0  # for which a draw of the slip lasts [s]
@@ -91,7 +92,7 @@ class PoseEstimate:
         F[0, 2], F[1, 2] = -step[1], step[0]
         # A draw of the slip lasts: what it adds to the error it adds bit by bit, in the same direction.
         spread = slip / np.sqrt(3) * np.abs(twist) * np.sqrt(SLIP_TIME * time)
-        S = _yaw_rotation(self.pose[2] + twist[2] * time / 2) * spread
+        S = rot_z(self.pose[2] + twist[2] * time / 2)[:3, :3] * spread
         return PoseEstimate(self.pose + step, F @ self.covariance @ F.T + S @ S.T)
 
     def corrected(self, localized: Array, then: Array, deviations: Array) -> PoseEstimate:
@@ -104,10 +105,5 @@ class PoseEstimate:
 
 def twist_step(yaw: float, twist: Array, time: float) -> Array:
     """Motion in the world, (3,), by a twist (3,) of the base in its own frame for a time [s]."""
-    step: Array = _yaw_rotation(yaw + twist[2] * time / 2) @ twist * time
+    step: Array = rot_z(yaw + twist[2] * time / 2)[:3, :3] @ twist * time
     return step
-
-
-def _yaw_rotation(yaw: float) -> Array:
-    c, s = np.cos(yaw), np.sin(yaw)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

@@ -55,19 +55,13 @@ def _polygons(geometry: BaseGeometry) -> list[Polygon]:
     return [polygon for part in getattr(geometry, "geoms", ()) for polygon in _polygons(part)]
 
 
-def plan_to_document(plan: Plan) -> dict[str, Any]:
-    """The plan as dicts, lists and numbers, in the layout of ``docs/plan.schema.json``.
+def plan_to_text(plan: Plan) -> str:
+    """The plan as JSON, in the layout of ``docs/plan.schema.json``: a line a set-point, state or feature.
 
     Areas are a GeoJSON FeatureCollection with one feature per set-point. Its geometry is a
     GeometryCollection of three MultiPolygons, some of them perhaps empty: admissible, pruned, rejected.
     There are no features where the areas have more than `CORNERS_LIMIT` corners.
     """
-    document = {key: list(value) if isinstance(value, Iterator) else value for key, value in _members(plan)}
-    return {**document, "areas": feature_collection(document["areas"])}
-
-
-def plan_to_text(plan: Plan) -> str:
-    """The document as JSON text, one set-point, state or feature a line, for people and for diffs."""
     members = ",\n".join(f"{json.dumps(key)}: {_text(key, value)}" for key, value in _members(plan))
     return f"{{\n{members}\n}}\n"
 
