@@ -58,7 +58,8 @@ def simulate_plan(
         written = _write_run(run, output, html)
     print_message(_summary(run))
     if disturbances:
-        print_message(f"  this run needs rules.execution: {_execution(run)}")
+        errors = ", ".join(f"{key}: {value:g}" for key, value in asdict(run.execution).items())
+        print_message(f"  this run needs rules.execution: {{{errors}}}")
     for one in written:
         print_message(f"  wrote {one}")
     if as_json:
@@ -103,13 +104,6 @@ def _write_run(run: SimulatedRun, output: Path | None, html: Path | None) -> lis
     for path, content in written.items():
         write_atomic(path, content)
     return list(written)
-
-
-def _execution(run: SimulatedRun) -> str:
-    """The errors of a run, as a world file takes them."""
-    errors = asdict(run.execution)
-    told = ", ".join(f"{key}: {value:g}" for key, value in errors.items())
-    return f"{{{told}}}"
 
 
 def _summary(run: SimulatedRun) -> str:

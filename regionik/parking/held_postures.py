@@ -220,7 +220,7 @@ class PostureCarrier:
     ) -> HeldPostures | None:
         """Carry one posture along: the pivot left free to choose a heading, then at that heading."""
         heading = float(base[2])
-        if not self._still:
+        if self._bound.chain.dof == self.world.robot.chain.dof:  # else the base turns in place of a pivot
             free = self._carried(self._free, axis, heading, joints)
             heading = into_span(self._heading(heading, free), span)
             joints = joints.copy()
@@ -304,11 +304,6 @@ class PostureCarrier:
         """Solver with a pivot that has no limits, or its own."""
         rules, robot = self.world.rules, with_joint_margin(self.world.robot, self.world.rules.criteria)
         return serial_solver(robot.chain, float(robot.mount[2]), rules.tolerance, turns=turns)
-
-    @property
-    def _still(self) -> bool:
-        """True where the base turns in place of a pivot."""
-        return self._bound.chain.dof > self.world.robot.chain.dof
 
     @property
     def _pivot(self) -> int:

@@ -16,7 +16,7 @@ import shapely
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import EVERY, GUARD, Geometries, ground_of
+from regionik.areas.ground import EVERY, GUARD, ground_of
 from regionik.areas.reach_model import FineRows, ReachModel
 from regionik.areas.reachable import fine_reach, reach_model
 from regionik.areas.standing import span_of_rules
@@ -154,7 +154,7 @@ class _CloseAreas:
     def whole(self) -> tuple[Span, Span]:
         """All headings and pitches."""
         heading = span_of_rules(self.world)
-        if heading == EVERY and not self._turnless:
+        if heading == EVERY and self._outline.any():  # else the base is a point below the arm axis
             heading = (-np.pi, np.pi)
         if not self._tilts or self.target.direction is None:
             return heading, (0.0, 0.0)
@@ -186,15 +186,11 @@ class _CloseAreas:
     def outer(self, cell: HeadingCell) -> BaseGeometry:
         """No place outside it works at any heading and pitch of the cell."""
         if cell not in self._outer:
-            self._outer[cell] = self._outer_of(cell)
+            kinds = self._kinds(cell, inner=False)
+            _, shapes = fine_reach(self.world, self.target, kinds, cell.heading, ARCS, inner=False)
+            free = self._free_at_some(cell.heading) if len(shapes) else Polygon()
+            self._outer[cell] = shapely.intersection(shapely.union_all(shapes), free)
         return self._outer[cell]
-
-    def _outer_of(self, cell: HeadingCell) -> BaseGeometry:
-        kinds = self._kinds(cell, inner=False)
-        _, shapes = fine_reach(self.world, self.target, kinds, cell.heading, ARCS, inner=False)
-        if not len(shapes):
-            return Polygon()
-        return shapely.intersection(shapely.union_all(shapes), self._free_at_some(cell.heading))
 
     def inner(self, cell: HeadingCell) -> Iterator[KnownArea]:
         """Areas of which every place works at all headings of the cell, the largest first.
@@ -258,11 +254,6 @@ class _CloseAreas:
         return reach_model(self.world.robot, goal_of(self.target))
 
     @cached_property
-    def _turnless(self) -> bool:
-        """True where the base is a point below the arm axis."""
-        return not self._outline.any()
-
-    @cached_property
     def _outline(self) -> Array:
         outline: Array = self.world.robot.footprint - self.world.robot.mount[:2]
         return outline
@@ -312,7 +303,8 @@ class _CloseAreas:
         """Some places, as far as a heading is free of the floor and the shadows that matter to them."""
         ground, (low, high) = ground_of(self.world), _turn(heading)
         by = WIDER * ground.far + GUARD
-        near = ground.cut_to(shapely.union_all(_boxes_about(about, by)))
+        x0, y0, x1, y1 = shapely.bounds(shapely.get_parts(about)).T
+        near = ground.cut_to(shapely.union_all(shapely.box(x0 - by, y0 - by, x1 + by, y1 + by)))
         if near.floor.is_empty:
             return Polygon()
         sides = SIDES if high - low > NARROW else MOST_SIDES
@@ -324,13 +316,6 @@ class _CloseAreas:
 def _turn(heading: Span) -> Span:
     """A range of headings; one of them where all are the same."""
     return (0.0, 0.0) if heading == EVERY else heading
-
-
-def _boxes_about(area: BaseGeometry, by: float) -> Geometries:
-    """Boxes about the parts of an area, wider by some way on each side [m]."""
-    x0, y0, x1, y1 = shapely.bounds(shapely.get_parts(area)).T
-    boxes: Geometries = shapely.box(x0 - by, y0 - by, x1 + by, y1 + by)
-    return boxes
 
 
 def _pitch_of(direction: Array) -> float:

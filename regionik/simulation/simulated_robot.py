@@ -81,7 +81,8 @@ class SimulatedRobot:
         for touch in self.physics.touches():
             if self._is_allowed(touch):
                 continue
-            names = self._robot_solid(touch.robot), self._other_solid(touch)
+            other = self._robot_solid(touch.other) if touch.own else self._world.solids[touch.other].name
+            names = self._robot_solid(touch.robot), other
             known = self.contacts.setdefault(names, Contact(time, *names, touch.depth))
             self.contacts[names] = replace(known, depth=max(known.depth, touch.depth))
 
@@ -104,6 +105,3 @@ class SimulatedRobot:
     def _robot_solid(self, index: int) -> str:
         robot = self._world.robot
         return base_name(robot) if index == BODY else robot.all_solids[index].name
-
-    def _other_solid(self, touch: Overlap) -> str:
-        return self._robot_solid(touch.other) if touch.own else self._world.solids[touch.other].name

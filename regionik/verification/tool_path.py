@@ -165,7 +165,7 @@ def verify_direction(world: World, segments: MotionSegments, names: StateNames) 
 
     segment, start, end, cone = _arcs(world, bound, asked, axes)
     acceleration = segments.tool_axis_acceleration_bound[segment]
-    motion = _SphereMotion(axis_at, _unchanged, segment, start, end, cone, acceleration)
+    motion = _SphereMotion(axis_at, lambda axes, _: axes, segment, start, end, cone, acceleration)
     return _within_cones(motion, names, "direction", "axis", 1.0)
 
 
@@ -298,11 +298,6 @@ def _nearest_on_arc(u: Array, a: Array, b: Array) -> Array:
     inner = np.cos(angle)[:, None] * a + np.sin(angle)[:, None] * side
     end = np.where((angle_between(u, a) <= angle_between(u, b))[:, None], a, b)
     return np.where(usable[:, None], inner, end)
-
-
-def _unchanged(points: Array, others: Array) -> Array:
-    """Directions: opposite ones differ."""
-    return points
 
 
 def _same_sign(quaternions: Array, others: Array) -> Array:
