@@ -18,7 +18,7 @@ from regionik.reachability.field import reach_field, reach_slice
 from regionik.tracker import can_track
 from regionik.values import Plan
 from regionik.view.clearance import bodies_around
-from regionik.view.figure_data import plan_floor
+from regionik.view.figure_data import floor_view
 from regionik.view.figures import field_image
 from regionik.view.floor_areas import DETAIL, shown_floor
 from regionik.view.live import LiveAreas, failing_setpoints, live_areas, live_picture
@@ -42,7 +42,7 @@ def drawn(picture: Picture, path: str) -> BaseGeometry:
 
 
 def assert_true(plan: Plan) -> None:
-    picture, floor = picture_of_plan(plan), plan_floor(plan)
+    picture, floor = picture_of_plan(plan), floor_view(plan)
     motion = plan.motion
     places = shapely.points(axis_of(plan.world.robot, motion.base))
     at_work = places[motion.kind == "setpoint"]

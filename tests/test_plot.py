@@ -19,7 +19,7 @@ from regionik.planners.collision.robot_bodies import bodies_from
 from regionik.values import Plan
 from regionik.verification.base_clearance import footprint_hulls
 from regionik.view.clearance import clearances
-from regionik.view.figure_data import POSES, plan_curves, plan_floor
+from regionik.view.figure_data import POSES, floor_view, plan_curves
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import World
@@ -87,7 +87,7 @@ def test_lifted_spans_are_the_transits_with_their_ends(plan: Plan) -> None:
 
 
 def test_the_floor_is_parted(plan: Plan) -> None:
-    view = plan_floor(plan)
+    view = floor_view(plan)
     parts = [view.free, view.turning, view.rejected, view.pale, view.strong]
     assert sum(part.area for part in parts) == pytest.approx(view.all.area, rel=0.01)
     assert shapely.union_all(parts).area == pytest.approx(view.all.area, rel=0.01)

@@ -25,7 +25,7 @@ from regionik.regions import path_areas
 from regionik.values import Plan
 from regionik.verification.led_postures import _excess, _Goals, _residual_and_jacobian
 from regionik.verification.verifier import verify
-from regionik.view.figure_data import plan_floor
+from regionik.view.figure_data import floor_view
 from regionik.view.plan_picture import picture_of_plan
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
@@ -428,7 +428,7 @@ def test_the_command_tells_writes_and_draws(tmp_path: Path, capsys: pytest.Captu
 
 def test_pictures_of_a_plan_show_its_circles() -> None:
     found = planned("pillar")
-    assert len(plan_floor(found).circles.geoms) == 2
+    assert len(floor_view(found).circles.geoms) == 2
     assert any(body.path == "areas/parking" for body in picture_of_plan(found).bodies)
 
 

@@ -11,6 +11,7 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from regionik.postures.poses import axis_of
+from regionik.regions import Area
 from regionik.timing.limits import tool_velocity
 from regionik.timing.trajectory import is_timed, trajectory
 from regionik.values import Plan, Stop
@@ -123,8 +124,16 @@ class FloorView:
         return self.driven and len(self.axis_path) > 0
 
 
-def plan_floor(plan: Plan) -> FloorView:
-    """Return the floor of a plan as seen from above."""
+def floor_view(what: Plan | World | Area) -> FloorView:
+    """Return the floor of a plan, of a world with its start, or of an area with its target, from above."""
+    if isinstance(what, Plan):
+        return _plan_floor(what)
+    if isinstance(what, World):
+        return _world_floor(what)
+    return _world_floor(replace(what.world, task=(what.target,)), what.inner)
+
+
+def _plan_floor(plan: Plan) -> FloorView:
     world, motion = plan.world, plan.motion
     at = np.flatnonzero(motion.kind == "setpoint")
     shown = motion.base[at[np.unique(np.linspace(0, len(at) - 1, POSES).round().astype(int))]]
@@ -157,8 +166,7 @@ def stops_floor(world: World, stops: Sequence[Stop]) -> FloorView:
     return replace(view, driven=False)
 
 
-def world_floor(world: World, area: BaseGeometry | None = None) -> FloorView:
-    """Return the floor of a world as seen from above, with its start and an area of one of its targets."""
+def _world_floor(world: World, area: BaseGeometry | None = None) -> FloorView:
     setpoints = np.array([target.position[:2] for target in world.task]).reshape(-1, 2)
     base = np.empty((0, 3)) if world.start is None else world.start.base[None]
     areas = () if area is None else (area,)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -29,12 +28,12 @@ from regionik.values import Answer, Plan, Stop
 from regionik.view.figure_data import (
     FloorView,
     PlanCurves,
+    SpeedCurves,
+    floor_view,
     plan_curves,
-    plan_floor,
     seen_from_above,
     stops_floor,
     window,
-    world_floor,
 )
 from regionik.view.picture import Color, count_noun
 from regionik.view.world_picture import TURNING_WORDS
@@ -99,12 +98,8 @@ def plot_floor(what: Plan | World | Area | Answer, axes: Axes | None = None) -> 
     drawn = axes or Figure(figsize=(_RIGHT, _RIGHT)).add_subplot()
     if isinstance(what, Answer):
         _answers(drawn, what)
-    elif isinstance(what, Plan):
-        _floor(drawn, plan_floor(what))
-    elif isinstance(what, World):
-        _floor(drawn, world_floor(what))
     else:
-        _floor(drawn, world_floor(replace(what.world, task=(what.target,)), what.inner))
+        _floor(drawn, floor_view(what))
     return drawn
 
 
@@ -114,8 +109,7 @@ def floor_image(what: Plan | World | Area | Answer) -> str:
     def made() -> Figure:
         figure = Figure(figsize=(_RIGHT, _RIGHT))
         axes = plot_floor(what, figure.add_subplot())
-        (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
-        shape = float(np.clip((high - low) / (right - left), 0.2, 1.2))
+        shape = float(np.clip(np.ptp(axes.get_ylim()) / np.ptp(axes.get_xlim()), 0.2, 1.2))
         figure.set_figheight((_RIGHT - 0.8) * shape + 1.6)  # and room for the legend
         return figure
 
@@ -148,11 +142,10 @@ def field_image(field: Field, suffix: str) -> bytes:
 
 def _render(make: Callable[[], Figure], suffix: str) -> bytes:
     data = io.BytesIO()
-    dated = {"Date": None} if suffix == ".svg" else {}
     with matplotlib.style.context(["default", _STYLE]):  # independent of the user's own settings
         figure = make()
         _fix_layout(figure)
-        figure.savefig(data, format=suffix[1:], dpi=_DPI, metadata=dated)
+        figure.savefig(data, format=suffix[1:], dpi=_DPI, metadata={"Date": None} if suffix == ".svg" else {})
     return data.getvalue()
 
 
@@ -206,24 +199,25 @@ def _field_values(ax: Axes, field: Field) -> list[Patch]:
 def _stops_figure(world: World, stops: Sequence[Stop]) -> Figure:
     floor = stops_floor(world, stops)
     figure = Figure(figsize=(_RIGHT, _floor_height(floor) + 0.7))
-    facts = count_noun(len(world.task), "set-point"), count_noun(len(stops), "stop")
-    figure.suptitle(f"{world.name}: {', '.join(facts)}", fontsize=13, fontweight="bold")
+    _head(figure, world, [count_noun(len(world.task), "set-point"), count_noun(len(stops), "stop")])
     _floor(figure.add_subplot(), floor)
     return figure
 
 
 def _figure(plan: Plan) -> Figure:
-    curves, floor, dof = plan_curves(plan), plan_floor(plan), plan.world.robot.chain.dof
+    curves, floor, dof = plan_curves(plan), floor_view(plan), plan.world.robot.chain.dof
     panels, high = 1 if curves.speeds is None else 2, _floor_height(floor)
     figure = Figure(figsize=(_LEFT * panels + _RIGHT, max(1.3 * dof, high + _ROW * panels) + 0.7))
-    figure.suptitle(_title(plan, curves), fontsize=13, fontweight="bold")
+    facts = [count_noun(len(plan.setpoints), "set-point"), count_noun(plan.lift_offs, "lift-off")]
+    untimed = f"{count_noun(len(plan.motion), 'state')}, not timed"
+    _head(figure, plan.world, [*facts, f"{curves.states[-1]:.1f} s" if curves.timed else untimed])
     sides = figure.add_gridspec(1, 2, width_ratios=[_LEFT * panels, _RIGHT])
     _joints(figure, sides[0], plan, curves)
     _key_to_marks(figure, curves)
     grid = sides[1].subgridspec(1 + panels, 1, height_ratios=[high, *[_ROW] * panels])
     _floor(figure.add_subplot(grid[0]), floor)
     if curves.speeds is not None:
-        _speeds(figure.add_subplot(grid[1]), curves)
+        _speeds(figure.add_subplot(grid[1]), curves, curves.speeds)
     _clearance(figure.add_subplot(grid[-1]), plan, curves)
     return figure
 
@@ -242,11 +236,8 @@ def _fix_layout(figure: Figure) -> None:
         ax.set_position((x, y, width, height))
 
 
-def _title(plan: Plan, curves: PlanCurves) -> str:
-    facts = [count_noun(len(plan.setpoints), "set-point"), count_noun(plan.lift_offs, "lift-off")]
-    states = count_noun(len(plan.motion), "state")
-    facts.append(f"{curves.states[-1]:.1f} s" if curves.timed else f"{states}, not timed")
-    return f"{plan.world.name}: {', '.join(facts)}"
+def _head(figure: Figure, world: World, facts: list[str]) -> None:
+    figure.suptitle(f"{world.name}: {', '.join(facts)}", fontsize=13, fontweight="bold")
 
 
 def _joints(figure: Figure, place: SubplotSpec, plan: Plan, curves: PlanCurves) -> None:
@@ -295,20 +286,17 @@ def _shared_axis(ax: Axes, curves: PlanCurves, last: bool) -> None:
 
 def _key_to_marks(figure: Figure, curves: PlanCurves) -> None:
     """The legend of ticks and shades."""
-    mark: dict[str, Any] = {"marker": "|", "markersize": 7, "linestyle": ""}
-    ticks = Line2D([], [], color=_hex(Color.AHEAD), label="set-points", **mark)
+    ticks = Line2D([], [], color=_hex(Color.AHEAD), marker="|", markersize=7, ls="", label="set-points")
     beyond = Patch(facecolor=_hex(Color.SOLID), alpha=BEYOND, label="beyond the limits")
     lifted = Patch(facecolor=_hex(Color.LIFTED), alpha=LIGHT, label="tool lifted")
     handles = [ticks, beyond, *([lifted] if len(curves.lifted) else [])]
     figure.legend(handles=handles, loc="outside lower left", ncols=3)
 
 
-def _speeds(ax: Axes, curves: PlanCurves) -> None:
-    assert curves.speeds is not None
-    ax.plot(curves.along, curves.speeds.tool, color=_hex(Color.PASSED), linewidth=1.6, label="tool")
-    ax.plot(curves.along, curves.speeds.base, color=_hex(Color.AXIS_PATH), linewidth=0.8, label="base")
-    ax.set(title="speed", ylabel="[m/s]")
-    ax.set_ylim(bottom=0.0)
+def _speeds(ax: Axes, curves: PlanCurves, speeds: SpeedCurves) -> None:
+    ax.plot(curves.along, speeds.tool, color=_hex(Color.PASSED), linewidth=1.6, label="tool")
+    ax.plot(curves.along, speeds.base, color=_hex(Color.AXIS_PATH), linewidth=0.8, label="base")
+    ax.set(title="speed", ylabel="[m/s]", ylim=(0.0, None))
     _shared_axis(ax, curves, last=False)
     _legend(ax)
 
@@ -333,28 +321,27 @@ def _clearance(ax: Axes, plan: Plan, curves: PlanCurves) -> None:
 
 def _legend(ax: Axes) -> None:
     """The legend of the curves, above them and beside the title."""
-    handles, labels = ax.get_legend_handles_labels()
-    if handles:
-        ax.legend(handles, labels, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=5, borderaxespad=0.0)
+    if ax.get_legend_handles_labels()[0]:
+        ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=5, borderaxespad=0.0)
 
 
 def _floor(ax: Axes, floor: FloorView) -> None:
     """The floor from above, drawn from below upwards."""
     strong, pale, rejected = floor.words
     layers = (
-        ("free floor", floor.free, Color.NAVIGABLE, None),
-        (TURNING_WORDS, floor.turning, Color.TURNING, None),
-        (rejected, floor.rejected, Color.REJECTION, "////"),
-        (pale, floor.pale, Color.PALE, None),
-        (strong, floor.strong, Color.STRONG, None),
-        ("obstacles", floor.solids, Color.SOLID, None),
+        ("free floor", floor.free, Color.NAVIGABLE),
+        (TURNING_WORDS, floor.turning, Color.TURNING),
+        (rejected, floor.rejected, Color.REJECTION),
+        (pale, floor.pale, Color.PALE),
+        (strong, floor.strong, Color.STRONG),
+        ("obstacles", floor.solids, Color.SOLID),
     )
     _area(ax, floor.all, facecolor=_hex(Color.FLOOR))
     key: list[Patch | Line2D] = []
-    for label, area, color, hatch in layers:
+    for label, area, color in layers:
         if not area.is_empty:
-            paint: dict[str, Any] = {"facecolor": _hex(color), "hatch": hatch}
-            paint |= {"edgecolor": "#ffffff80"} if hatch else {}
+            paint: dict[str, Any] = {"facecolor": _hex(color)}
+            paint |= {"hatch": "////", "edgecolor": "#ffffff80"} if label == rejected else {}
             _area(ax, area, **paint)
             key.append(Patch(linewidth=0, label=label, **paint))
     if len(floor.tool_path) > 1:
@@ -368,9 +355,8 @@ def _floor(ax: Axes, floor: FloorView) -> None:
         key += ax.plot(*floor.axis_path.T, color=_hex(Color.AXIS_PATH), zorder=5, **line)
     key += _dots(ax, floor.setpoints, label="set-points")
     if not floor.circles.is_empty:
-        paint = {"facecolor": _hex(Color.PARKING)}
-        _area(ax, floor.circles, zorder=5, **paint)
-        key.append(Patch(linewidth=0, label="circles to park in", **paint))
+        _area(ax, floor.circles, zorder=5, facecolor=_hex(Color.PARKING))
+        key.append(Patch(linewidth=0, label="circles to park in", facecolor=_hex(Color.PARKING)))
     for outline, stroke in zip(floor.footprints, floor.headings, strict=True):
         _area(ax, outline, facecolor="white", alpha=0.5, zorder=4)
         ax.plot(*shapely.get_coordinates(outline).T, color=_hex(Color.ROBOT), linewidth=0.9, zorder=4)
