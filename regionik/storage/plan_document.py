@@ -19,7 +19,7 @@ from regionik.storage.files import json_values
 from regionik.worlds.documents.world_file import world_to_document
 
 if TYPE_CHECKING:
-    from regionik.values import Plan, PlannedArea
+    from regionik.values import Plan
 
 VERSION = 1
 CORNERS_LIMIT = 5_000_000  # of the areas in a file; with more it could not be read back
@@ -68,7 +68,8 @@ def plan_to_text(plan: Plan) -> str:
 
 def keeps_areas(plan: Plan) -> bool:
     """Return whether the plan's areas have few enough corners for a file that can be read back."""
-    return sum(_corners(area) for area in plan.areas) <= CORNERS_LIMIT
+    shapes = [getattr(area, part) for area in plan.areas for part in PARTS]
+    return bool(shapely.get_num_coordinates(shapes).sum() <= CORNERS_LIMIT)
 
 
 def _members(plan: Plan) -> Iterator[tuple[str, Any]]:
@@ -92,10 +93,6 @@ def _text(key: str, value: Any) -> str:
         return json.dumps(value, allow_nan=False)
     entries = ",\n".join(json.dumps(entry, allow_nan=False) for entry in value)
     return f"[\n{entries}\n]" if entries else "[]"
-
-
-def _corners(area: PlannedArea) -> int:
-    return int(shapely.get_num_coordinates([getattr(area, part) for part in PARTS]).sum())
 
 
 def _numbers(values: ArrayLike) -> list[float]:
