@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionik.planners.kernels import compiled
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Index
 from regionik.worlds.chain import Chain
 
 Row = tuple[float, float, float]
@@ -19,15 +19,21 @@ _UNTURNED = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
 class SerialArm(NamedTuple):
-    """A chain for kernels; joint k turns about, or slides along, ``axis[k]`` in its own frame."""
+    """A chain for kernels; joint k turns about, or slides along, ``axis[k]`` in its own frame.
+
+    Postures are values of its dof active joints. Joint k is at ``ratio[k] * posture[leader[k]] + offset[k]``.
+    """
 
     fixed: Array  # (n, 4, 4) from the link before to the joint at zero
     axis: Array  # (n, 3) unit vectors
     revolute: NDArray[np.bool_]  # (n,)
-    # lower, upper: (n,) [rad] or [m]; infinite where there is no limit
+    # lower, upper: (dof,) [rad] or [m]; infinite where there is no limit
     lower: Array
     upper: Array
     tool: Array  # (4, 4) from the last link to the tool
+    leader: Index  # (n,)
+    ratio: Array  # (n,)
+    offset: Array  # (n,) [rad] or [m]
 
 
 @lru_cache(maxsize=64)
@@ -40,7 +46,17 @@ def serial_arm(chain: Chain) -> SerialArm:
         chain.lower,
         chain.upper,
         np.array(chain.T_last_tool),
+        np.array(chain.leaders, dtype=np.int64),
+        np.array(chain.multipliers),
+        np.array(chain.offsets),
     )
+
+
+def active_levers(arm: SerialArm, levers: Array) -> Array:
+    """Most that a point moves by the unit speed of active joints, (dof,), from all joints' levers, (n,)."""
+    found = np.zeros(len(arm.lower))
+    np.add.at(found, arm.leader, np.abs(arm.ratio) * levers)
+    return found
 
 
 @compiled
@@ -66,15 +82,32 @@ def rotate_about(axis: Array, angle: float, R: Array) -> None:
 
 
 @compiled
-def chain_frames(arm: SerialArm, joints: Array, frames: Array) -> None:
+def joint_values(arm: SerialArm, posture: Array) -> Array:
+    """Values (n,) of all joints in a posture (dof,)."""
+    values: Array = arm.ratio * posture[arm.leader] + arm.offset
+    return values
+
+
+@compiled
+def joint_changes(arm: SerialArm, change: Array) -> Array:
+    """Sizes (n,) of the changes of all joints by a change of the active ones (dof,)."""
+    changes: Array = np.abs(arm.ratio * change[arm.leader])
+    return changes
+
+
+@compiled
+def chain_frames(arm: SerialArm, posture: Array, frames: Array) -> None:
     """Write the pose of every link, then of the tool, into ``frames`` (n + 1, 4, 4), in the base frame."""
     frames[0] = np.eye(4)
-    chain_on(arm, joints, frames)
+    chain_on(arm, joint_values(arm, posture), frames)
 
 
 @compiled
 def chain_on(arm: SerialArm, joints: Array, frames: Array) -> None:
-    """`chain_frames` in another frame, in which ``frames[0]`` is the pose of the chain's base at first."""
+    """Write frames as `chain_frames` does, of the values of all joints (n,), on a base that moves.
+
+    ``frames[0]`` is the pose of the chain's base at first.
+    """
     n = len(arm.axis)
     for k in range(n + 1):
         last, step = frames[max(k - 1, 0)], arm.fixed[k] if k < n else arm.tool
@@ -113,7 +146,18 @@ def joint_axes(arm: SerialArm, frames: Array, axes: Array) -> None:
 
 @compiled
 def chain_jacobian(arm: SerialArm, frames: Array, J: Array) -> None:
-    """Write the tool's linear and angular velocity for each joint's unit speed into ``J`` (6, n)."""
+    """Write the tool's linear and angular velocity for each active joint's unit speed into ``J`` (6, dof)."""
+    columns = np.empty((6, len(arm.axis)))
+    joint_jacobian(arm, frames, columns)
+    J[:] = 0.0
+    for k in range(len(arm.axis)):
+        for i in range(6):
+            J[i, arm.leader[k]] += arm.ratio[k] * columns[i, k]
+
+
+@compiled
+def joint_jacobian(arm: SerialArm, frames: Array, J: Array) -> None:
+    """Write the tool's linear and angular velocity for the unit speed of each of all joints, (6, n)."""
     n = len(arm.axis)
     tool = frames[n, :3, 3]
     axes, lever = np.empty((n, 3)), np.empty(3)
@@ -134,7 +178,7 @@ def chain_jacobian(arm: SerialArm, frames: Array, J: Array) -> None:
 
 def spread_postures(chain: Chain, reach: float, count: int, seed: int) -> Array:
     """Postures (count, dof) drawn evenly within the limits; joints without any, within a turn or a reach."""
-    width = np.array([2 * np.pi if joint.kind == "revolute" else reach for joint in chain.joints])
+    width = np.array([2 * np.pi if joint.kind == "revolute" else reach for joint in chain.active_joints])
     lower = np.where(np.isfinite(chain.lower), chain.lower, chain.upper - width)
     lower = np.where(np.isfinite(lower), lower, -0.5 * width)
     upper = np.where(np.isfinite(chain.upper), chain.upper, lower + width)

@@ -273,7 +273,7 @@ class PivotedReach(ReachModel):
 
     def _pivot(self, rules: Rules) -> tuple[float, float]:
         """Turns of the pivot that the rules leave [rad]."""
-        pivot = self.chain.joints[pivot_index(self.chain)]
+        pivot = self.chain.active_joints[pivot_index(self.chain)]
         low, high = float(pivot.lower), float(pivot.upper)
         if rules.heading == "face_target":
             low = high = min(max(0.0, low), high)
