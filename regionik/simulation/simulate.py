@@ -95,8 +95,8 @@ class _Record:
     def take(self, k: int, physics: Physics, estimate: PoseEstimate) -> None:
         """Keep the present state as row k."""
         physics.refresh()
-        self._base[k], self._joints[k] = physics.position[:3], physics.position[3:]
-        self._velocity[k], self._tool[k] = physics.velocity, physics.tool
+        position, self._velocity[k] = physics.state
+        self._base[k], self._joints[k], self._tool[k] = position[:3], position[3:], physics.tool
         self._tool_speed[k] = np.linalg.norm(physics.tool_velocity())
         self._estimate[k], self._covariance[k] = estimate.pose, estimate.covariance
 

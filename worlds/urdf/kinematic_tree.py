@@ -282,8 +282,8 @@ def _mimic_on_path(path: KinematicPath, joint: UrdfJoint, mimic: Mimic) -> Mimic
             return mimic
         (offset, _), further = mimic.limits(leader.mimic.offset, leader.mimic.offset), leader.mimic
         mimic = Mimic(further.joint, mimic.multiplier * further.multiplier, offset)
-    expected = f"expected one that moves by itself between {path.root} and {path.tip}"
-    raise InputError(f"it copies joint {mimic.joint} (mimic): {expected}, or a tip above, as {joint.parent}")
+    text = f"it copies joint {mimic.joint} (mimic), which does not move by itself between {path.root} and"
+    raise InputError(f"{text} {path.tip}: choose a tip above it, such as {joint.parent}")
 
 
 def _led(joint: Joint, joints: Iterable[Joint]) -> Joint:
