@@ -49,8 +49,8 @@ FAULTS = (
     Fault(
         "a joint that mimics another moves the tool as that one would",
         "planners/solvers/serial_chain.py",
-        "J[i, arm.leader[k]] += arm.ratio[k] * columns[i, k]",
-        "J[i, arm.leader[k]] += columns[i, k]",
+        "J[i, j] += ratio * twist[i]",
+        "J[i, j] += twist[i]",
         ("tests/test_mimic.py",),
     ),
     Fault(

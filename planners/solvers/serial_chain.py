@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from regionik.planners.geometry.vectors import cross, row, turned
 from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.chain import Chain
@@ -84,7 +85,9 @@ def rotate_about(axis: Array, angle: float, R: Array) -> None:
 @compiled
 def joint_values(arm: SerialArm, posture: Array) -> Array:
     """Values (n,) of all joints in a posture (dof,)."""
-    values: Array = arm.ratio * posture[arm.leader] + arm.offset
+    values = np.empty(len(arm.axis))
+    for k in range(len(values)):
+        values[k] = arm.ratio[k] * posture[arm.leader[k]] + arm.offset[k]
     return values
 
 
@@ -147,33 +150,31 @@ def joint_axes(arm: SerialArm, frames: Array, axes: Array) -> None:
 @compiled
 def chain_jacobian(arm: SerialArm, frames: Array, J: Array) -> None:
     """Write the tool's linear and angular velocity for each active joint's unit speed into ``J`` (6, dof)."""
-    columns = np.empty((6, len(arm.axis)))
-    joint_jacobian(arm, frames, columns)
     J[:] = 0.0
     for k in range(len(arm.axis)):
+        j, ratio, twist = arm.leader[k], arm.ratio[k], joint_twist(arm, frames, k)
         for i in range(6):
-            J[i, arm.leader[k]] += arm.ratio[k] * columns[i, k]
+            J[i, j] += ratio * twist[i]
 
 
 @compiled
 def joint_jacobian(arm: SerialArm, frames: Array, J: Array) -> None:
     """Write the tool's linear and angular velocity for the unit speed of each of all joints, (6, n)."""
-    n = len(arm.axis)
-    tool = frames[n, :3, 3]
-    axes, lever = np.empty((n, 3)), np.empty(3)
-    joint_axes(arm, frames, axes)
-    for k in range(n):
-        axis = axes[k]
-        for i in range(3):
-            lever[i] = tool[i] - frames[k, i, 3]
-        if arm.revolute[k]:
-            J[0, k] = axis[1] * lever[2] - axis[2] * lever[1]
-            J[1, k] = axis[2] * lever[0] - axis[0] * lever[2]
-            J[2, k] = axis[0] * lever[1] - axis[1] * lever[0]
-            J[3:, k] = axis
-        else:
-            J[:3, k] = axis
-            J[3:, k] = 0.0
+    for k in range(len(arm.axis)):
+        twist = joint_twist(arm, frames, k)
+        for i in range(6):
+            J[i, k] = twist[i]
+
+
+@compiled
+def joint_twist(arm: SerialArm, frames: Array, k: int) -> tuple[float, float, float, float, float, float]:
+    """The tool's linear and angular velocity for the unit speed of joint k of all n."""
+    T, tool = frames[k], frames[len(arm.axis)]
+    x, y, z = axis = turned(T, row(arm.axis, k))
+    if not arm.revolute[k]:
+        return x, y, z, 0.0, 0.0, 0.0
+    u, v, w = cross(axis, (tool[0, 3] - T[0, 3], tool[1, 3] - T[1, 3], tool[2, 3] - T[2, 3]))
+    return u, v, w, x, y, z
 
 
 def spread_postures(chain: Chain, reach: float, count: int, seed: int) -> Array:
