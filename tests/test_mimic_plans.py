@@ -34,6 +34,7 @@ from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Cylinder, Sphere
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from tests.mimics import ARMS, arm, expanded, plain, postures, random_chain
+from tests.soak import against
 
 # --- reach
 
@@ -125,7 +126,7 @@ def test_a_seam_is_planned_smooth_timed_and_proven(name: str, mode: str) -> None
     assert found.lift_offs == 0
     timed = retime(found)
     assert verify(timed).ok
-    assert np.isfinite(timed.motion.time).all()
+    assert against(timed) == ()  # pinocchio and coal
     assert found.motion.joints.shape[1] == 3
 
 
