@@ -58,7 +58,7 @@ FAULTS = (
         "planners/solvers/serial_chain.py",
         "np.abs(arm.ratio * change[arm.leader])",
         "np.abs(change[arm.leader])",
-        ("tests/test_mimic_plans.py",),
+        ("tests/test_mimic.py",),
     ),
     Fault(
         "verify: set-points twice as loose",

@@ -9,7 +9,11 @@ import shapely
 
 from regionik.output.urdf import robot_to_urdf
 from regionik.planners.collision.robot_motion import MobileArm, motion_between, speed_bounds
+from regionik.planners.collision.upright_solids import uprights_from
 from regionik.planners.reach.level_reach import inner_reach
+from regionik.planners.search.motion_bounds import link_capsules
+from regionik.planners.search.posture_boxes import fixed_base_for, may_hold
+from regionik.planners.search.self_clearance import NO_SELF_CLEARANCE
 from regionik.planners.solvers.serial_chain import chain_frames, chain_jacobian, serial_arm
 from regionik.timing.limits import tool_velocity
 from regionik.verification.motion import MotionSegments, chord_deviation
@@ -200,3 +204,15 @@ def test_a_telescopes_speed_is_the_sum_of_its_stages() -> None:
     motion = motion_through(np.zeros((2, 3)), np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.1]]))
     bounds = MotionSegments(robot, motion).relative_bounds(-1, 5, robot.chain.T_last_tool[:3, 3])
     assert bounds.speed == pytest.approx([0.1 * (1 + 2 + 3)])
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_box_that_holds_a_posture_on_target_is_not_ruled_out(seed: int) -> None:
+    """The posture is at a corner of its box, as far from the middle as any."""
+    chain, rng = random_chain(seed), np.random.default_rng([seed, 9])
+    capsules, none = link_capsules(chain, ()), uprights_from(())
+    for q in postures(chain, 10, seed):
+        wide = rng.choice([-1, 1], chain.dof) * 10.0 ** rng.uniform(-3, -0.5, chain.dof)
+        target = chain.forward(q)[:3, 3]
+        task = fixed_base_for(serial_arm(chain), capsules, none, target, 1e-6, 0.0, NO_SELF_CLEARANCE)
+        assert may_hold(task, np.minimum(q, q + wide), np.maximum(q, q + wide))
