@@ -154,7 +154,8 @@ def prepare_methods(world: World, names: Sequence[str]) -> dict[str, Methods]:
     Raises
     ------
     InputError
-        For an unknown name, with the valid choices, and for a package that is not installed.
+        For an unknown name, with the valid choices, a package that is not installed, and joints that mimic
+        others.
     NoPlanFound
         Where areas are asked for and the world has none.
     """
@@ -162,6 +163,10 @@ def prepare_methods(world: World, names: Sequence[str]) -> dict[str, Methods]:
     if unknown or not names:
         got = unknown[0] if unknown else "none"
         raise InputError(f"methods: expected some of {', '.join(METHODS)}, got {got}")
+    if world.robot.chain.has_mimics:
+        raise InputError(
+            f"methods: {world.robot.name} has joints that mimic others, which no rival solves for"
+        )
     return {name: METHODS[name](world) for name in dict.fromkeys(names)}
 
 

@@ -213,7 +213,7 @@ class Solver:
     @cached_property
     def _turning(self) -> Turning:
         chain = with_pivot(self._kept.chain)
-        pivot = chain.joints[pivot_index(chain)]
+        pivot = chain.active_joints[pivot_index(chain)]
         low, high = (float(end) for end in self.span)
         return Turning(float(pivot.lower), float(pivot.upper), HEADINGS[self.heading], low, high)
 

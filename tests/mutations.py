@@ -40,6 +40,27 @@ FAULTS = (
         ("tests/test_serial.py",),
     ),
     Fault(
+        "verify: a joint that mimics another moves as fast as that one",
+        "regionik/verification/motion.py",
+        "rate = np.abs(self._all_changes[:, k])",
+        "rate = np.abs(self.joint_change[:, chain.leaders[k]])",
+        ("tests/test_mimic.py",),
+    ),
+    Fault(
+        "a joint that mimics another moves the tool as that one would",
+        "planners/solvers/serial_chain.py",
+        "J[i, j] += ratio * twist[i]",
+        "J[i, j] += twist[i]",
+        ("tests/test_mimic.py",),
+    ),
+    Fault(
+        "boxes of postures are as wide for a joint that mimics another as for that one",
+        "planners/solvers/serial_chain.py",
+        "np.abs(arm.ratio * change[arm.leader])",
+        "np.abs(change[arm.leader])",
+        ("tests/test_mimic.py",),
+    ),
+    Fault(
         "verify: set-points twice as loose",
         "regionik/verification/tool_path.py",
         "if off > allowed + EXACT:",

@@ -15,7 +15,7 @@ from shapely.geometry import Point
 from benchmarks.clutter import CERTAIN, ROBOTS, Scene, faults, free_posture, scene
 from benchmarks.sweeps import SWEEPS
 from regionik.planners.avoidance.clear_posture import ClearPosture, clear_posture, quick_clear_posture
-from regionik.planners.avoidance.posture_proof import PostureTask, is_bounded, redundant_joints
+from regionik.planners.avoidance.posture_proof import PostureTask, redundant_joints
 from regionik.planners.collision.distances import obstacles_from
 from regionik.planners.collision.proximity import nearest
 from regionik.planners.collision.robot_bodies import ContactTargets, bodies_from
@@ -215,7 +215,7 @@ def test_a_slide_without_limits_is_undecided() -> None:
     slide = Joint("rail", "prismatic", -np.inf, np.inf, np.eye(4))
     chain = Chain((slide, *robot.chain.joints[1:]), robot.chain.T_last_tool)
     robot = replace(robot, chain=chain)
-    assert not is_bounded(chain)
+    assert chain.unbounded
     ring = Point(1.0, 0.0).buffer(0.4) - Point(1.0, 0.0).buffer(0.2)
     bodies = bodies_from(robot, [Prism("ring", ring, -9.0, 9.0)])
     answer = clear_posture(PostureTask(bodies, HERE, np.array([1.0, 0.0, 0.2])), robot.carry)

@@ -441,7 +441,7 @@ BOX = LinkBox(0, "body", np.eye(4), np.ones(3))
         (planar(), [], [1, 2, 0], {"tolerance": np.nan}, "tolerance: expected a length above 0"),
         (planar(), [], [1, 2, 0], {"clearance": -0.1}, "clearance: expected a length of 0 or more"),
         (planar(), [], [1, 2, 0], {"most": 0}, "most: expected at least one box"),
-        (LIFT, [], [1, 0, 1], {}, "joint lift: a sliding joint needs both limits"),
+        (LIFT, [], [1, 0, 1], {}, "joint lift: a sliding joint needs limits"),
         (planar(), [CAPSULE], [1, 2, 0], {}, "seventh: link must be 0 to 3, got 7"),
         (planar(), [BOX], [1, 2, 0], {}, "body: expected a capsule"),
     ],

@@ -424,8 +424,8 @@ BROKEN = (
     ),
     Broken(
         "mimic",
-        changed(_ELBOW, _ELBOW + '<mimic joint="lift"/>'),
-        "it copies joint lift (mimic), which an arm's joint must not: choose a tip above it, such as upper",
+        changed(_ELBOW, _ELBOW + '<mimic joint="grip"/>'),
+        "it copies joint grip (mimic), which does not move by itself between",
     ),
     Broken(
         "mimic of none",

@@ -9,7 +9,7 @@ base is placed its turn is given to the base.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -78,6 +78,8 @@ def planar_arm(chain: Chain) -> PlanarArm:
         When the chain is not: vertical pivot, three parallel horizontal hinges in the pivot's
         plane, and at most one roll about the last link.
     """
+    if chain.has_mimics:
+        raise _not_planar("no joint may mimic another")
     frames = chain.frames(np.zeros(chain.dof))
     origins = frames[:, :3, 3]
     axes = np.array([f[:3, :3] @ j.axis for f, j in zip(frames, chain.joints, strict=False)])
@@ -180,7 +182,9 @@ def pivot_joints(chain: Chain, joints: Array) -> Array:
 
 @lru_cache(maxsize=64)
 def pivot_index(chain: Chain) -> int:
-    """Return the index of the vertical pivot: the first joint, or the first after joints that lift it.
+    """Return the index, among the active joints, of the vertical pivot: the first, or the first after lifts.
+
+    No other joint mimics it, as the base turns in its place.
 
     Raises
     ------
@@ -193,10 +197,12 @@ def pivot_index(chain: Chain) -> int:
     >>> pivot_index(robot_named("youbot").chain)
     0
     """
-    for k, (joint, T) in enumerate(zip(chain.joints, chain.frames(np.zeros(chain.dof)), strict=False)):
+    for joint, T in zip(chain.joints, chain.frames(np.zeros(chain.dof)), strict=False):
         upward = float((T[:3, :3] @ joint.axis)[2])
         if joint.kind == "revolute" and upward > 1 - _ALIGNED and np.hypot(*T[:2, 3]) <= _ALIGNED:
-            return k
+            if joint.mimic is None and chain.turning[k := chain.names.index(joint.name)]:
+                return int(k)
+            break
         if joint.kind == "revolute" or abs(upward) < 1 - _ALIGNED:
             break
     raise InputError(
@@ -206,27 +212,33 @@ def pivot_index(chain: Chain) -> int:
 
 
 @lru_cache(maxsize=64)
+def with_pivot_limits(chain: Chain, lower: float, upper: float) -> Chain:
+    """Return the same chain, which has a pivot, with other limits of that [rad]."""
+    pivot = chain.active_joints[pivot_index(chain)]
+    joints = (replace(one, lower=lower, upper=upper) if one is pivot else one for one in chain.joints)
+    return Chain(tuple(joints), chain.T_last_tool)
+
+
+@lru_cache(maxsize=64)
 def reach_bound(chain: Chain) -> ReachBound:
     """Return a bound of an arm's reach, about its pivot or the one that `with_pivot` gives it.
 
     Raises
     ------
     InputError
-        When a sliding joint has no limits.
+        When a sliding joint, or one that others mimic, has no limits.
     """
     chain = with_pivot(chain)
-    pivot = pivot_index(chain)
-    slides = [joint for joint in chain.joints if joint.kind == "prismatic"]
-    endless = [joint.name for joint in slides if not np.isfinite([joint.lower, joint.upper]).all()]
-    if endless:
-        raise InputError(f"robot: joint {endless[0]}: a sliding joint needs limits to be planned for")
-    steps = chain.link_vectors
+    if chain.unbounded:
+        raise InputError(f"robot: {chain.unbounded} to be planned for")
+    k, steps = pivot_index(chain), chain.link_vectors
     middle = np.zeros(chain.dof)
-    middle[:pivot] = (chain.lower[:pivot] + chain.upper[:pivot]) / 2
+    middle[:k] = (chain.lower[:k] + chain.upper[:k]) / 2
+    pivot = chain.joints.index(chain.active_joints[k])
     T_pivot = chain.frames(middle)[pivot]
     first_step = T_pivot[:3, 3] + T_pivot[:3, :3] @ steps[pivot]
     behind = [joint for joint in chain.joints[pivot:] if joint.kind == "prismatic"]
     travel = sum(max(abs(joint.lower), abs(joint.upper)) for joint in behind)
-    travel += float((chain.upper[:pivot] - chain.lower[:pivot]).sum()) / 2
+    travel += sum(joint.upper - joint.lower for joint in chain.joints[:pivot]) / 2
     length = float(sum(np.linalg.norm(step) for step in steps[pivot + 1 :])) + travel
     return ReachBound(float(np.hypot(*first_step[:2])), float(first_step[2]), length)

@@ -6,11 +6,12 @@ This plain numpy forward kinematics is the reference: `regionik.verify` relies o
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from regionik.worlds.arrays import Array, frozen, one_line, unit_vector
 from regionik.worlds.errors import InputError, located
@@ -20,9 +21,36 @@ JointKind = Literal["revolute", "prismatic"]
 _RIGID = 1e-6  # of a rotation matrix that a file gives
 
 
+@dataclass(frozen=True)
+class Mimic:
+    """What a joint that has no drive of its own follows: ``multiplier * joint + offset``."""
+
+    joint: str  # name of an active joint of the same chain
+    multiplier: float = 1.0
+    offset: float = 0.0  # [rad] or [m]
+
+    def __post_init__(self) -> None:
+        if not np.isfinite([self.multiplier, self.offset]).all():
+            raise InputError("mimic: expected a finite multiplier and a finite offset")
+
+    def limits(self, lower: float, upper: float) -> tuple[float, float]:
+        """Return the limits of what follows a joint that has these limits."""
+        low, high = (
+            sorted((self.multiplier * lower, self.multiplier * upper)) if self.multiplier else (0.0, 0.0)
+        )
+        return low + self.offset, high + self.offset
+
+    def leader_limits(self, lower: float, upper: float) -> tuple[float, float]:
+        """Return the limits of a joint so that what follows it keeps these limits."""
+        if not self.multiplier:
+            return -np.inf, np.inf
+        low, high = sorted((end - self.offset) / self.multiplier for end in (lower, upper))
+        return low, high
+
+
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """One degree of freedom.
+    """One motion between two links: a degree of freedom, unless it mimics another joint.
 
     Attributes
     ----------
@@ -36,6 +64,8 @@ class Joint:
         Unit axis in the joint frame.
     velocity : float
         Speed limit [rad/s] or [m/s].
+    mimic : Mimic, optional
+        The joint that it follows. A chain gives it the limits that it has by that.
     """
 
     name: str
@@ -45,6 +75,7 @@ class Joint:
     T_parent_joint: Array
     axis: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     velocity: float = np.inf
+    mimic: Mimic | None = None
 
     def __post_init__(self) -> None:
         what = f"joint {self.name}"
@@ -76,6 +107,9 @@ class Joint:
 class Chain:
     """Joints in order from the arm's base frame to its tool frame.
 
+    Postures are values of its *active* joints, (..., dof); joints that mimic one of these follow it. There is
+    one link for each of all n joints.
+
     Attributes
     ----------
     joints : tuple of Joint
@@ -100,6 +134,8 @@ class Chain:
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise InputError(f"chain: joint names must differ, got {', '.join(twice)} twice")
+        active = {joint.name: joint for joint in self.joints if joint.mimic is None}
+        object.__setattr__(self, "joints", tuple(_following(joint, active) for joint in self.joints))
         object.__setattr__(self, "T_last_tool", frozen(self.T_last_tool, (4, 4), "tool frame"))
 
     __repr__ = one_line
@@ -141,7 +177,7 @@ class Chain:
             joint.kind == "revolute" and joint.velocity == np.inf and joint.axis.tolist() == [0.0, 0.0, 1.0]
             for joint in self.joints
         )
-        if not plain:
+        if not plain or self.has_mimics:
             return None
         frames = [joint.T_parent_joint for joint in self.joints]
         theta = [_angle(-T[0, 1], T[0, 0]) for T in frames]
@@ -155,21 +191,71 @@ class Chain:
         exact = all(np.array_equal(T, M) for T, M in zip([*frames, self.T_last_tool], made, strict=True))
         return rows if exact else None
 
+    @cached_property
+    def active_joints(self) -> tuple[Joint, ...]:
+        """Joints that mimic no other: their values are a posture."""
+        return tuple(joint for joint in self.joints if joint.mimic is None)
+
+    @property
+    def has_mimics(self) -> bool:
+        return self.dof < len(self.joints)
+
     @property
     def dof(self) -> int:
-        return len(self.joints)
+        return len(self.active_joints)
 
     @property
     def names(self) -> tuple[str, ...]:
-        return tuple(joint.name for joint in self.joints)
+        """Names of the active joints."""
+        return tuple(joint.name for joint in self.active_joints)
 
     @property
     def lower(self) -> Array:
-        return np.array([joint.lower for joint in self.joints])
+        return np.array([joint.lower for joint in self.active_joints])
 
     @property
     def upper(self) -> Array:
-        return np.array([joint.upper for joint in self.joints])
+        return np.array([joint.upper for joint in self.active_joints])
+
+    @cached_property
+    def leaders(self) -> NDArray[np.intp]:
+        """Index of the active joint that each joint follows or is, (n,)."""
+        return np.array([self.names.index(j.mimic.joint if j.mimic else j.name) for j in self.joints])
+
+    @cached_property
+    def multipliers(self) -> Array:
+        """Motion of each joint per unit of the active joint that it follows or is, (n,)."""
+        return np.array([joint.mimic.multiplier if joint.mimic else 1.0 for joint in self.joints])
+
+    @cached_property
+    def offsets(self) -> Array:
+        """Values of all joints where the active ones are at zero, (n,)."""
+        return np.array([joint.mimic.offset if joint.mimic else 0.0 for joint in self.joints])
+
+    @cached_property
+    def coupling(self) -> Array:
+        """Derivatives of the values of all joints by those of the active ones, (n, dof)."""
+        return self.multipliers[:, None] * np.eye(self.dof)[self.leaders]
+
+    @cached_property
+    def turning(self) -> NDArray[np.bool_]:
+        """Mask (dof,) of active joints whose whole turns change nothing: revolute ones that none mimics."""
+        led = {joint.mimic.joint for joint in self.joints if joint.mimic}
+        return np.array([j.kind == "revolute" and j.name not in led for j in self.active_joints])
+
+    def joint_values(self, joints: ArrayLike) -> Array:
+        """Return the values of all joints (..., n) in postures (..., dof)."""
+        return self.multipliers * np.asarray(joints, dtype=np.float64)[..., self.leaders] + self.offsets
+
+    @property
+    def unbounded(self) -> str | None:
+        """Why the postures cannot be searched through, as a joint has no limits; None where they can."""
+        for joint, leader in zip(self.joints, self.leaders, strict=True):
+            led = joint.mimic is not None
+            if (joint.kind == "prismatic" or led) and not np.isfinite([joint.lower, joint.upper]).all():
+                what = "a joint that others mimic" if led else "a sliding joint"
+                return f"joint {self.names[leader]}: {what} needs limits"
+        return None
 
     def frames(self, joints: ArrayLike) -> Array:
         """Return the pose of every link in the arm's base frame, then of the tool.
@@ -181,18 +267,19 @@ class Chain:
 
         Returns
         -------
-        (..., dof + 1, 4, 4) array
-            ``[..., k, :, :]`` is the frame of the link that joint k moves; the last is the tool.
+        (..., n + 1, 4, 4) array
+            ``[..., k, :, :]`` is the frame of the link that joint k of all n moves; the last is the tool.
         """
         q = np.asarray(joints, dtype=np.float64)
         if q.shape[-1:] != (self.dof,):
             raise InputError(f"joints: expected {self.dof} values, got shape {q.shape}")
+        values = self.joint_values(q)
         T = np.broadcast_to(np.eye(4), (*q.shape[:-1], 4, 4))
-        frames = np.empty((*q.shape[:-1], self.dof + 1, 4, 4))
+        frames = np.empty((*q.shape[:-1], len(self.joints) + 1, 4, 4))
         for k, joint in enumerate(self.joints):
-            T = T @ joint.T_parent_joint @ joint.transform(q[..., k])
+            T = T @ joint.T_parent_joint @ joint.transform(values[..., k])
             frames[..., k, :, :] = T
-        frames[..., self.dof, :, :] = T @ self.T_last_tool
+        frames[..., -1, :, :] = T @ self.T_last_tool
         return frames
 
     def forward(self, joints: ArrayLike) -> Array:
@@ -200,16 +287,37 @@ class Chain:
         tool: Array = self.frames(joints)[..., -1, :, :]
         return tool
 
+    def point_jacobian(self, frames: Array, point: Array, moving: int) -> Array:
+        """Velocities of a point per unit speed of each active joint, (..., dof, 3).
+
+        Link and tool frames (..., n + 1, 4, 4) and point (..., 3) are in one frame [m]; the first ``moving``
+        of all joints move the point.
+        """
+        columns = np.zeros((*point.shape[:-1], len(self.joints), 3))
+        for k, joint in enumerate(self.joints[:moving]):
+            axis = frames[..., k, :3, :3] @ joint.axis
+            revolute = joint.kind == "revolute"
+            columns[..., k, :] = np.cross(axis, point - frames[..., k, :3, 3]) if revolute else axis
+        return np.asarray(self.coupling.T @ columns)
+
+    def turn_jacobian(self, frames: Array) -> Array:
+        """Angular velocities of the tool per unit speed of each active joint, (..., dof, 3)."""
+        columns = np.zeros((*frames.shape[:-3], len(self.joints), 3))
+        for k, joint in enumerate(self.joints):
+            if joint.kind == "revolute":
+                columns[..., k, :] = frames[..., k, :3, :3] @ joint.axis
+        return np.asarray(self.coupling.T @ columns)
+
     @property
     def link_vectors(self) -> Array:
-        """Origin of the next joint, of the tool at last, in the frame of each link, (dof, 3) [m]."""
+        """Origin of the next joint, of the tool at last, in the frame of each link, (n, 3) [m]."""
         T_next = [*(joint.T_parent_joint for joint in self.joints[1:]), self.T_last_tool]
         return np.array([T[:3, 3] for T in T_next])
 
     @property
     def has_velocity_limits(self) -> bool:
         """True where any joint has a speed limit."""
-        return any(np.isfinite(joint.velocity) for joint in self.joints)
+        return any(np.isfinite(joint.velocity) for joint in self.active_joints)
 
     def check_limits(self, joints: Sequence[float], what: str) -> None:
         """Refuse joint values of which one is outside its limits.
@@ -225,11 +333,23 @@ class Chain:
             raise InputError(
                 f"{what}: expected {self.dof} values ({', '.join(self.names)}), got {len(joints)}"
             )
-        for k, (joint, value) in enumerate(zip(self.joints, joints, strict=True)):
+        for k, (joint, value) in enumerate(zip(self.active_joints, joints, strict=True)):
             if not joint.lower <= value <= joint.upper:
                 limits = f"{joint.lower:.6g} to {joint.upper:.6g}"
                 text = f"{joint.name} must be within its limits {limits}, got {value:.6g}"
                 raise InputError(f"{what}[{k}]: {text}")
+
+
+def _following(joint: Joint, active: dict[str, Joint]) -> Joint:
+    """Return a joint itself, or the one that mimics an active joint with the limits that this gives it."""
+    if joint.mimic is None:
+        return joint
+    if joint.mimic.joint not in active:
+        expected = f"a joint that moves by itself, from the arm's base to its tool ({', '.join(active)})"
+        raise InputError(f"joint {joint.name}: mimic: expected {expected}, got {joint.mimic.joint}")
+    leader = active[joint.mimic.joint]
+    lower, upper = joint.mimic.limits(leader.lower, leader.upper)
+    return replace(joint, lower=lower, upper=upper)
 
 
 def _angle(sine: float, cosine: float) -> float:

@@ -185,6 +185,6 @@ def capsules_along(chain: Chain, radius: float = LINK_RADIUS) -> tuple[LinkCapsu
     """Return one capsule a link, from its joint to the next or to the tool; links of no length have none."""
     return tuple(
         LinkCapsule(k, f"link {k + 1} ({name})", np.zeros(3), end, radius)
-        for k, (name, end) in enumerate(zip(chain.names, chain.link_vectors, strict=True))
+        for k, (name, end) in enumerate(zip((j.name for j in chain.joints), chain.link_vectors, strict=True))
         if np.linalg.norm(end) > 1e-9
     )

@@ -123,10 +123,11 @@ class Robot:
             raise InputError(f"body_height: must be above 0, got {self.body_height:g}")
         if not 0 <= self.payload < np.inf:
             raise InputError(f"payload: must be at least 0, got {self.payload:g}")
-        _check_links("masses", self.masses, 0, self.chain.dof - 1)
-        _check_links("solids", self.solids, 0, self.chain.dof - 1)
+        last = len(self.chain.joints) - 1
+        _check_links("masses", self.masses, 0, last)
+        _check_links("solids", self.solids, 0, last)
         _check_links("base_solids", self.base_solids, BASE, BASE)
-        _check_links("visuals", self.visuals, BASE, self.chain.dof - 1)
+        _check_links("visuals", self.visuals, BASE, last)
 
     def __repr__(self) -> str:
         sizes = f"joints={self.chain.dof}, solids={len(self.all_solids)}"
@@ -147,7 +148,8 @@ class Robot:
         """Masses of the links, and the payload at the tool."""
         if not self.payload:
             return self.masses
-        return (*self.masses, LinkMass(self.chain.dof - 1, self.payload, self.chain.T_last_tool[:3, 3]))
+        last = len(self.chain.joints) - 1
+        return (*self.masses, LinkMass(last, self.payload, self.chain.T_last_tool[:3, 3]))
 
     @property
     def T_base_arm(self) -> Array:
@@ -156,7 +158,7 @@ class Robot:
         return planar_pose(x, y, yaw, z)
 
     def frames(self, base: ArrayLike, joints: ArrayLike) -> Array:
-        """Return link and tool frames in the world, (..., dof + 1, 4, 4).
+        """Return link and tool frames in the world, (..., n + 1, 4, 4), n counting all joints.
 
         Parameters
         ----------
@@ -175,7 +177,7 @@ class Robot:
     def tip_depth(self) -> tuple[float, str]:
         """Depth of the tool point in a solid of its own link [m], and the solid's name; 0 in none."""
         tool = self.chain.T_last_tool[:3, 3]
-        own = [solid for solid in self.solids if solid.link == self.chain.dof - 1]
+        own = [solid for solid in self.solids if solid.link == len(self.chain.joints) - 1]
         return max([(0.0, ""), *((solid.depth(tool), solid.name) for solid in own)])
 
     def T_world_arm(self, base: Array) -> Array:
@@ -208,7 +210,7 @@ def with_tool(robot: Robot, tool: Tool) -> Robot:
     >>> round(float(bare - tipped), 6)  # it points down
     0.1
     """
-    last, T = robot.chain.dof - 1, robot.chain.T_last_tool
+    last, T = len(robot.chain.joints) - 1, robot.chain.T_last_tool
     mounted = tuple(solid.moved(last, T) for solid in tool.solids)
     chain = Chain(robot.chain.joints, T @ tool.T_flange_tool)
     return replace(robot, chain=chain, solids=(*robot.solids, *mounted))

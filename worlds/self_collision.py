@@ -273,7 +273,7 @@ def _transformed(points: Array, T: Array) -> Array:
 
 
 def solid_frames(robot: Robot, joints: Array) -> Array:
-    """Return link frames in the base frame in postures (n, dof), (n, dof + 1, 4, 4).
+    """Return link frames in the base frame in postures (n, dof), (n, links + 1, 4, 4).
 
     The last is the base frame itself, instead of the tool's, which carries no solid: index `BASE` finds it.
     """
@@ -298,7 +298,7 @@ def _block(body: Prism) -> ConvexBody:
 
 def seeded_postures(chain: Chain, count: int) -> Array:
     """Return postures within the limits, (count, dof); without limits, half a turn or a metre each way."""
-    span = np.array([np.pi if joint.kind == "revolute" else 1.0 for joint in chain.joints])
+    span = np.array([np.pi if joint.kind == "revolute" else 1.0 for joint in chain.active_joints])
     lower, upper = chain.lower, chain.upper
     ends = np.isfinite(lower), np.isfinite(upper)
     low = np.where(ends[0], lower, np.where(ends[1], upper - 2 * span, -span))

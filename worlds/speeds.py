@@ -82,9 +82,9 @@ class Speeds:
             When there are not as many as joints.
         """
         default = np.array(
-            [REVOLUTE_SPEED if j.kind == "revolute" else PRISMATIC_SPEED for j in chain.joints]
+            [REVOLUTE_SPEED if j.kind == "revolute" else PRISMATIC_SPEED for j in chain.active_joints]
         )
-        own = np.array([joint.velocity for joint in chain.joints])
+        own = np.array([joint.velocity for joint in chain.active_joints])
         own = np.where(np.isfinite(own), own, default)
         velocity = _per_joint(self.joint_velocity, own, chain, "joint_velocity")
         return velocity, _per_joint(

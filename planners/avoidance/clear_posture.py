@@ -28,7 +28,6 @@ from regionik.planners.avoidance.avoiding_fabrik import MOST_ITERATIONS, avoid_o
 from regionik.planners.avoidance.posture_proof import (
     MOST_REDUNDANT,
     PostureTask,
-    is_bounded,
     redundant_joints,
     search_postures,
     solid_at_target,
@@ -211,7 +210,7 @@ class _Search:
             return self.answer(
                 Verdict.RULED_OUT, f"at the target the end of the last link is in {name}, or too near to it"
             )
-        if not is_bounded(self.chain):
+        if self.chain.unbounded:
             return None
         result = search_postures(task, lambda q: False, most)
         if result.verdict != Verdict.RULED_OUT:
@@ -220,7 +219,9 @@ class _Search:
         return self.answer(Verdict.RULED_OUT, result.note)
 
     def by_avoidance(self, attempts: int, most: int = MOST_ITERATIONS) -> ClearPosture | None:
-        """FABRIK with obstacle avoidance, with other random rotations each time."""
+        """FABRIK with obstacle avoidance, with other random rotations each time; not of mimicking joints."""
+        if self.chain.has_mimics:
+            return None
         self.steps.append("avoidance")
         task = self.task
         clear = links_clear(self.bodies, task.base, task.target, task.margin, task.contact)
@@ -238,7 +239,7 @@ class _Search:
         """Postures on the target from random starts, every other one near the best so far."""
         self.steps.append("search")
         solver, rng = self.solver, np.random.default_rng([self.seed, 1])
-        n, effort = len(solver.pointing.slide), solver.effort
+        n, effort = len(solver.pointing.arm.lower), solver.effort
         aim, none = Aim(self.goal, POSITION, np.eye(3)), np.empty((0, n))
         for k, fresh in enumerate(spread_postures(self.chain, effort.reach, samples, self.seed)):
             q = fresh
@@ -255,8 +256,8 @@ class _Search:
 
     def by_branch_and_bound(self, most: int) -> ClearPosture:
         """All postures, where the arm is not too mobile for that."""
-        if not is_bounded(self.chain):
-            return self.answer(Verdict.OPEN, "a sliding joint without limits cannot be searched through")
+        if self.chain.unbounded:
+            return self.answer(Verdict.OPEN, f"{self.chain.unbounded} to be searched through")
         spare = redundant_joints(self.chain, self.bodies.robot.solids)
         if spare > MOST_REDUNDANT:
             return self.answer(Verdict.OPEN, f"{spare} spare joints are too many to search through")

@@ -79,7 +79,7 @@ def _meets(targets: NeighboringTargets, i: int, start: Array, postures: Array) -
     )
     if error > targets.tolerance or angle > aims.angle_tolerances[i]:
         return False
-    more = len(joints) - len(targets.scene.robot.arm.axis)
+    more = len(joints) - len(targets.scene.robot.arm.lower)
     if not is_clear(targets.scene, targets.margin, targets.base, joints[more:], targets.tool_on[i]):
         return False
     postures[i] = joints

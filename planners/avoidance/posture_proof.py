@@ -58,7 +58,7 @@ def search_postures(task: PostureTask, accept: Callable[[Array], bool], most: in
     Parameters
     ----------
     task : PostureTask
-        Of an arm that `is_bounded`.
+        Of an arm whose chain is not ``unbounded``.
     accept : callable
         Whether a posture (dof,) is clear of everything.
     most : int
@@ -88,7 +88,7 @@ def solid_at_target(
     chain, free = bodies.robot.chain, (contact or NO_CONTACT).touchable(target, tolerance)
     ends = []  # of each solid: how far the obstacle must be from the target at least, to touch nothing
     for solid, heeds in zip(map(inner_capsule, bodies.robot.solids), off_floor(bodies.robot), strict=False):
-        if solid.link == chain.dof - 1:
+        if solid.link == len(chain.joints) - 1:
             off = np.linalg.norm(solid.corners - chain.T_last_tool[:3, 3], axis=1).min()
             ends.append((solid.radius - tolerance - float(off), heeds))
     for k, one in enumerate(bodies.obstacles):
@@ -117,23 +117,15 @@ def _self_clearance(bodies: Bodies, margin: float) -> SelfClearance:
     )
 
 
-def is_bounded(chain: Chain) -> bool:
-    """True if all sliding joints have limits, as branch and bound needs."""
-    slides = [joint for joint in chain.joints if joint.kind == "prismatic"]
-    return bool(np.isfinite([(joint.lower, joint.upper) for joint in slides]).all())
-
-
 def redundant_joints(chain: Chain, solids: tuple[LinkSolid, ...]) -> int:
     """Number of joints that move tool or solids, less the directions in which they can move the tool."""
-    points = [(chain.dof - 1, chain.T_last_tool[:3, 3])]
+    points = [(len(chain.joints) - 1, chain.T_last_tool[:3, 3])]
     points += [(solid.link, end) for solid in solids for end in inner_capsule(solid).corners]
     levers = np.array([longest_levers(chain, link, point)[0] for link, point in points]).max(0)
+    moving = np.abs(chain.coupling).T @ levers > LEVER
     frames = chain.frames(np.arange(1.0, chain.dof + 1.0))  # no special posture
-    tool, columns = frames[-1, :3, 3], []
-    for joint, frame in zip(chain.joints, frames, strict=False):
-        axis = frame[:3, :3] @ joint.axis
-        columns.append(axis if joint.kind == "prismatic" else np.cross(axis, tool - frame[:3, 3]))
-    return int((levers > LEVER).sum()) - int(np.linalg.matrix_rank(np.array(columns), tol=LEVER))
+    columns = chain.point_jacobian(frames, frames[-1, :3, 3], len(chain.joints))
+    return int(moving.sum()) - int(np.linalg.matrix_rank(columns, tol=LEVER))
 
 
 def _inverse(T: Array) -> Array:

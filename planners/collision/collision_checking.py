@@ -28,13 +28,14 @@ from regionik.planners.collision.robot_motion import (
     at_rest,
     link_frames,
     link_twist,
-    segment_between,
+    motion_between,
     speed_bounds,
     tool_speed,
     transform_into,
 )
 from regionik.planners.collision.robot_scene import Hulls, LinkHulls, RobotScene
 from regionik.planners.kernels import compiled
+from regionik.planners.solvers.serial_chain import joint_values
 from regionik.worlds.arrays import Array
 
 MOST_STEPS = 1000
@@ -160,7 +161,7 @@ def first_unproven_on_path(
     """As `first_unproven`, for motions between states (n + 1, ...): the first of them, n where all hold."""
     boxes = np.empty((len(scene.links.link), 2, 3))
     for i in range(len(bases) - 1):
-        motion = segment_between(bases[i], joints[i], bases[i + 1], joints[i + 1], scene.robot.rolls)
+        motion = motion_between(scene.robot, bases[i], joints[i], bases[i + 1], joints[i + 1])
         k, m, s = first_unproven(scene, motion, boxes, margin, i > 0)
         if k >= 0:
             return i, k, m, s
@@ -283,7 +284,7 @@ def is_clear(scene: RobotScene, margin: float, base: Array, joints: Array, tool_
     and meshes count as their hulls: what is clear by a hair may be refused.
     """
     robot, links, hulls, _ = scene
-    rest = at_rest(base, joints)
+    rest = at_rest(base, joint_values(robot.arm, joints))
     frames, placed = np.empty((len(robot.arm.axis) + 2, 4, 4)), np.empty_like(links.corners)
     boxes, whole = np.empty((len(links.link), 2, 3)), np.empty((2, 3))
     link_frames(robot, rest, 0.0, WORLD, frames)

@@ -57,7 +57,7 @@ def links_clear(
     """
     robot = bodies.robot
     T_world_arm, around = robot.T_world_arm(base), whole_pieces(bodies)
-    links: list[list[_Near]] = [[] for _ in range(robot.chain.dof)]
+    links: list[list[_Near]] = [[] for _ in robot.chain.joints]
     for k, solid in enumerate(robot.solids):
         free = (contact or NO_CONTACT).touchable(tool) if bodies.links.outermost[k] else []
         checked = around[bodies.links.pairs[k, around]]

@@ -26,7 +26,7 @@ from regionik.planners.collision.robot_motion import (
     at_rest,
     base_at,
     link_frames,
-    segment_between,
+    motion_between,
     tool_speed,
 )
 from regionik.planners.collision.robot_scene import Hulls, RobotScene
@@ -86,7 +86,7 @@ def nearest(
     """
     # Writable copies, as kernels are compiled for one kind of array alone.
     place, dof = np.array(frozen(base, (3,), "base")), bodies.robot.chain.dof
-    rest = at_rest(place, np.array(frozen(joints, (dof,), "joints")))
+    rest = at_rest(place, bodies.robot.chain.joint_values(frozen(joints, (dof,), "joints")))
     lower = np.empty((len(bodies.robot.all_solids), len(bodies.pieces)))
     bound = distance_bounds(bodies.scene(contact), rest, within, lower)
     best, found = within, NOTHING
@@ -145,7 +145,7 @@ def path_clear(
     i, k, m, s = _first_unproven(bodies, bases, joints, margin, contact)
     if k < 0:
         return i, None
-    motion = segment_between(bases[i], joints[i], bases[i + 1], joints[i + 1], bodies.mobile.rolls)
+    motion = motion_between(bodies.mobile, bases[i], joints[i], bases[i + 1], joints[i + 1])
     return i, _touch(bodies, _stopped(motion, s), k, m)
 
 
@@ -178,7 +178,7 @@ def _first_unproven(
     scene = bodies.scene(contact)
     i, k, m, s = first_unproven_on_path(scene, bases, joints, float(margin))
     for n in range(i if bodies.has_meshes else 0):
-        motion = segment_between(bases[n], joints[n], bases[n + 1], joints[n + 1], bodies.mobile.rolls)
+        motion = motion_between(bodies.mobile, bases[n], joints[n], bases[n + 1], joints[n + 1])
         inside = _first_inside_mesh(bodies, scene, motion)
         if inside[0] >= 0:
             return n, *inside
@@ -213,7 +213,7 @@ def _measure(bodies: Bodies, rest: MotionSegment, k: int, m: int) -> tuple[Separ
 
 def _frames(bodies: Bodies, rest: MotionSegment, frame: int) -> Array:
     """Frames of links, tool and base in a state, (n + 2, 4, 4)."""
-    frames = np.empty((bodies.robot.chain.dof + 2, 4, 4))
+    frames = np.empty((len(bodies.robot.chain.joints) + 2, 4, 4))
     link_frames(bodies.mobile, rest, 0.0, frame, frames)
     return frames
 

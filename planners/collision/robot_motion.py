@@ -14,7 +14,7 @@ import numpy as np
 from regionik.planners.driving.arcs import arc_end, arc_towards
 from regionik.planners.geometry.vectors import squared
 from regionik.planners.kernels import compiled
-from regionik.planners.solvers.serial_chain import SerialArm, chain_frames, chain_on
+from regionik.planners.solvers.serial_chain import SerialArm, chain_on, joint_values
 from regionik.worlds.arrays import Array, Index
 
 WORLD, BASE = -2, -1  # frames of hulls that no link carries
@@ -36,7 +36,7 @@ class MotionSegment(NamedTuple):
     # (3,) added to it evenly: all of the way of a base that slides, the turn alone of one that rolls
     drive: Array
     arc: float  # length rolled along the heading, negative in reverse [m]
-    # joints, bend: (dof,) joints at the start, and what is added to them evenly [rad] or [m]
+    # joints, bend: (n,) values of all joints at the start, and what is added to them evenly [rad] or [m]
     joints: Array
     bend: Array
 
@@ -55,8 +55,17 @@ def segment_between(
 
 
 @compiled
+def motion_between(
+    robot: MobileArm, base_a: Array, joints_a: Array, base_b: Array, joints_b: Array
+) -> MotionSegment:
+    """The motion between two states, their joints the active ones (dof,)."""
+    a, b = joint_values(robot.arm, joints_a), joint_values(robot.arm, joints_b)
+    return segment_between(base_a, a, base_b, b, robot.rolls)
+
+
+@compiled
 def at_rest(base: Array, joints: Array) -> MotionSegment:
-    """A motion that stays in a state."""
+    """A motion that stays in a state, with values of all joints (n,)."""
     return MotionSegment(base, np.zeros(3), 0.0, joints, np.zeros(len(joints)))
 
 
@@ -100,7 +109,8 @@ def link_frames(robot: MobileArm, motion: MotionSegment, s: float, frame: int, f
         frames[0], frames[BASE] = mount, _HERE
         chain_on(arm, joints, frames)
     else:
-        chain_frames(arm, joints, frames)
+        frames[0] = _HERE
+        chain_on(arm, joints, frames)
         frames[BASE] = _HERE
         _see_from(mount, frames[BASE:])
         _see_from(frames[frame].copy(), frames)
@@ -136,7 +146,7 @@ def tool_frames(robot: MobileArm, bases: Array, joints: Array, shares: Array) ->
     tools = np.empty((len(bases) - 1, len(shares), 4, 4))
     frames = np.empty((len(robot.arm.axis) + 2, 4, 4))
     for i in range(len(tools)):
-        motion = segment_between(bases[i], joints[i], bases[i + 1], joints[i + 1], robot.rolls)
+        motion = motion_between(robot, bases[i], joints[i], bases[i + 1], joints[i + 1])
         for k in range(len(shares)):
             link_frames(robot, motion, shares[k], WORLD, frames)
             tools[i, k] = frames[-2]
@@ -168,7 +178,7 @@ def count_on_line(
     stray, bend, step = most
     frames = np.empty((len(robot.arm.axis) + 2, 4, 4))
     for n in range(len(bases) - 1):
-        motion = segment_between(bases[n], joints[n], bases[n + 1], joints[n + 1], robot.rolls)
+        motion = motion_between(robot, bases[n], joints[n], bases[n + 1], joints[n + 1])
         way = bases[n + 1] - bases[n]
         if np.hypot(way[0], way[1]) > step or max(abs(motion.drive[2]), np.abs(motion.bend).max()) > bend:
             return n

@@ -72,7 +72,7 @@ def pitch_arm(chain: Chain) -> PitchArm | None:
     Joint values are those of the table (q1, d1, a1, -90), (q2, 0, a2, 0), (q3 - 90, 0, 0, -90),
     (q4, d4, 0, 90), (q5, 0, 0, -90) [deg], and d6 to the tool along its z axis.
     """
-    if chain.dof != 5 or any(joint.kind != "revolute" for joint in chain.joints):
+    if chain.has_mimics or chain.dof != 5 or any(joint.kind != "revolute" for joint in chain.joints):
         return None
     first, elbow, *_, tool = chain.frames(np.zeros(5))[1:, :3, 3]
     arm = PitchArm(

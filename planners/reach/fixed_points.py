@@ -84,5 +84,5 @@ def _wrist(chain: Chain) -> tuple[Array, Array]:
     """Point on the last axis nearest to the axis before, and that axis, in the tool frame."""
     T = np.linalg.inv(chain.T_last_tool)
     along: Array = T[:3, :3] @ chain.joints[-1].axis
-    before = hub_along(*chain.joints[-2:]) if chain.dof > 1 else 0.0
+    before = hub_along(*chain.joints[-2:]) if len(chain.joints) > 1 else 0.0
     return T[:3, 3] + before * along, along

@@ -136,7 +136,7 @@ def _moved(
     The base goes along, on the two slides that the arm begins with: of an arm of few joints only some places
     meet the aim.
     """
-    met, joints = np.zeros(len(postures), dtype=np.bool_), np.zeros(len(arm.axis))
+    met, joints = np.zeros(len(postures), dtype=np.bool_), np.zeros(len(arm.lower))
     for k in range(len(postures)):
         spin = _nearest_spin(tools[k], aim)
         azimuth = math.atan2(tools[k, 1, 3], tools[k, 0, 3])

@@ -239,7 +239,7 @@ def posture_at(chain: Chain, point: ArrayLike, joints: ArrayLike) -> Array:
 
 def _unwind(chain: Chain, q: Array) -> None:
     """Take joints that were walked all round back by whole turns, into their limits."""
-    for k, joint in enumerate(chain.joints):
+    for k, joint in enumerate(chain.active_joints):
         if joint.kind == "revolute" and q[k] < joint.lower:
             q[k] += 2 * np.pi * np.ceil((joint.lower - q[k]) / (2 * np.pi))
         elif joint.kind == "revolute" and q[k] > joint.upper:

@@ -17,9 +17,10 @@ from regionik.planners.kernels import compiled
 from regionik.planners.search.motion_bounds import longest_levers
 from regionik.planners.solvers.serial_chain import (
     SerialArm,
+    active_levers,
     chain_frames,
-    chain_jacobian,
     joint_axes,
+    joint_jacobian,
     serial_arm,
 )
 from regionik.worlds.arms import pivot_index
@@ -39,16 +40,18 @@ class Meridian(NamedTuple):
     Attributes
     ----------
     arm : SerialArm
-        Of m joints, the pivot at zero.
+        Of n joints, of which m are active, the pivot at zero.
     which : (m,) array of int
-        Where they are in the chain.
+        Where these are in the chain's postures.
     lower, upper : (m,) array
         Limits; infinite where a joint may turn all round [rad] or [m].
-    levers : (m,) array
+    levers : (n,) array
         Largest distance of the tool from each joint's axis in any posture [m]; 1 for sliding joints.
+    speeds : (m,) array
+        Most that the tool moves by the unit speed of each active joint, in any posture.
     bend : (m, m) array
-        Bound of the tool's second derivative by two joints, in any posture.
-    hub : (m,) array
+        Bound of the tool's second derivative by two active joints, in any posture.
+    hub : (n,) array
         Point on each axis nearest to the axis before, from the joint's origin [m].
     """
 
@@ -57,6 +60,7 @@ class Meridian(NamedTuple):
     lower: Array
     upper: Array
     levers: Array
+    speeds: Array
     bend: Array
     hub: Array
 
@@ -69,13 +73,14 @@ class MeridianTool(NamedTuple):
     at : (2,) array
         Distance from the pivot axis and height over the arm's base frame [m].
     out, up, aside : (m,) array
-        Speed outwards, upwards and square to both for each joint's unit speed.
+        Speed outwards, upwards and square to both for each active joint's unit speed.
     away : (2,) array
         Direction from the axis to the tool, seen from above.
-    axes : (m, 3) array
+    axes : (n, 3) array
         Joint axes in the arm's base frame.
-    frames : (m + 1, 4, 4) array
-    J : (6, m) array
+    frames : (n + 1, 4, 4) array
+    J : (6, n) array
+        Of each of all joints.
     """
 
     at: Array
@@ -97,31 +102,31 @@ def meridian_of(chain: Chain) -> Meridian | None:
     InputError
         When the arm has no vertical pivot.
     """
-    pivot = pivot_index(chain)
-    levers, _ = longest_levers(chain, chain.dof - 1, chain.T_last_tool[:3, 3])
+    pivot = chain.active_joints[pivot_index(chain)]
+    levers, _ = longest_levers(chain, len(chain.joints) - 1, chain.T_last_tool[:3, 3])
+    alone = {joint.name for joint, turns in zip(chain.active_joints, chain.turning, strict=True) if turns}
     joints: list[Joint] = []
-    which: list[int] = []
     built_in = np.eye(4)
-    for k, joint in enumerate(chain.joints):
+    for joint, lever in zip(chain.joints, levers, strict=True):
         built_in = built_in @ joint.T_parent_joint
         held = joint.upper - joint.lower < STILL
-        if k == pivot or held or (joint.kind == "revolute" and levers[k] < STILL):
-            built_in = built_in @ joint.transform(joint.lower if held and k != pivot else 0.0)
+        if joint is pivot or held or (joint.name in alone and lever < STILL):
+            built_in = built_in @ joint.transform(joint.lower if held and joint is not pivot else 0.0)
         else:
             joints.append(replace(joint, T_parent_joint=built_in))
-            which.append(k)
             built_in = np.eye(4)
     if not joints:
         return None
     left = Chain(tuple(joints), built_in @ chain.T_last_tool)
-    arm, levers = serial_arm(left), longest_levers(left, left.dof - 1, left.T_last_tool[:3, 3])[0]
-    all_round = arm.revolute & (arm.upper - arm.lower >= 2 * np.pi)
+    arm, levers = serial_arm(left), longest_levers(left, len(joints) - 1, left.T_last_tool[:3, 3])[0]
+    all_round = left.turning & (arm.upper - arm.lower >= 2 * np.pi)
     return Meridian(
         arm,
-        np.array(which),
+        np.array([chain.names.index(name) for name in left.names]),
         np.where(all_round, -np.inf, arm.lower),
         np.where(all_round, np.inf, arm.upper),
         levers,
+        active_levers(arm, levers),
         _bends(left, levers),
         np.array([0.0, *(hub_along(*pair) for pair in pairwise(left.joints))]),
     )
@@ -129,11 +134,12 @@ def meridian_of(chain: Chain) -> Meridian | None:
 
 def _bends(chain: Chain, levers: Array) -> Array:
     """Bounds of the tool's second derivatives: the later joint's speed, turned by the earlier joint."""
-    bend = np.zeros((chain.dof, chain.dof))
+    bend, coupling = np.zeros((len(levers), len(levers))), np.abs(chain.coupling)
     for j, joint in enumerate(chain.joints):
         if joint.kind == "revolute":
             bend[j, j:] = bend[j:, j] = levers[j:]
-    return bend
+    folded: Array = coupling.T @ bend @ coupling
+    return folded
 
 
 def hub_along(before: Joint, joint: Joint) -> float:
@@ -149,30 +155,32 @@ def hub_along(before: Joint, joint: Joint) -> float:
 
 def tool_for(meridian: Meridian) -> MeridianTool:
     """Scratch space for `tool_motion`."""
-    m = len(meridian.levers)
+    n, m = len(meridian.levers), len(meridian.speeds)
     return MeridianTool(
-        np.zeros(2), np.zeros(m), np.zeros(m), np.zeros(m), UNIT.copy(), np.zeros((m, 3)),
-        np.zeros((m + 1, 4, 4)), np.zeros((6, m)),
+        np.zeros(2), np.zeros(m), np.zeros(m), np.zeros(m), UNIT.copy(), np.zeros((n, 3)),
+        np.zeros((n + 1, 4, 4)), np.zeros((6, n)),
     )  # fmt: skip
 
 
 @compiled
 def tool_motion(meridian: Meridian, joints: Array, tool: MeridianTool) -> None:
     """Compute position and velocities of the tool in a posture (m,)."""
-    arm, m = meridian.arm, len(joints)
+    arm = meridian.arm
     chain_frames(arm, joints, tool.frames)
-    chain_jacobian(arm, tool.frames, tool.J)
+    joint_jacobian(arm, tool.frames, tool.J)
     joint_axes(arm, tool.frames, tool.axes)
-    x, y = tool.frames[m, 0, 3], tool.frames[m, 1, 3]
+    x, y = tool.frames[-1, 0, 3], tool.frames[-1, 1, 3]
     r = np.sqrt(x * x + y * y)
     if r > 0.0:  # on the axis itself every direction is as good as the last
         tool.away[0], tool.away[1] = x / r, y / r
-    tool.at[0], tool.at[1] = r, tool.frames[m, 2, 3]
+    tool.at[0], tool.at[1] = r, tool.frames[-1, 2, 3]
     c, s = tool.away
-    for k in range(m):
-        tool.out[k] = c * tool.J[0, k] + s * tool.J[1, k]
-        tool.aside[k] = c * tool.J[1, k] - s * tool.J[0, k]
-        tool.up[k] = tool.J[2, k]
+    tool.out[:] = tool.aside[:] = tool.up[:] = 0.0
+    for k in range(len(arm.axis)):
+        j, ratio = arm.leader[k], arm.ratio[k]
+        tool.out[j] += ratio * (c * tool.J[0, k] + s * tool.J[1, k])
+        tool.aside[j] += ratio * (c * tool.J[1, k] - s * tool.J[0, k])
+        tool.up[j] += ratio * tool.J[2, k]
 
 
 @compiled
@@ -244,7 +252,7 @@ def hop_stray(meridian: Meridian, a: Array, b: Array, tool: MeridianTool, free: 
         if fits:
             lever = 0.0
             for k in range(m):
-                lever += size[k] * meridian.levers[k]
+                lever += size[k] * meridian.speeds[k]
             return float(off + 2.0 * off * lever)
     return -1.0
 
@@ -262,4 +270,4 @@ def _bent(bend: Array, a: Array, b: Array) -> float:
 @compiled
 def weights(meridian: Meridian) -> Array:
     """Weights of the joints (m,): the less, the farther a joint moves the tool."""
-    return 1.0 / np.maximum(meridian.levers, 1e-3)
+    return 1.0 / np.maximum(meridian.speeds, 1e-3)

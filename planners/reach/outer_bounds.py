@@ -21,6 +21,7 @@ from regionik.planners.reach.meridian_plane import Meridian, MeridianTool, tool_
 from regionik.planners.search.box_search import WHOLE, Boxes, Verdict, begin, explore_in_kernel, left_open
 from regionik.planners.search.intervals import contract, cut_to
 from regionik.planners.search.motion_bounds import chords, displacement, from_axis
+from regionik.planners.solvers.serial_chain import SerialArm, joint_changes
 from regionik.worlds.arrays import Array
 
 PASSES = 3  # times that one box is bounded, and contracted but for the last time, before it is bisected
@@ -29,21 +30,22 @@ EVEN = 0.1  # weight of a joint's own lever when a joint to bisect is chosen
 
 
 class ToolBounds(NamedTuple):
-    """Bounds of the tool over a box of m joints; scratch space that `bound` fills."""
+    """Bounds of the tool over a box of n joints, m of them active; scratch space that `bound` fills."""
 
     tool: MeridianTool
     q: Array  # (m,) its centre
     half: Array  # (m,) half widths
-    chord: Array  # (m,)
-    moved: Array  # (m + 1,) most that joints k and after move the tool [m]
-    bent: Array  # (m + 1,) most that this differs from the linear motion [m]
-    hub: Array  # (m, 3) point on each axis, in the arm's base frame [m]
-    loose: Array  # (m,) most that the joints move it [m]
-    keeps: Array  # (m, 2) least and largest distance of the tool from where the hub is at the centre [m]
-    along: Array  # (m, m) speed of the tool away from each hub for each joint's unit speed
+    chord: Array  # (n,)
+    moved: Array  # (n + 1,) most that joints k and after move the tool [m]
+    bent: Array  # (n + 1,) most that this differs from the linear motion [m]
+    hub: Array  # (n, 3) point on each axis, in the arm's base frame [m]
+    loose: Array  # (n,) most that the joints move it [m]
+    keeps: Array  # (n, 2) least and largest distance of the tool from where the hub is at the centre [m]
+    # (n, m) speed of the tool away from each hub, by the joints after it, for each active joint's unit speed
+    along: Array
     row: Array  # (m,) coefficients of one condition
     shift: Array  # (2, m) a box contracted, against its centre
-    endless: Array  # (m,) levers without bound
+    endless: Array  # (n,) levers without bound
 
 
 class OuterReach(NamedTuple):
@@ -125,25 +127,26 @@ def judge_reach(asked: OuterReach, low: Array, high: Array) -> tuple[Verdict, fl
 
 def bounds_for(meridian: Meridian) -> ToolBounds:
     """Scratch space for `bound`."""
-    m = len(meridian.levers)
+    n, m = len(meridian.levers), len(meridian.speeds)
     return ToolBounds(
-        tool_for(meridian), np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m + 1), np.zeros(m + 1),
-        np.zeros((m, 3)), np.zeros(m), np.zeros((m, 2)), np.zeros((m, m)), np.zeros(m), np.zeros((2, m)),
-        np.full(m, np.inf),
+        tool_for(meridian), np.zeros(m), np.zeros(m), np.zeros(n), np.zeros(n + 1), np.zeros(n + 1),
+        np.zeros((n, 3)), np.zeros(n), np.zeros((n, 2)), np.zeros((n, m)), np.zeros(m), np.zeros((2, m)),
+        np.full(n, np.inf),
     )  # fmt: skip
 
 
 @compiled
 def bound(meridian: Meridian, low: Array, high: Array, box: ToolBounds) -> None:
     """Bound the tool over a box of joint values."""
-    m, tool, arm = len(low), box.tool, meridian.arm
-    for k in range(m):
+    n, tool, arm = len(box.chord), box.tool, meridian.arm
+    for k in range(len(low)):
         box.q[k], box.half[k] = 0.5 * (low[k] + high[k]), 0.5 * (high[k] - low[k])
     tool_motion(meridian, box.q, tool)
-    chords(arm, box.half, box.chord)
-    p = tool.frames[m, :3, 3]
-    for k in range(m - 1, -1, -1):  # as `tool_displacement`, kept for each joint
-        moved, bent, half = box.moved[k + 1], box.bent[k + 1], box.half[k]
+    spread = joint_changes(arm, box.half)
+    chords(arm, spread, box.chord)
+    p = tool.frames[n, :3, 3]
+    for k in range(n - 1, -1, -1):  # as `tool_displacement`, kept for each joint
+        moved, bent, half = box.moved[k + 1], box.bent[k + 1], spread[k]
         off = 1.0
         if arm.revolute[k]:
             off = min(from_axis(tool.frames[k], tool.axes[k], p) + moved, meridian.levers[k])
@@ -153,20 +156,22 @@ def bound(meridian: Meridian, low: Array, high: Array, box: ToolBounds) -> None:
         for i in range(3):
             box.hub[k, i] = tool.frames[k, i, 3] + meridian.hub[k] * tool.axes[k, i]
         box.loose[k] = displacement(arm, tool.frames, tool.axes, box.chord, box.endless, k, 0, box.hub[k])
-        _keep(box, k, p)
+        _keep(arm, box, k, p)
 
 
 @compiled
-def _keep(box: ToolBounds, k: int, p: Array) -> None:
+def _keep(arm: SerialArm, box: ToolBounds, k: int, p: Array) -> None:
     """Bound the tool's distance from a hub."""
-    m, J = len(box.q), box.tool.J
+    J = box.tool.J
     x, y, z = p[0] - box.hub[k, 0], p[1] - box.hub[k, 1], p[2] - box.hub[k, 2]
     length = np.sqrt(x * x + y * y + z * z)
     if length > 1e-9:
         x, y, z = x / length, y / length, z / length
     out = box.bent[k + 1]
-    for j in range(m):
-        box.along[k, j] = x * J[0, j] + y * J[1, j] + z * J[2, j] if j > k else 0.0
+    box.along[k] = 0.0
+    for j in range(k + 1, len(arm.axis)):
+        box.along[k, arm.leader[j]] += arm.ratio[j] * (x * J[0, j] + y * J[1, j] + z * J[2, j])
+    for j in range(len(box.half)):
         out += box.half[j] * abs(box.along[k, j])
     moved = box.moved[k + 1]
     out = min(out, moved)
@@ -215,7 +220,7 @@ def spanned(box: ToolBounds, z: float, half: float) -> tuple[float, float, int, 
     low = max(0.0, tool.at[0] - least)
     high = np.hypot(max(0.0, tool.at[0] + most, least - tool.at[0]), aside(box))
     tells_low = tells_high = -1
-    for k in range(m):
+    for k in range(len(box.hub)):
         r, rise = np.hypot(box.hub[k, 0], box.hub[k, 1]), abs(z - box.hub[k, 2])
         over = squared(box.keeps[k, 1]) - squared(max(0.0, rise - half))
         if over < -SLACK:
@@ -231,22 +236,20 @@ def spanned(box: ToolBounds, z: float, half: float) -> tuple[float, float, int, 
 
 @compiled
 def to_bisect(meridian: Meridian, box: ToolBounds, hub: int) -> int:
-    """The joint to bisect, which improves the bound by a hub (-1: the linear one) most."""
-    best, weight = 0, -1.0
-    for j in range(len(box.q)):
-        size = meridian.levers[j] * box.half[j]
-        if hub >= 0:
-            size *= EVEN
+    """The active joint to bisect, which improves the bound by a hub (-1: the linear one) most."""
+    sizes = meridian.speeds * box.half
+    if hub >= 0:
+        sizes *= EVEN
+        for j in range(len(box.hub)):
             if j > hub:
-                size += box.moved[j] - box.moved[j + 1]
+                size = box.moved[j] - box.moved[j + 1]
             else:
                 frame, axis = box.tool.frames[j], box.tool.axes[j]
-                size += box.chord[j] * (
+                size = box.chord[j] * (
                     from_axis(frame, axis, box.hub[hub]) if meridian.arm.revolute[j] else 1.0
                 )
-        if size > weight:
-            best, weight = j, size
-    return best
+            sizes[meridian.arm.leader[j]] += size
+    return int(np.argmax(sizes))
 
 
 @compiled
@@ -282,9 +285,9 @@ def contract_to(box: ToolBounds, z: float, half: float, low: float, high: float)
 @compiled
 def _contract_by_hubs(box: ToolBounds, z: float, half: float, low: float, high: float) -> bool:
     """Contract by how near to each hub the tool may come, and how far from it."""
-    m = len(box.q)
-    p = box.tool.frames[m, :3, 3]
-    for k in range(m - 1):
+    n = len(box.hub)
+    p = box.tool.frames[n, :3, 3]
+    for k in range(n - 1):
         r, rise = np.hypot(box.hub[k, 0], box.hub[k, 1]), abs(z - box.hub[k, 2])
         length = norm(minus((p[0], p[1], p[2]), row(box.hub, k)))
         moved, slack = box.moved[k + 1], box.bent[k + 1] + box.loose[k] + SLACK

@@ -9,7 +9,7 @@ corners and in its middle: this is sampled, not proven.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -31,7 +31,7 @@ from regionik.planners.reach.polar_cells import PolarCells
 from regionik.planners.solvers.damped_least_squares import DIRECTION, POSITION, Aim, polish
 from regionik.planners.solvers.rigid_bodies import span
 from regionik.planners.solvers.serial_chain import SerialArm, serial_arm
-from regionik.worlds.arms import pivot_index, reach_bound
+from regionik.worlds.arms import pivot_index, reach_bound, with_pivot_limits
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 
@@ -123,7 +123,7 @@ def _about_vertical(angle: float) -> Array:
 def _sampled(
     chain: Chain, rise: float, kind: int, key: tuple[float, ...], cone: float, kept: bool
 ) -> _Sampled:
-    turning = endless(chain)
+    turning = with_pivot_limits(chain, -np.inf, np.inf)
     arm = serial_arm(chain if kept else turning)
     within = Tolerances(TOLERANCE, max(ANGLE_SHARE * cone, 1e-9), span(arm))
     aim = Aim(np.array([0.0, 0.0, rise]), kind, np.array(key).reshape(3, 3), cone)
@@ -147,14 +147,6 @@ def _sampled(
     r, b = np.nonzero(grid.found)
     places = np.column_stack([grid.distances[r], grid.bearings[b]])
     return _Sampled(places, grid.postures[r, b], cells.area)
-
-
-@lru_cache(maxsize=32)
-def endless(chain: Chain) -> Chain:
-    """The chain with a pivot that has no limits."""
-    joints, pivot = list(chain.joints), pivot_index(chain)
-    joints[pivot] = replace(joints[pivot], lower=-np.inf, upper=np.inf)
-    return Chain(tuple(joints), chain.T_last_tool)
 
 
 def _at_heading(chain: Chain, aim: Aim, postures: Array, places: Array) -> tuple[Array, Array]:
@@ -204,7 +196,7 @@ def _grid(arm: SerialArm, aim: Aim, within: Tolerances, far: float, finer: int, 
         np.linspace(0.0, far, rows),
         np.linspace(0.0, 2 * np.pi, columns, endpoint=False),
         np.zeros((rows, columns), dtype=np.bool_),
-        np.zeros((rows, columns, len(arm.axis))),
+        np.zeros((rows, columns, len(arm.lower))),
         kept,
     )
 

@@ -79,7 +79,7 @@ def proven_pose_area(
     geometry
         Places of the pivot axis, as squares [m].
     """
-    pivot = chain.joints[pivot_index(chain)]
+    pivot = chain.active_joints[pivot_index(chain)]
     goal = (aim.kind, float(aim.cone), *aim.position.tolist(), *aim.turn.ravel().tolist())
     if heading is not None:
         kept = min(guard, 0.5 * (pivot.upper - pivot.lower))

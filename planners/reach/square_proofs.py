@@ -7,7 +7,6 @@ order. Where a ball of corrections takes that remainder into itself, a posture i
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -23,9 +22,11 @@ from regionik.planners.solvers.serial_chain import (
     chain_frames,
     chain_jacobian,
     joint_axes,
+    joint_changes,
+    joint_jacobian,
     serial_arm,
 )
-from regionik.worlds.arms import pivot_index
+from regionik.worlds.arms import pivot_index, with_pivot_limits
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 
@@ -43,7 +44,7 @@ class SquareTask(NamedTuple):
     aim: Aim  # in the world, but for its height, which is over the arm's base frame
     angle: float  # that a posture may miss the aim's by [rad]
     reach: float  # length of the arm [m]
-    levers: Array  # (n,) longest of the tool's point
+    levers: Array  # of all joints, longest of the tool's point
     pivot: int
 
 
@@ -51,12 +52,11 @@ def square_task(
     chain: Chain, height: float, aim: Aim, azimuths: tuple[float, float] = (-np.inf, np.inf)
 ) -> SquareTask:
     """Collect what the judgement of squares reads, the pivot within some azimuths; see `proven_pose_area`."""
-    joints, pivot = list(chain.joints), pivot_index(chain)
-    joints[pivot] = replace(joints[pivot], lower=azimuths[0], upper=azimuths[1])
-    arm = serial_arm(Chain(tuple(joints), chain.T_last_tool))
+    arm = serial_arm(with_pivot_limits(chain, *azimuths))
     aim = aim._replace(position=aim.position - [0.0, 0.0, height])
-    levers = longest_levers(chain, chain.dof - 1, chain.T_last_tool[:3, 3])[0]
-    return SquareTask(arm, aim, max(ANGLE_SHARE * aim.cone, EXACT), span_of(arm), levers, pivot)
+    levers = longest_levers(chain, len(chain.joints) - 1, chain.T_last_tool[:3, 3])[0]
+    angle = max(ANGLE_SHARE * aim.cone, EXACT)
+    return SquareTask(arm, aim, angle, span_of(arm), levers, pivot_index(chain))
 
 
 @compiled
@@ -66,7 +66,8 @@ def constraints(arm: SerialArm, kind: int, joints: Array) -> tuple[Array, Array,
     The inverse moves joints the less the nearer to a limit they are; near a singular posture it is none.
     """
     n, rows = len(joints), 3 if kind == POSITION else (5 if kind == DIRECTION else 6)
-    frames, J, axes = np.empty((n + 1, 4, 4)), np.empty((6, n)), np.empty((n, 3))
+    frames, axes = np.empty((len(arm.axis) + 1, 4, 4)), np.empty((len(arm.axis), 3))
+    J = np.empty((6, n))
     chain_frames(arm, joints, frames)
     chain_jacobian(arm, frames, J)
     joint_axes(arm, frames, axes)
@@ -77,7 +78,7 @@ def constraints(arm: SerialArm, kind: int, joints: Array) -> tuple[Array, Array,
         for r in range(rows):
             if kind == DIRECTION and r >= 3:  # turns about two axes across the tool's
                 for i in range(3):
-                    M[r, k] += frames[n, i, r - 3] * J[3 + i, k]
+                    M[r, k] += frames[-1, i, r - 3] * J[3 + i, k]
             else:
                 M[r, k] = J[r, k]
     S, y = np.empty((rows, rows)), np.empty(rows)
@@ -116,7 +117,7 @@ def holds_about(task: SquareTask, kind: int, joints: Array, half: float) -> floa
             moves[k] += off[0] * _length(A[k], 0, 3) + off[1] * _length(A[k], 3, len(M))
             if not moves[k] <= room[k]:
                 return np.inf
-        needed[0], needed[1] = _third_order(arm, frames, axes, moves, task.levers)
+        needed[0], needed[1] = _third_order(arm, frames, axes, joint_changes(arm, moves), task.levers)
         for i in range(2):
             needed[i] += fixed[i] + EXACT + SLACK + rounding * (2.0 * half + off[0] + off[1])
             for a in range(2):
@@ -156,14 +157,14 @@ def _length(values: Array, first: int, end: int) -> float:
 
 @compiled
 def _quadratic(arm: SerialArm, kind: int, frames: Array, axes: Array, A: Array) -> Array:
-    """Second derivatives (m, m, m) of place and turn of the tool along the columns of a right inverse (n, m).
+    """Second derivatives (m, m, m) of place and turn of the tool along columns of a right inverse (dof, m).
 
     The turn is the axial vector of its matrix, which is zero where nothing turns; of a direction, its
     parts across the tool's axis.
     """
-    n, m = A.shape
+    n, m = len(arm.axis), A.shape[1]
     J, second, along = np.empty((6, n)), np.zeros((6, n, n)), np.zeros((6, m, m))
-    chain_jacobian(arm, frames, J)
+    joint_jacobian(arm, frames, J)
     for i in range(n):
         for j in range(i, n):
             if arm.revolute[i]:
@@ -177,9 +178,9 @@ def _quadratic(arm: SerialArm, kind: int, frames: Array, axes: Array, A: Array) 
             for b in range(m):
                 value = 0.0
                 for j in range(n):
-                    value += second[r, i, j] * A[j, b]
+                    value += second[r, i, j] * arm.ratio[j] * A[arm.leader[j], b]
                 for a in range(m):
-                    along[r, a, b] += A[i, a] * value
+                    along[r, a, b] += arm.ratio[i] * A[arm.leader[i], a] * value
     curved = np.zeros((m, m, m))
     for r in range(m):
         for a in range(m):

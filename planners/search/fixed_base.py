@@ -76,7 +76,7 @@ def search_fixed_base(
     Parameters
     ----------
     chain : Chain
-        Turning joints without a limit may turn all round; sliding joints need both limits.
+        Turning joints without a limit may turn all round; others, and those that others mimic, need limits.
     obstacles : Obstacles
         In the arm's base frame. Meshes keep postures from being found, but rule no box out.
     target : (3,) array_like
@@ -95,7 +95,7 @@ def search_fixed_base(
     Raises
     ------
     InputError
-        When a number is out of its range, a solid is no capsule, or a sliding joint has no limit.
+        When a number is out of its range, a solid is no capsule, or a joint lacks its limits.
 
     Examples
     --------
@@ -129,7 +129,7 @@ def _first_accepted(
     best, refused = -np.inf, 0
     while True:
         for slot in proven(boxes)[::-1].tolist():
-            q = frozen(posture_in(task, boxes.low[slot], boxes.high[slot]), (len(task.arm.axis),), "joints")
+            q = frozen(posture_in(task, boxes.low[slot], boxes.high[slot]), (len(task.arm.lower),), "joints")
             room, good = checked(q)
             if good:
                 note = f"found: a posture with a clearance of {room:.6g} m, after {boxes.tally[JUDGED]} boxes"
@@ -180,21 +180,20 @@ def _check(
         raise InputError(f"clearance: expected a length of 0 or more, got {clearance}")
     if most < 1:
         raise InputError(f"most: expected at least one box, got {most}")
-    for joint in chain.joints:
-        if joint.kind == "prismatic" and not np.isfinite([joint.lower, joint.upper]).all():
-            raise InputError(f"joint {joint.name}: a sliding joint needs both limits to be searched")
+    if chain.unbounded:
+        raise InputError(f"{chain.unbounded} to be searched")
     for solid in solids:
         if len(solid.corners) != 2:
             raise InputError(
                 f"{solid.name}: expected a capsule, got a solid with {len(solid.corners)} corners"
             )
-        if not 0 <= solid.link < chain.dof:
-            raise InputError(f"{solid.name}: link must be 0 to {chain.dof - 1}, got {solid.link}")
+        if not 0 <= solid.link < len(chain.joints):
+            raise InputError(f"{solid.name}: link must be 0 to {len(chain.joints) - 1}, got {solid.link}")
 
 
 def _out_of_reach(chain: Chain, target: Array, tolerance: float) -> str:
     """Words on why no posture reaches the target, where lengths alone decide; otherwise empty."""
-    reach = longest_levers(chain, chain.dof - 1, chain.T_last_tool[:3, 3])[1]
+    reach = longest_levers(chain, len(chain.joints) - 1, chain.T_last_tool[:3, 3])[1]
     far = float(np.linalg.norm(target - chain.joints[0].T_parent_joint[:3, 3]))
     if far > reach + tolerance:
         return f"the target is {far:.3f} m from the first joint and the arm reaches {reach:.3f} m"
@@ -212,5 +211,5 @@ def _bounded(chain: Chain) -> SerialArm:
     arm = serial_arm(chain)
     first = np.where(np.isfinite(arm.upper), arm.upper - 2 * np.pi, -np.pi)
     lower = np.where(np.isfinite(arm.lower), arm.lower, first)
-    upper = np.where(arm.revolute, np.minimum(arm.upper, lower + 2 * np.pi), arm.upper)
+    upper = np.where(chain.turning, np.minimum(arm.upper, lower + 2 * np.pi), arm.upper)
     return arm._replace(lower=lower, upper=upper)

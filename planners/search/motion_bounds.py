@@ -37,7 +37,7 @@ class LinkCapsules(NamedTuple):
 def link_capsules(chain: Chain, solids: Sequence[LinkCapsule]) -> LinkCapsules:
     """Flatten the capsules of an arm; the limits of sliding joints must be finite."""
     ends = np.array([solid.corners for solid in solids]).reshape(-1, 2, 3)
-    points = [(chain.dof - 1, chain.T_last_tool[:3, 3])]
+    points = [(len(chain.joints) - 1, chain.T_last_tool[:3, 3])]
     points += [(solid.link, end) for solid, pair in zip(solids, ends, strict=True) for end in pair]
     return LinkCapsules(
         np.array([solid.link for solid in solids], dtype=np.int64),
@@ -52,7 +52,7 @@ def longest_levers(chain: Chain, link: int, point: Array) -> tuple[Array, float]
 
     Axes that run parallel keep the part of an offset along them out of the sum.
     """
-    levers = np.zeros(chain.dof)
+    levers = np.zeros(len(chain.joints))
     offset, reach, beyond = np.asarray(point), 0.0, 0.0
     for k in range(link, -1, -1):
         joint = chain.joints[k]
@@ -86,7 +86,7 @@ def _across(axis: Array, x: float, y: float, z: float) -> float:
 
 @compiled
 def chords(arm: SerialArm, half: Array, chord: Array) -> None:
-    """Longest chord of the unit circle that each joint's half width spans, or the half width of a slide."""
+    """Longest chord of the unit circle that the half width of each of all joints (n,) spans; slides' own."""
     for k in range(len(half)):
         chord[k] = 2.0 * math.sin(0.5 * min(half[k], np.pi)) if arm.revolute[k] else half[k]
 

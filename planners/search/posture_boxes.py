@@ -25,7 +25,14 @@ from regionik.planners.search.motion_bounds import (
 )
 from regionik.planners.search.self_clearance import SelfClearance, hits_itself, self_clearance
 from regionik.planners.solvers.damped_least_squares import solve_symmetric
-from regionik.planners.solvers.serial_chain import SerialArm, chain_frames, chain_jacobian, joint_axes
+from regionik.planners.solvers.serial_chain import (
+    SerialArm,
+    active_levers,
+    chain_frames,
+    chain_jacobian,
+    joint_axes,
+    joint_changes,
+)
 from regionik.worlds.arrays import Array
 
 SLACK = 1e-10  # rounding that no proof may rest on [m]
@@ -37,16 +44,17 @@ DAMPING = 1e-6  # of those steps, in squares of the arm's lever
 
 
 class PosedArm(NamedTuple):
-    """A box of joint values and the arm at its centre, n joints and s capsules; scratch space."""
+    """A box of postures and the arm at its centre, of n joints and s capsules; scratch space."""
 
-    q: Array  # (n,) the centre, then a posture reached from it
-    half: Array  # (n,) half widths
+    q: Array  # (dof,) the centre, then a posture reached from it
+    half: Array  # (dof,) half widths
+    spread: Array  # (n,) half widths of all joints
     chord: Array  # (n,) see `motion_bounds.chords`
-    shift: Array  # (2, n) the box contracted, against its centre
+    shift: Array  # (2, dof) the box contracted, against its centre
     frames: Array  # (n + 1, 4, 4)
     axes: Array  # (n, 3) joint axes in the arm's base frame
-    J: Array  # (6, n)
-    row: Array  # (n,) coefficients of one condition
+    J: Array  # (6, dof)
+    row: Array  # (dof,) coefficients of one condition
     ends: Array  # (s, 2, 3) of the capsules' axes, in the arm's base frame [m]
 
 
@@ -60,7 +68,7 @@ class FixedBase(NamedTuple):
     tolerance: float  # how far from the target the tool may be [m]
     clearance: float  # least distance from the solids [m]
     own: SelfClearance
-    longest: Array  # (n,) longest lever of each joint, which chooses the joint to bisect [m]
+    longest: Array  # (dof,) longest lever of each active joint, which chooses the one to bisect [m]
     best: Array  # (1,) largest clearance met below the wanted one with the tool on target, overwritten [m]
     posed: PosedArm  # overwritten
 
@@ -75,12 +83,12 @@ def fixed_base_for(
     own: SelfClearance,
 ) -> FixedBase:
     """Return the problem of an arm and a target, with scratch space."""
-    n, s = len(arm.axis), len(capsules.link)
+    n, dof, s = len(arm.axis), len(arm.lower), len(capsules.link)
     posed = PosedArm(
-        np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((2, n)), np.zeros((n + 1, 4, 4)), np.zeros((n, 3)),
-        np.zeros((6, n)), np.zeros(n), np.zeros((s, 2, 3)),
+        np.zeros(dof), np.zeros(dof), np.zeros(n), np.zeros(n), np.zeros((2, dof)), np.zeros((n + 1, 4, 4)),
+        np.zeros((n, 3)), np.zeros((6, dof)), np.zeros(dof), np.zeros((s, 2, 3)),
     )  # fmt: skip
-    longest, best = capsules.levers.max(0), np.full(1, -np.inf)
+    longest, best = active_levers(arm, capsules.levers.max(0)), np.full(1, -np.inf)
     return FixedBase(arm, capsules, solids, target, tolerance, clearance, own, longest, best, posed)
 
 
@@ -118,23 +126,28 @@ def may_hold(task: FixedBase, low: Array, high: Array) -> bool:
     """Contract a box in place; False where it holds no free posture."""
     posed, levers = task.posed, task.capsules.levers[0]
     for _ in range(PASSES):
-        _centre(posed, low, high)
-        off = place_arm(task)
-        chords(task.arm, posed.half, posed.chord)
-        moved, bent = tool_displacement(task.arm, posed.frames, posed.axes, posed.chord, posed.half, levers)
+        off = _place_box(task, low, high)
+        moved, bent = tool_displacement(task.arm, posed.frames, posed.axes, posed.chord, posed.spread, levers)
         if off > task.tolerance + moved + SLACK or not _contract_to_target(task, bent):
             return False
         if not cut_to(low, high, posed.q, posed.shift):
             break
-    _centre(posed, low, high)
-    off = place_arm(task)
-    chords(task.arm, posed.half, posed.chord)
+    off = _place_box(task, low, high)
     return not (
         _hits_obstacle(task, off)
         or hits_itself(
             task.arm, task.capsules, task.own, posed.frames, posed.axes, posed.chord, posed.ends, SLACK
         )
     )
+
+
+@compiled
+def _place_box(task: FixedBase, low: Array, high: Array) -> float:
+    """Place the arm at a box's centre, see how far its joints move; the tool's distance from the target."""
+    _centre(task.posed, low, high)
+    task.posed.spread[:] = joint_changes(task.arm, task.posed.half)
+    chords(task.arm, task.posed.spread, task.posed.chord)
+    return place_arm(task)
 
 
 @compiled
@@ -185,7 +198,7 @@ def _contract_along(task: FixedBase, u: Array, bent: float) -> bool:
     posed, n = task.posed, len(task.posed.q)
     room, off = task.tolerance + bent + SLACK, 0.0
     for i in range(3):
-        off += u[i] * (posed.frames[n, i, 3] - task.target[i])
+        off += u[i] * (posed.frames[-1, i, 3] - task.target[i])
     for k in range(n):
         posed.row[k] = u[0] * posed.J[0, k] + u[1] * posed.J[1, k] + u[2] * posed.J[2, k]
     return contract(posed.shift, posed.row, -room - off, room - off)
@@ -229,7 +242,6 @@ def place_arm(task: FixedBase) -> float:
     """Place the arm at ``posed.q``; returns the tool's distance from the target [m]."""
     arm, capsules, posed = task.arm, task.capsules, task.posed
     chain_frames(arm, posed.q, posed.frames)
-    n = len(posed.q)
     joint_axes(arm, posed.frames, posed.axes)
     for s in range(len(capsules.link)):
         frame = posed.frames[capsules.link[s]]
@@ -239,7 +251,7 @@ def place_arm(task: FixedBase) -> float:
                 posed.ends[s, end, i] = frame[i, 0] * x + frame[i, 1] * y + frame[i, 2] * z + frame[i, 3]
     off = 0.0
     for i in range(3):
-        off += squared(posed.frames[n, i, 3] - task.target[i])
+        off += squared(posed.frames[-1, i, 3] - task.target[i])
     return float(np.sqrt(off))
 
 
@@ -271,7 +283,7 @@ def to_target(task: FixedBase) -> float:
         chain_jacobian(task.arm, posed.frames, posed.J)
         for i in range(3):
             # as far as the near side of what the tolerance allows: the postures differ on all sides of it
-            e[i] = (task.target[i] - posed.frames[n, i, 3]) * (1.0 - 0.9 * task.tolerance / off)
+            e[i] = (task.target[i] - posed.frames[-1, i, 3]) * (1.0 - 0.9 * task.tolerance / off)
             for j in range(i + 1):
                 A[i, j] = damping if i == j else 0.0
                 for k in range(n):

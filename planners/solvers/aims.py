@@ -88,10 +88,7 @@ def tool_jacobians(robot: Robot, states: Array) -> tuple[Array, Array]:
     J[:, 0, 0] = J[:, 1, 1] = 1.0
     up, origin = np.array([0.0, 0.0, 1.0]), np.column_stack([base[:, :2], np.zeros(len(base))])
     J[:, :3, 2], J[:, 3:, 2] = np.cross(up, tool - origin), up
-    for k, joint in enumerate(robot.chain.joints):
-        axis = frames[:, k, :3, :3] @ joint.axis
-        if joint.kind == "revolute":
-            J[:, :3, 3 + k], J[:, 3:, 3 + k] = np.cross(axis, tool - frames[:, k, :3, 3]), axis
-        else:
-            J[:, :3, 3 + k] = axis
+    chain = robot.chain
+    J[:, :3, 3:] = chain.point_jacobian(frames, tool, len(chain.joints)).swapaxes(1, 2)
+    J[:, 3:, 3:] = chain.turn_jacobian(frames).swapaxes(1, 2)
     return frames[:, -1], J

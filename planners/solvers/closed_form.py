@@ -74,7 +74,7 @@ def decomposition(chain: Chain) -> Decomposition | None:
     >>> decomposition(robot_named("youbot").chain) is None
     True
     """
-    if chain.dof not in (6, 7) or any(joint.kind != "revolute" for joint in chain.joints):
+    if chain.has_mimics or chain.dof not in (6, 7) or any(joint.kind != "revolute" for joint in chain.joints):
         return None
     for swept in (None,) if chain.dof == 6 else SWEPT:
         lines = _lines(chain, np.eye(4)[None], swept, np.full(1, 0.3))

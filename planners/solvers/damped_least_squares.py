@@ -86,7 +86,8 @@ def polish(
     error [m], angle error [rad], steps tried
     """
     n, rows = len(joints), 3 if aim.kind == POSITION else 6
-    frames, J, miss, left = np.empty((n + 1, 4, 4)), np.empty((6, n)), np.empty(6), np.empty(6)
+    frames, J = np.empty((len(arm.axis) + 1, 4, 4)), np.empty((6, n))
+    miss, left = np.empty(6), np.empty(6)
     trial, step = np.empty(n), np.empty(n)
     weight, damping = 0.5 * reach, 1e-3
     error, angle = tool_error(arm, aim, joints, frames, miss)
@@ -96,7 +97,7 @@ def polish(
             return error, angle, tried
         if moved:  # the frames are those of the joints
             chain_jacobian(arm, frames, J)
-            scale_angles(frames[n], aim.kind, weight, J)
+            scale_angles(frames[-1], aim.kind, weight, J)
         for i in range(6):
             left[i] = miss[i] if i < 3 else weight * miss[i]
         limited_step(arm, J, left, rows, damping * reach * reach, joints, step)
@@ -153,7 +154,7 @@ def polish_along(arm: SerialArm, aims: Aims, reach: float, tolerance: float, mos
 @compiled
 def tool_error(arm: SerialArm, aim: Aim, joints: Array, frames: Array, miss: Array) -> tuple[float, float]:
     chain_frames(arm, joints, frames)
-    tool = frames[len(joints)]
+    tool = frames[-1]
     return pose_error((tool[0, 3], tool[1, 3], tool[2, 3]), tool[:3, :3], aim, miss)
 
 

@@ -10,7 +10,14 @@ import numpy as np
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.vectors import squared
 from regionik.planners.kernels import compiled
-from regionik.planners.solvers.damped_least_squares import DIRECTION, POSITION, Aim, polish, pose_error
+from regionik.planners.solvers.damped_least_squares import (
+    DIRECTION,
+    POSITION,
+    Aim,
+    polish,
+    pose_error,
+    tool_error,
+)
 from regionik.planners.solvers.fabrikr import (
     Posture,
     backward_pass,
@@ -38,7 +45,7 @@ class Effort(NamedTuple):
     # tolerance, angle_tolerance: [m], [rad]
     tolerance: float
     angle_tolerance: float
-    most_passes: int  # from each start
+    most_passes: int  # from each start; 0 for arms with joints that mimic others, which passes take as free
     reach: float  # length of the arm [m]
     polishing: bool
 
@@ -66,12 +73,12 @@ def solve_ik(
     -------
     error [m], angle error [rad], passes in all, restarts, whether it was polished
     """
-    n, count = len(bodies.slide), len(starts) + 1
+    n, count = len(bodies.arm.lower), len(starts) + 1
     still = Effort(effort.tolerance, effort.angle_tolerance, 0, effort.reach, effort.polishing)
     best, best_error, best_angle, passes = np.inf, np.inf, np.inf, 0
     answer, end = np.empty(n), np.empty(n)
     # Passes may lead every start into one corner of the limits: last of all, starts are polished as they are.
-    for i in range(2 * count - 1 if effort.polishing else count):
+    for i in range(2 * count - 1 if effort.polishing and effort.most_passes > 0 else count):
         drawn = i - 1 if i < count else i - count
         end[:] = joints[:n] if i == 0 else starts[drawn]
         error, angle, used = passes_from(bodies, aim, effort if i < count else still, end, i == count - 1)
@@ -101,8 +108,11 @@ def passes_from(
     A start is dropped when it would need more than `PATIENCE` passes at its present pace, the last one
     (``to_the_end``) only when it makes no progress at all.
     """
-    posture = posture_of(bodies, joints)
     miss = np.empty(6)
+    if effort.most_passes == 0:
+        error, angle = tool_error(bodies.arm, aim, joints, np.empty((len(bodies.arm.axis) + 1, 4, 4)), miss)
+        return error, angle, 0
+    posture = posture_of(bodies, joints)
     trail = np.empty(effort.most_passes + 1)
     best, best_error, best_angle, used = np.inf, np.inf, np.inf, 0
     for used in range(effort.most_passes + 1):
@@ -222,8 +232,9 @@ class ArmSolver:
                 raise InputError(f"{name}: expected 0 or more, got {count}")
         self.chain = chain
         self.pointing, self.posing = pointing_bodies(chain), posing_bodies(chain)
+        passes = 0 if chain.has_mimics else int(most_passes)
         self.effort = Effort(
-            float(tolerance), float(angle_tolerance), int(most_passes), span(self.posing.arm), bool(polish)
+            float(tolerance), float(angle_tolerance), passes, span(self.posing.arm), bool(polish)
         )
         self.starts = spread_postures(chain, self.effort.reach, restarts, 0)
 
@@ -234,6 +245,6 @@ class ArmSolver:
     def solve(self, aim: Aim, joints: Array) -> tuple[float, float, int, int, bool]:
         """`solve_ik` of the chain; overwrites ``joints`` (dof,), which are within the limits."""
         bodies = self.bodies(aim.kind)
-        starts = np.ascontiguousarray(self.starts[:, : len(bodies.slide)])
+        starts = np.ascontiguousarray(self.starts[:, : len(bodies.arm.lower)])
         found: tuple[float, float, int, int, bool] = solve_ik(bodies, aim, starts, self.effort, joints)
         return found

@@ -77,7 +77,7 @@ def resolve_redundancy(
     first = _Layer(starts, np.full(len(starts), -1), np.zeros(len(starts)))
     layers = [_thinned(first, starts, solving, clear)]
     for i in range(1, len(aims.positions)):
-        onward = _onward(arm, aims, i, layers[-1], solving, rng.normal(size=len(arm.axis)))
+        onward = _onward(arm, aims, i, layers[-1], solving, rng.normal(size=len(arm.lower)))
         kept = _thinned(onward, layers[-1].joints[onward.parent], solving, clear)
         if not len(kept.joints):
             break
@@ -144,7 +144,7 @@ def _led_on(
     What is met without a joint that changes too much is written into ``onward`` and ``parent``; returns how
     many there are.
     """
-    count, drift = 0, np.empty(len(arm.axis))
+    count, drift = 0, np.empty(len(arm.lower))
     for k in range(len(joints)):
         drifts = self_motion_along(arm, aim, solving.reach, way, joints[k], drift)
         largest = 1e-300
@@ -177,10 +177,10 @@ def self_motion_along(
         False where nothing of it is left.
     """
     n, rows = len(joints), 3 if aim.kind == POSITION else 6
-    frames, J, miss = np.empty((n + 1, 4, 4)), np.empty((6, n)), np.empty(6)
+    frames, J, miss = np.empty((len(arm.axis) + 1, 4, 4)), np.empty((6, n)), np.empty(6)
     tool_error(arm, aim, joints, frames, miss)
     chain_jacobian(arm, frames, J)
-    scale_angles(frames[n], aim.kind, 0.5 * reach, J)
+    scale_angles(frames[-1], aim.kind, 0.5 * reach, J)
     size = 0.0
     for k in range(n):
         size = max(size, abs(way[k]))

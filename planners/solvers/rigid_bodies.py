@@ -51,17 +51,15 @@ class RigidBodies(NamedTuple):
 def pointing_bodies(chain: Chain) -> RigidBodies:
     """Bodies up to the last joint that moves the tool's point: all that a position needs."""
     arm = serial_arm(chain)
-    count, tool = chain.dof, arm.tool
+    count, tool = len(chain.joints), arm.tool
     length = span(arm)
-    while count > 1 and arm.revolute[count - 1]:
+    while count > 1 and arm.revolute[count - 1] and not chain.has_mimics:
         p = tool[:3, 3]
         if np.linalg.norm(np.cross(arm.axis[count - 1], p)) > 1e-12 * length:
             break
         tool, count = arm.fixed[count - 1] @ tool, count - 1
-    short = SerialArm(
-        arm.fixed[:count], arm.axis[:count], arm.revolute[:count], arm.lower[:count], arm.upper[:count], tool
-    )
-    return bodies_of(short)
+    parts = {key: part[:count] for key, part in arm._asdict().items() if key != "tool"}
+    return bodies_of(arm._replace(tool=tool, **parts))
 
 
 @lru_cache(maxsize=64)

@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from regionik.planners.geometry.vectors import cross, row, turned
 from regionik.planners.kernels import compiled
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Index
 from regionik.worlds.chain import Chain
 
 Row = tuple[float, float, float]
@@ -19,15 +20,21 @@ _UNTURNED = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
 class SerialArm(NamedTuple):
-    """A chain for kernels; joint k turns about, or slides along, ``axis[k]`` in its own frame."""
+    """A chain for kernels; joint k turns about, or slides along, ``axis[k]`` in its own frame.
+
+    Postures are values of its dof active joints. Joint k is at ``ratio[k] * posture[leader[k]] + offset[k]``.
+    """
 
     fixed: Array  # (n, 4, 4) from the link before to the joint at zero
     axis: Array  # (n, 3) unit vectors
     revolute: NDArray[np.bool_]  # (n,)
-    # lower, upper: (n,) [rad] or [m]; infinite where there is no limit
+    # lower, upper: (dof,) [rad] or [m]; infinite where there is no limit
     lower: Array
     upper: Array
     tool: Array  # (4, 4) from the last link to the tool
+    leader: Index  # (n,)
+    ratio: Array  # (n,)
+    offset: Array  # (n,) [rad] or [m]
 
 
 @lru_cache(maxsize=64)
@@ -40,7 +47,17 @@ def serial_arm(chain: Chain) -> SerialArm:
         chain.lower,
         chain.upper,
         np.array(chain.T_last_tool),
+        np.array(chain.leaders, dtype=np.int64),
+        np.array(chain.multipliers),
+        np.array(chain.offsets),
     )
+
+
+def active_levers(arm: SerialArm, levers: Array) -> Array:
+    """Most that a point moves by the unit speed of active joints, (dof,), from all joints' levers, (n,)."""
+    found = np.zeros(len(arm.lower))
+    np.add.at(found, arm.leader, np.abs(arm.ratio) * levers)
+    return found
 
 
 @compiled
@@ -66,15 +83,34 @@ def rotate_about(axis: Array, angle: float, R: Array) -> None:
 
 
 @compiled
-def chain_frames(arm: SerialArm, joints: Array, frames: Array) -> None:
+def joint_values(arm: SerialArm, posture: Array) -> Array:
+    """Values (n,) of all joints in a posture (dof,)."""
+    values = np.empty(len(arm.axis))
+    for k in range(len(values)):
+        values[k] = arm.ratio[k] * posture[arm.leader[k]] + arm.offset[k]
+    return values
+
+
+@compiled
+def joint_changes(arm: SerialArm, change: Array) -> Array:
+    """Sizes (n,) of the changes of all joints by a change of the active ones (dof,)."""
+    changes: Array = np.abs(arm.ratio * change[arm.leader])
+    return changes
+
+
+@compiled
+def chain_frames(arm: SerialArm, posture: Array, frames: Array) -> None:
     """Write the pose of every link, then of the tool, into ``frames`` (n + 1, 4, 4), in the base frame."""
     frames[0] = np.eye(4)
-    chain_on(arm, joints, frames)
+    chain_on(arm, joint_values(arm, posture), frames)
 
 
 @compiled
 def chain_on(arm: SerialArm, joints: Array, frames: Array) -> None:
-    """`chain_frames` in another frame, in which ``frames[0]`` is the pose of the chain's base at first."""
+    """Write frames as `chain_frames` does, of the values of all joints (n,), on a base that moves.
+
+    ``frames[0]`` is the pose of the chain's base at first.
+    """
     n = len(arm.axis)
     for k in range(n + 1):
         last, step = frames[max(k - 1, 0)], arm.fixed[k] if k < n else arm.tool
@@ -113,28 +149,37 @@ def joint_axes(arm: SerialArm, frames: Array, axes: Array) -> None:
 
 @compiled
 def chain_jacobian(arm: SerialArm, frames: Array, J: Array) -> None:
-    """Write the tool's linear and angular velocity for each joint's unit speed into ``J`` (6, n)."""
-    n = len(arm.axis)
-    tool = frames[n, :3, 3]
-    axes, lever = np.empty((n, 3)), np.empty(3)
-    joint_axes(arm, frames, axes)
-    for k in range(n):
-        axis = axes[k]
-        for i in range(3):
-            lever[i] = tool[i] - frames[k, i, 3]
-        if arm.revolute[k]:
-            J[0, k] = axis[1] * lever[2] - axis[2] * lever[1]
-            J[1, k] = axis[2] * lever[0] - axis[0] * lever[2]
-            J[2, k] = axis[0] * lever[1] - axis[1] * lever[0]
-            J[3:, k] = axis
-        else:
-            J[:3, k] = axis
-            J[3:, k] = 0.0
+    """Write the tool's linear and angular velocity for each active joint's unit speed into ``J`` (6, dof)."""
+    J[:] = 0.0
+    for k in range(len(arm.axis)):
+        j, ratio, twist = arm.leader[k], arm.ratio[k], joint_twist(arm, frames, k)
+        for i in range(6):
+            J[i, j] += ratio * twist[i]
+
+
+@compiled
+def joint_jacobian(arm: SerialArm, frames: Array, J: Array) -> None:
+    """Write the tool's linear and angular velocity for the unit speed of each of all joints, (6, n)."""
+    for k in range(len(arm.axis)):
+        twist = joint_twist(arm, frames, k)
+        for i in range(6):
+            J[i, k] = twist[i]
+
+
+@compiled
+def joint_twist(arm: SerialArm, frames: Array, k: int) -> tuple[float, float, float, float, float, float]:
+    """The tool's linear and angular velocity for the unit speed of joint k of all n."""
+    T, tool = frames[k], frames[len(arm.axis)]
+    x, y, z = axis = turned(T, row(arm.axis, k))
+    if not arm.revolute[k]:
+        return x, y, z, 0.0, 0.0, 0.0
+    u, v, w = cross(axis, (tool[0, 3] - T[0, 3], tool[1, 3] - T[1, 3], tool[2, 3] - T[2, 3]))
+    return u, v, w, x, y, z
 
 
 def spread_postures(chain: Chain, reach: float, count: int, seed: int) -> Array:
     """Postures (count, dof) drawn evenly within the limits; joints without any, within a turn or a reach."""
-    width = np.array([2 * np.pi if joint.kind == "revolute" else reach for joint in chain.joints])
+    width = np.array([2 * np.pi if joint.kind == "revolute" else reach for joint in chain.active_joints])
     lower = np.where(np.isfinite(chain.lower), chain.lower, chain.upper - width)
     lower = np.where(np.isfinite(lower), lower, -0.5 * width)
     upper = np.where(np.isfinite(chain.upper), chain.upper, lower + width)

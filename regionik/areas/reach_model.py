@@ -157,7 +157,7 @@ class ReachModel(ABC):
 
     def pivot(self, rules: Rules) -> tuple[float, float]:
         """Turns of the pivot that the rules leave; at one where the base looks where the arm does [rad]."""
-        joint = self.chain.joints[pivot_index(self.chain)]
+        joint = self.chain.active_joints[pivot_index(self.chain)]
         low, high = float(joint.lower), float(joint.upper)
         if rules.heading == "face_target":
             low = high = min(max(0.0, low), high)

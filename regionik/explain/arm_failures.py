@@ -58,7 +58,7 @@ def _target_buried(world: World) -> Explanation | None:
     """Explain which set-point lies so deep in a solid that the tool's link would be in it too."""
     robot, rules = world.robot, world.rules
     tool = robot.chain.T_last_tool[:3, 3]
-    own = [solid for solid in robot.solids if solid.link == robot.chain.dof - 1]
+    own = [solid for solid in robot.solids if solid.link == len(robot.chain.joints) - 1]
     away = [float(np.linalg.norm(one.corners - tool, axis=1).min()) - one.radius for one in own]  # at most
     if not away:
         return None

@@ -153,15 +153,16 @@ def without_direction(world: World) -> World:
 
 
 def without_joint_limits(world: World) -> World:
-    """Revolute joints without limits; prismatic ones keep theirs."""
+    """Revolute joints without limits; prismatic ones, and those that others mimic, keep theirs."""
     return replace(world, robot=replace(world.robot, chain=_endless(world.robot.chain)))
 
 
 @lru_cache(maxsize=16)
 def _endless(chain: Chain) -> Chain:
     """Cached, as the reach of a chain is cached by chain."""
+    turning = {name for name, turns in zip(chain.names, chain.turning, strict=True) if turns}
     joints = tuple(
-        replace(joint, lower=-np.inf, upper=np.inf) if joint.kind == "revolute" else joint
+        replace(joint, lower=-np.inf, upper=np.inf) if joint.name in turning else joint
         for joint in chain.joints
     )
     return replace(chain, joints=joints)

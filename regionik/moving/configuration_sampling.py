@@ -350,4 +350,4 @@ class ConfigurationSampler:
 @lru_cache(maxsize=64)
 def _endless(chain: Chain) -> NDArray[np.bool_]:
     """Mask of the joints that turn without end, (dof,)."""
-    return np.array([np.isinf(one.upper - one.lower) and one.kind == "revolute" for one in chain.joints])
+    return chain.turning & np.isinf(chain.upper - chain.lower)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from copy import deepcopy
+from dataclasses import asdict
 from xml.etree import ElementTree
 
 import numpy as np
@@ -35,7 +36,7 @@ def robot_to_urdf(robot: Robot, floor: Polygon) -> str:
     InputError
         When an arm joint bears a name of the virtual joints.
     """
-    taken = [name for name in robot.chain.names if name in _VIRTUAL_JOINTS]
+    taken = [joint.name for joint in robot.chain.joints if joint.name in _VIRTUAL_JOINTS]
     if taken:
         raise InputError(
             f"robot {robot.name}: joint {taken[0]} cannot be exported: "
@@ -99,6 +100,9 @@ def _joint(root: ElementTree.Element, joint: Joint, parent: str, child: str) -> 
     if not endless:
         limit = {"lower": repr(_finite(joint.lower)), "upper": repr(_finite(joint.upper)), **limit}
     ElementTree.SubElement(element, "limit", limit)
+    if joint.mimic is not None:
+        mimic = {key: str(value) for key, value in asdict(joint.mimic).items()}
+        ElementTree.SubElement(element, "mimic", mimic)
 
 
 def _add_footprint(link: ElementTree.Element, robot: Robot) -> None:

@@ -83,7 +83,7 @@ class PostureCarrier:
         starts = solver.self_motion(self.targets[0], axis, yaw, near, MORE_STARTS)
         if not starts:
             return np.empty((0, robot.chain.dof))
-        turns = [joint.kind == "revolute" for joint in solver.chain.joints]
+        turns = [joint.kind == "revolute" for joint in solver.chain.active_joints]
         longest = np.where(turns, LONGEST_TURN, LONGEST_SLIDE)
         effort = solver.effort
         found = resolve_redundancy(
@@ -171,7 +171,7 @@ class PostureCarrier:
         """Postures (n, s, k) to begin from: of the travel roadmap, turned to the target, the nearest."""
         chain, (postures, points, axes) = self._bound.chain, self._known
         bearing = np.arctan2(aims.positions[:, 1], aims.positions[:, 0])[:, None]
-        pivot, turn = chain.joints[self._pivot], bearing - np.arctan2(points[:, 1], points[:, 0])
+        pivot, turn = chain.active_joints[self._pivot], bearing - np.arctan2(points[:, 1], points[:, 0])
         turned = postures[:, self._pivot] + turn
         if np.isfinite(pivot.upper - pivot.lower):
             middle = (pivot.lower + pivot.upper) / 2
@@ -266,7 +266,7 @@ class PostureCarrier:
 
     def _heading(self, heading: float, free: Array) -> float:
         """Heading that leaves the pivot as near as may be to the middle of its limits."""
-        pivot = self._bound.chain.joints[pivot_index(self._bound.chain)]
+        pivot = self._bound.chain.active_joints[pivot_index(self._bound.chain)]
         if not np.isfinite(pivot.upper - pivot.lower) or not len(free):
             return heading
         some = free[:, self._pivot]

@@ -58,7 +58,7 @@ class PivotTurns:
         off, bearing = np.hypot(*away.T), np.arctan2(away[:, 1], away[:, 0])
         zero = [self._plane_zero(setpoints, row, axis) for row in components]
         planes = bearing + np.array(zero)[:, None]
-        joint = self.world.robot.chain.joints[pivot_index(self.world.robot.chain)]
+        joint = self.world.robot.chain.active_joints[pivot_index(self.world.robot.chain)]
         span, wide = self.standing.sides[side].span, joint.upper - joint.lower
         if wide >= 2 * np.pi:
             yaws, pivoted = np.array([into_span(0.0, span)]), np.full((1, *planes.shape), np.inf)

@@ -279,7 +279,7 @@ class PlacementSearch:
     @property
     def _pivot_middle(self) -> float:
         """Middle of the pivot's limits; 0 where it has none [rad]."""
-        joint = self.world.robot.chain.joints[pivot_index(self.world.robot.chain)]
+        joint = self.world.robot.chain.active_joints[pivot_index(self.world.robot.chain)]
         return (joint.lower + joint.upper) / 2 if np.isfinite(joint.upper - joint.lower) else 0.0
 
     def _by_carrying(
@@ -360,7 +360,7 @@ class PlacementSearch:
 
     def _pivot_margin(self, setpoints: tuple[int, ...], axis: Array, pivot: Array) -> float:
         """Offset of the base at which the pivot gets to a limit, for arms in one plane [m]."""
-        joint = self.world.robot.chain.joints[pivot_index(self.world.robot.chain)]
+        joint = self.world.robot.chain.active_joints[pivot_index(self.world.robot.chain)]
         spots = np.array([self.world.task[i].position[:2] for i in setpoints])
         left = np.minimum(pivot - joint.lower, joint.upper - pivot) + HEADING
         off = np.hypot(*(spots - axis).T) * np.sin(np.clip(left, -np.pi / 2, np.pi / 2))

@@ -14,7 +14,7 @@ def posture_score(chain: Chain, joints: Array, criterion: str) -> float:
 
     Manipulability is sqrt(det J J^T) (Yoshikawa 1985), the load one newton at the tool.
     """
-    arm, frames, J = serial_arm(chain), np.empty((chain.dof + 1, 4, 4)), np.empty((6, chain.dof))
+    arm, frames, J = serial_arm(chain), np.empty((len(chain.joints) + 1, 4, 4)), np.empty((6, chain.dof))
     chain_frames(arm, joints, frames)
     chain_jacobian(arm, frames, J)
     if criterion == "effort":

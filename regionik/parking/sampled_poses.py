@@ -134,7 +134,7 @@ class PoseCover:
     def _headings(self, side: int) -> list[float]:
         low, high = self.parking.parking_areas.standing.sides[side].span
         arm = with_pivot(self.world.robot.chain)
-        joint = arm.joints[pivot_index(arm)]
+        joint = arm.active_joints[pivot_index(arm)]
         if high - low < 2 * np.pi:
             return [(low + high) / 2]
         count = HEADINGS if joint.upper - joint.lower < 2 * np.pi else BEST

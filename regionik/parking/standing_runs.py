@@ -126,7 +126,7 @@ def _bases(
     middle = shapely.maximum_inscribed_circle(area).coords[0]
     center = np.mean([target.position[:2] for target in targets], axis=0)
     robot, arm = world.robot, with_pivot(world.robot.chain)
-    pivot = arm.joints[pivot_index(arm)]
+    pivot = arm.active_joints[pivot_index(arm)]
     limited = bool(np.isfinite(pivot.upper - pivot.lower))
     ahead, quarters = ((pivot.lower + pivot.upper) / 2, QUARTERS) if limited else (0.0, QUARTERS[:1])
     for axis in np.vstack([middle, spread(area, PLACES, 0)]):

@@ -19,7 +19,7 @@ from regionik.planners.solvers.multistart_ik import Effort, solve_ik
 from regionik.planners.solvers.rigid_bodies import RigidBodies, pointing_bodies, posing_bodies, span
 from regionik.planners.solvers.serial_chain import spread_postures
 from regionik.postures.arm import CONE_SHARE, MOST_PASSES, Reached, aim_of
-from regionik.worlds.arms import pivot_index, reach_bound, with_pivot
+from regionik.worlds.arms import pivot_index, reach_bound, with_pivot, with_pivot_limits
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.scene import Target
@@ -45,7 +45,7 @@ class SerialSolver:
     @cached_property
     def _pointing_starts(self) -> Array:
         """The joints of the starts that move the tool's point."""
-        return np.ascontiguousarray(self.starts[:, : len(self.pointing.slide)])
+        return np.ascontiguousarray(self.starts[:, : len(self.pointing.arm.lower)])
 
     def reach(
         self, target: Target, axis: Array, yaw: float, joints: Array, area: FlatPolygon, mobile: bool
@@ -62,9 +62,7 @@ class SerialSolver:
             else:
                 found = self._held(goal, axis, yaw, joints)
             return found if goal.met(found) else self._walked(target, found, yaw)
-        bounded = mobile and len(area.starts) > 1
-        place = np.array(clamp(area.vertices, area.starts, *axis) if bounded else axis)
-        near = self._polished(goal, place, yaw, joints)
+        near = self._polished(goal, self._nearest_place(axis, area) if mobile else axis, yaw, joints)
         if near is not None:
             return near
         if not mobile:
@@ -78,12 +76,20 @@ class SerialSolver:
     def _followed(
         self, goal: SerialGoal, starts: Array, axis: Array, yaw: float, joints: Array, area: FlatPolygon
     ) -> Reached:
-        """M-FABRIK: passes with the base after the root, then restarts."""
+        """M-FABRIK: passes with the base after the root, then restarts.
+
+        Without passes the base goes to the nearest place of its area.
+        """
+        if not goal.effort.most_passes:
+            return self._held(goal, self._nearest_place(axis, area), yaw, joints)
         q, place = np.array(joints), np.array(axis)
         stand = ArmStand(pivot_index(self.chain), yaw, self.height)
         free = BaseArea(area.vertices, area.starts, True)
         error, angle, passes = solve_serial(goal.bodies, stand, starts, free, place, goal.aim, goal.effort, q)
         return goal.reached(place, q, error, angle, passes)
+
+    def _nearest_place(self, axis: Array, area: FlatPolygon) -> Array:
+        return np.array(clamp(area.vertices, area.starts, *axis) if len(area.starts) > 1 else axis)
 
     def _walked(self, target: Target, missed: Reached, yaw: float) -> Reached:
         """Solve by a walk at the target's height, where that comes nearer."""
@@ -117,7 +123,8 @@ class SerialSolver:
         goal, rng = self.goal_for(target), np.random.default_rng(0)
         if goal.aim.kind == ORIENTATION and decomposition(self.endless) is not None:
             return self._all_postures(goal, axis, yaw, joints)
-        arm, n = goal.bodies.arm, len(goal.bodies.slide)
+        arm = goal.bodies.arm
+        n = len(arm.lower)
         low = np.where(np.isfinite(arm.lower), arm.lower, -np.pi)
         high = np.where(np.isfinite(arm.upper), arm.upper, np.pi)
         starts = rng.uniform(low, high, (tries, n))
@@ -178,7 +185,7 @@ class SerialSolver:
 
     def _polished(self, goal: SerialGoal, place: Array, yaw: float, joints: Array) -> Reached | None:
         """Damped least squares from a posture, the base held."""
-        n, effort = len(goal.bodies.slide), goal.effort
+        n, effort = len(goal.bodies.arm.lower), goal.effort
         q, aim = np.array(joints[:n]), in_arm_frame(place, yaw, self.height, goal.aim)
         error, angle, _ = polish(
             goal.bodies.arm, aim, q, effort.reach, effort.tolerance, effort.angle_tolerance, MOST_STEPS
@@ -220,11 +227,8 @@ def serial_solver(chain: Chain, height: float, tolerance: float, *, turns: bool 
     """
     reach_bound(chain)
     chain = with_pivot(chain)
-    joints, pivot = list(chain.joints), pivot_index(chain)
-    if turns:
-        joints[pivot] = replace(joints[pivot], lower=-np.inf, upper=np.inf)
-    endless = Chain(tuple(joints), chain.T_last_tool)
+    endless = with_pivot_limits(chain, -np.inf, np.inf) if turns else chain
     pointing, posing = pointing_bodies(endless), posing_bodies(endless)
-    effort = Effort(tolerance, 1.0, MOST_PASSES, span(pointing.arm), True)
+    effort = Effort(tolerance, 1.0, 0 if chain.has_mimics else MOST_PASSES, span(pointing.arm), True)
     starts = spread_postures(endless, effort.reach, RESTARTS, 0)
     return SerialSolver(chain, endless, pointing, posing, starts, effort, height)

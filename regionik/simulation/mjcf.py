@@ -99,7 +99,7 @@ def _add_link(assets: Element, parent: Element, robot: Robot, k: int, joint: Joi
     if masses or not solids:
         _inertial(link, *_link_inertia(masses, [solid for _, solid in solids]))
     # Plans let the last link sink into what the tool works on: how deep is looked at, and nothing pushes.
-    felt = {"margin": repr(-_UNFELT), "gap": repr(_UNFELT)} if k == robot.chain.dof - 1 else {}
+    felt = {"margin": repr(-_UNFELT), "gap": repr(_UNFELT)} if k == len(robot.chain.joints) - 1 else {}
     for i, solid in solids:
         _geom(assets, link, f"robot {i}", _link_shape(solid), density=repr(DENSITY), **felt)
     return link

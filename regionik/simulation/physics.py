@@ -43,7 +43,9 @@ class Overlap:
 
 
 class Physics:
-    """The state of a robot in its world: ``position`` and ``velocity`` (3 + dof,) of x, y, yaw and joints.
+    """The state of a robot in its world: ``position`` and ``velocity`` (3 + n,) of x, y, yaw and all joints.
+
+    A joint that mimics another has a servo of its own, which is set to follow.
 
     Parameters
     ----------
@@ -67,6 +69,9 @@ class Physics:
         except ImportError as error:
             raise InputError(f"a simulation needs regionik[simulate]: {error}") from None
         self._engine, self._servo, self._name = mujoco, servo, world.robot.name
+        self._chain = world.robot.chain
+        moving = [k for k, joint in enumerate(self._chain.joints, 3) if joint.mimic is None]
+        self._active, joints = [0, 1, 2, *moving], self._chain.joint_values(joints)
         try:
             self._model = mujoco.MjModel.from_xml_string(model_text(world, STEP))
         except ValueError as error:
@@ -83,6 +88,11 @@ class Physics:
         self._before: Array = self._data.qvel.copy()  # the step
         self.tool: Array = self._data.site_xpos[0]
 
+    @property
+    def state(self) -> tuple[Array, Array]:
+        """Position and velocity (3 + dof,) of x, y, yaw and the active joints."""
+        return self.position[self._active], self.velocity[self._active]
+
     def step(self, base_velocity: tuple[float, float, float], joints: Array) -> None:
         """Go on by `STEP`.
 
@@ -90,7 +100,7 @@ class Physics:
         ----------
         base_velocity : (float, float, float)
             Of the base in the world, by its wheels: x, y [m/s], yaw [rad/s].
-        joints : (dof,) array
+        joints : (n,) array
             Set-points of the joints' servos.
         """
         control = self._data.ctrl
@@ -100,7 +110,7 @@ class Physics:
         self._engine.mj_step(self._model, self._data)
 
     def setpoints(self, position: Array, velocity: Array, acceleration: Array) -> Array:
-        """Set-points of the joints' servos at which the robot makes a motion, (n, dof).
+        """Set-points of the servos of all joints at which the robot makes a motion, a row for each step.
 
         A servo that is set to q + 2 q' / w + f / k makes the motion q where it needs the force f for it, at
         stiffness k (computed-torque feed-forward). The state is not changed.
@@ -111,6 +121,11 @@ class Physics:
             Of base and joints, at each step.
         """
         model, data, engine = self._model, self._engine.MjData(self._model), self._engine
+        position = np.column_stack([position[:, :3], self._chain.joint_values(position[:, 3:])])
+        velocity, acceleration = (
+            np.column_stack([rates[:, :3], rates[:, 3:] @ self._chain.coupling.T])
+            for rates in (velocity, acceleration)
+        )
         forces = np.zeros(position.shape)
         felt = model.opt.disableflags
         model.opt.disableflags |= engine.mjtDisableBit.mjDSBL_CONTACT | engine.mjtDisableBit.mjDSBL_LIMIT

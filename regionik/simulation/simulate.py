@@ -88,7 +88,8 @@ class _Localization:
 def _row(physics: Physics, estimate: PoseEstimate) -> tuple[Array, ...]:
     """What a run keeps of the present, in the order of the columns of `SimulatedRun`."""
     physics.refresh()
-    base, joints = np.split(physics.position.copy(), [3])
+    position, velocity = physics.state
+    base, joints = np.split(position, [3])
     speed = np.linalg.norm(physics.tool_velocity())
-    velocity, tool = physics.velocity.copy(), physics.tool.copy()
+    tool = physics.tool.copy()
     return base, estimate.pose, estimate.covariance, joints, velocity, tool, np.array(speed)

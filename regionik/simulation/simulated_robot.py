@@ -39,7 +39,7 @@ class SimulatedRobot:
         self.contacts: dict[tuple[str, str], Contact] = {}
         self._world, self._deepest = world, world.rules.contact_depth + tolerance
         self._drives = BaseDrives(world.robot, world.speeds or Speeds(), slips, way.curvature[0])
-        last = world.robot.chain.dof - 1
+        last = len(world.robot.chain.joints) - 1
         self._tips = {k for k, solid in enumerate(world.robot.solids) if solid.link == last}
         self._spots: dict[int, list[list[float]]] = {}
         self._added = np.zeros(world.robot.chain.dof)
@@ -50,7 +50,7 @@ class SimulatedRobot:
         return self._drives.twist
 
     def setpoints(self, way: Trajectory, rows: int) -> Array:
-        """Set-points that the servos need for a plan of so many rows, one each step, (n, dof)."""
+        """Set-points that the servos of all joints need for a plan of so many rows, one row each step."""
         times = np.minimum(STEP * np.arange((rows - 1) * SUBSTEPS), way.duration)
         return self.physics.setpoints(*way.sample(times).columns)
 
@@ -60,17 +60,18 @@ class SimulatedRobot:
         Parameters
         ----------
         command : Command
-        setpoints : (SUBSTEPS, dof) array
+        setpoints : (SUBSTEPS, n) array
             That the servos need for the plan; what the command adds, they add evenly.
         time : float
             [s]
         """
         physics, travelled = self.physics, np.zeros(3)
         rate = (command.added - self._added) / PERIOD
+        coupling = self._world.robot.chain.coupling
         first = self._added + rate / SERVO  # half of its lag is made up for: with all of it, it overshoots
         for j, setpoint in enumerate(setpoints):
             velocity = self._drives.step(command.twist, command.curvature, float(physics.position[2]))
-            physics.step(velocity, setpoint + first + rate * (j * STEP))
+            physics.step(velocity, setpoint + coupling @ (first + rate * (j * STEP)))
             travelled += self.twist
             if physics.touching:
                 self._keep_contacts(time + (j + 1) * STEP)

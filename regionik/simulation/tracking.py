@@ -119,14 +119,14 @@ class TrackingController:
         """
         arm, plan = serial_arm(self.robot.chain), self.plan
         n = len(joints)
-        frames, J = np.empty((n + 1, 4, 4)), np.empty((6, n))
+        frames, J = np.empty((len(arm.axis) + 1, 4, 4)), np.empty((6, n))
         chain_frames(arm, joints, frames)
         chain_jacobian(arm, frames, J)
         off = pose - plan.base[k]
         off[2] = np.remainder(off[2] + np.pi, 2 * np.pi) - np.pi
         T_world_arm = self.robot.T_world_arm(plan.base[k] + self._taken_up[k] * off)
         wanted = np.linalg.solve(T_world_arm, plan.T_tool[k])
-        error = np.concatenate([wanted[:3, 3] - frames[n, :3, 3], TURN_WEIGHT * _turn(frames[n], wanted)])
+        error = np.concatenate([wanted[:3, 3] - frames[-1, :3, 3], TURN_WEIGHT * _turn(frames[-1], wanted)])
         J[3:] *= TURN_WEIGHT
         away = joints - plan.joints[k]
         step = np.linalg.solve(J.T @ J + self._damping * np.eye(n), J.T @ error - self._damping * away)

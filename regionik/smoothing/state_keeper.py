@@ -127,13 +127,7 @@ class StateKeeper:
         J = np.zeros((3, 3 + self.robot.chain.dof))
         J[0, 0] = J[1, 1] = 1.0
         J[:2, 2] = base[1] - point[1], point[0] - base[0]
-        joints = self.robot.chain.joints[: link + 1]
-        if joints:
-            T = frames[: len(joints)]
-            axes = np.einsum("nij,nj->in", T[:, :3, :3], [joint.axis for joint in joints])
-            turned = np.cross(axes, (point - T[:, :3, 3]).T, axis=0)
-            revolute = [joint.kind == "revolute" for joint in joints]
-            J[:, 3 : 3 + len(joints)] = np.where(revolute, turned, axes)
+        J[:, 3:] = self.robot.chain.point_jacobian(frames, point, link + 1).T
         return J
 
     @cached_property

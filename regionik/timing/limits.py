@@ -178,11 +178,13 @@ class MotionLimits:
 def motion_limits(robot: Robot, speeds: Speeds) -> MotionLimits:
     """Limits of a robot within given speeds."""
     velocity, acceleration = speeds.joint_limits(robot.chain)
-    levers, reach = longest_levers(robot.chain, robot.chain.dof - 1, robot.chain.T_last_tool[:3, 3])
+    chain = robot.chain
+    levers, reach = longest_levers(chain, len(chain.joints) - 1, chain.T_last_tool[:3, 3])
     from_axis = float(np.hypot(*robot.mount[:2])) + reach
     corners = float(np.hypot(*robot.footprint.T).max())
     jerks = speeds.joint_jerks(robot.chain)
-    return MotionLimits(robot, speeds, velocity, acceleration, jerks, levers, max(from_axis, corners))
+    levers, far = np.abs(chain.coupling).T @ levers, max(from_axis, corners)
+    return MotionLimits(robot, speeds, velocity, acceleration, jerks, levers, far)
 
 
 def segments_on_path(motion: Motion) -> Mask:
@@ -207,10 +209,8 @@ def tool_velocity(robot: Robot, q: Array, velocity: Array) -> Array:
     found[:, :2] = velocity[:, :2]
     arm = tool[:, :2] - q[:, :2]
     found[:, :2] += velocity[:, 2, None] * np.column_stack([-arm[:, 1], arm[:, 0]])
-    for k, joint in enumerate(robot.chain.joints):
-        axis = frames[:, k, :3, :3] @ joint.axis
-        moved = axis if joint.kind == "prismatic" else np.cross(axis, tool - frames[:, k, :3, 3])
-        found += velocity[:, 3 + k, None] * moved
+    J = robot.chain.point_jacobian(frames, tool, len(robot.chain.joints))
+    found += np.einsum("nk,nkj->nj", velocity[:, 3:], J)
     return found
 
 

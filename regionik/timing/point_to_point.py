@@ -77,7 +77,7 @@ def point_to_point(
 def _check_joint_limits(chain: Chain, motion: JerkLimited) -> None:
     """Refuse a motion that leaves the joints' limits, with the joint and the time."""
     least, most, at_least, at_most = motion.extremes()
-    for k, joint in enumerate(chain.joints):
+    for k, joint in enumerate(chain.active_joints):
         for value, time, excess in (
             (least[k], at_least[k], joint.lower - least[k]),
             (most[k], at_most[k], most[k] - joint.upper),

@@ -44,7 +44,9 @@ def verify_execution(plan: Plan, names: StateNames) -> Finding:
 def _at_limit(chain: Chain, joints: Array) -> str | None:
     """The first joint that is at one of its limits."""
     near = np.minimum(joints - chain.lower, chain.upper - joints) <= 0.0
-    return next((joint.name for joint, is_near in zip(chain.joints, near, strict=True) if is_near), None)
+    return next(
+        (joint.name for joint, is_near in zip(chain.active_joints, near, strict=True) if is_near), None
+    )
 
 
 def _rim(world: World) -> Array:

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from regionik.verification.motion import point_jacobian
 from regionik.verification.tool_path import tool_deviations
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target, World
@@ -94,14 +93,11 @@ def _residual_and_jacobian(world: World, goals: _Goals, poses: Array, q: Array) 
     chain, frames = world.robot.chain, world.robot.frames(poses, q)
     tool = frames[:, -1]
     turn = _turn_left(goals, tool[:, :3, :3])
-    joint_axes = np.stack([frames[:, k, :3, :3] @ joint.axis for k, joint in enumerate(chain.joints)], axis=2)
-    slides = np.array([joint.kind == "prismatic" for joint in chain.joints])
-    z = tool[:, :3, 2]
-    rolls = np.where(goals.framed[:, None], 0.0, np.einsum("na,nak->nk", z, joint_axes))
-    turning = joint_axes - z[:, :, None] * rolls[:, None]  # a roll about a direction is free
+    turns, z = chain.turn_jacobian(frames).transpose(0, 2, 1), tool[:, :3, 2]
+    rolls = np.where(goals.framed[:, None], 0.0, np.einsum("na,nak->nk", z, turns))
+    turning = turns - z[:, :, None] * rolls[:, None]  # a roll about a direction is free
     turning[(turn == 0.0).all(axis=1)] = 0.0
-    turning[:, :, slides] = 0.0
-    linear = point_jacobian(chain, frames, tool[:, :3, 3], chain.dof).transpose(0, 2, 1)
+    linear = chain.point_jacobian(frames, tool[:, :3, 3], len(chain.joints)).transpose(0, 2, 1)
     J: Array = np.concatenate([linear, turning], axis=1)
     return np.column_stack([goals.positions - tool[:, :3, 3], turn]), J
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from regionik.values import Violation
-from regionik.verification.motion import MotionSegments, point_jacobian, wrap_angle
+from regionik.verification.motion import MotionSegments, wrap_angle
 from regionik.verification.proofs import Finding, StateNames, finding
 from regionik.worlds.arms import pivot_index, with_pivot
 from regionik.worlds.arrays import Array
@@ -31,7 +31,7 @@ def verify_joint_limits(segments: MotionSegments, names: StateNames) -> Finding:
     margin = np.minimum(joints - lower, upper - joints)
     violations = []
     for k, j in np.argwhere(margin < -EXACT).tolist():
-        unit = "rad" if chain.joints[j].kind == "revolute" else "m"
+        unit = "rad" if chain.active_joints[j].kind == "revolute" else "m"
         text = (
             f"{chain.names[j]} is at {joints[k, j]:z.4f} {unit} {names.state(k)}; "
             f"its limits are {lower[j]:z.4f} to {upper[j]:z.4f} {unit}"
@@ -144,7 +144,7 @@ def manipulability(robot: Robot, joints: ArrayLike) -> Array:
 
     Source: T. Yoshikawa, Manipulability of robotic mechanisms, IJRR 1985.
     """
-    columns = _link_point_jacobian(robot, joints, robot.chain.dof, robot.chain.T_last_tool[:3, 3])
+    columns = _link_point_jacobian(robot, joints, len(robot.chain.joints), robot.chain.T_last_tool[:3, 3])
     J = np.swapaxes(columns, -1, -2)
     return np.sqrt(np.maximum(np.linalg.det(J @ columns), 0.0))
 
@@ -179,4 +179,4 @@ def _link_point_jacobian(robot: Robot, joints: ArrayLike, moving: int, point: Ar
     """Jacobian columns (..., dof, 3) in the arm's base frame of a point fixed to the last moving link."""
     frames = robot.chain.frames(np.asarray(joints, dtype=np.float64))
     T = frames[..., moving - 1, :, :]
-    return point_jacobian(robot.chain, frames, T[..., :3, :3] @ point + T[..., :3, 3], moving)
+    return robot.chain.point_jacobian(frames, T[..., :3, :3] @ point + T[..., :3, 3], moving)

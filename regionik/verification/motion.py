@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from regionik.values import Motion
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain
 from regionik.worlds.robot import Robot
 
 Indices = NDArray[np.int64]
@@ -83,8 +82,18 @@ class MotionSegments:
 
     @cached_property
     def joint_change(self) -> Array:
-        """Change of every joint, (segments, dof)."""
+        """Change of every active joint, (segments, dof)."""
         return np.diff(self.motion.joints, axis=0)
+
+    @cached_property
+    def _all_joints(self) -> Array:
+        """Values of all joints in every state, (states, n): those that mimic others move links too."""
+        return self.robot.chain.joint_values(self.motion.joints)
+
+    @cached_property
+    def _all_changes(self) -> Array:
+        """Change of each of all joints, (segments, n)."""
+        return np.diff(self._all_joints, axis=0)
 
     def base_at(self, segment: Indices, s: Array) -> Array:
         """Base poses at shares s in [0, 1] of segments, (m, 3)."""
@@ -101,16 +110,17 @@ class MotionSegments:
         return self.motion.joints[segment] + s[:, None] * self.joint_change[segment]
 
     def frames_at(self, segment: Indices, s: Array) -> Array:
-        """Link and tool frames in the world, (m, dof + 1, 4, 4)."""
+        """Link and tool frames in the world, (m, n + 1, 4, 4)."""
         return self.robot.frames(self.base_at(segment, s), self.joints_at(segment, s))
 
     def link_pose(self, lower: int, link: int, joints: Array) -> Array:
         """Poses of a link in the frame of a lower link, or of the base (-1), (m, 4, 4)."""
         chain = self.robot.chain
+        values = chain.joint_values(joints)
         start = self.robot.T_base_arm if lower < 0 else np.eye(4)
         T = np.broadcast_to(start, (len(joints), 4, 4))
         for k in range(lower + 1, link + 1):
-            T = T @ chain.joints[k].T_parent_joint @ chain.joints[k].transform(joints[:, k])
+            T = T @ chain.joints[k].T_parent_joint @ chain.joints[k].transform(values[:, k])
         return T
 
     def acceleration_bound(self, link: int, point: Array) -> Array:
@@ -138,13 +148,13 @@ class MotionSegments:
         lever = still + np.linalg.norm(np.cross(chain.joints[link].axis, point), axis=-1)[..., None]
         speed, acceleration = still.copy(), still.copy()
         for k in range(link, lower, -1):
-            rate = np.abs(self.joint_change[:, k])
+            rate = np.abs(self._all_changes[:, k])
             if chain.joints[k].kind == "revolute":
                 acceleration += rate**2 * lever + 2 * rate * speed
                 speed += rate * lever
             else:
                 speed += rate
-                ends = np.abs([self.motion.joints[:-1, k], self.motion.joints[1:, k]])
+                ends = np.abs([self._all_joints[:-1, k], self._all_joints[1:, k]])
                 distance = distance + ends.max(axis=0)
             distance = distance + float(np.linalg.norm(chain.joints[k].T_parent_joint[:3, 3]))
             lever = distance
@@ -154,7 +164,7 @@ class MotionSegments:
     def tool_acceleration_bound(self) -> Array:
         """Upper bound for the acceleration of the tool's position, (segments,) [m per segment^2]."""
         chain = self.robot.chain
-        return self.acceleration_bound(chain.dof - 1, chain.T_last_tool[:3, 3])
+        return self.acceleration_bound(len(chain.joints) - 1, chain.T_last_tool[:3, 3])
 
     @cached_property
     def tool_axis_acceleration_bound(self) -> Array:
@@ -163,22 +173,8 @@ class MotionSegments:
         It is the square of the turning rate, at most the sum of the rates of the base and all joints.
         """
         revolute = [joint.kind == "revolute" for joint in self.robot.chain.joints]
-        rate: Array = np.abs(self.turn) + np.abs(self.joint_change[:, revolute]).sum(1)
+        rate: Array = np.abs(self.turn) + np.abs(self._all_changes[:, revolute]).sum(1)
         return rate**2
-
-
-def point_jacobian(chain: Chain, frames: Array, point: Array, moving: int) -> Array:
-    """Velocities of a point per unit speed of each joint, (..., dof, 3).
-
-    Link and tool frames (..., dof + 1, 4, 4) and point (..., 3) are in one frame [m]; the first ``moving``
-    joints move the point.
-    """
-    columns = np.zeros((*point.shape[:-1], chain.dof, 3))
-    for k, joint in enumerate(chain.joints[:moving]):
-        axis = frames[..., k, :3, :3] @ joint.axis
-        revolute = joint.kind == "revolute"
-        columns[..., k, :] = np.cross(axis, point - frames[..., k, :3, 3]) if revolute else axis
-    return columns
 
 
 def wrap_angle(angle: Array) -> Array:

@@ -242,7 +242,7 @@ def _head(figure: Figure, world: World, facts: list[str]) -> None:
 
 def _joints(figure: Figure, place: SubplotSpec, plan: Plan, curves: PlanCurves) -> None:
     """A row for each joint: its value and, of a timed plan, its velocity, each with its limits."""
-    joints = plan.world.robot.chain.joints
+    joints = plan.world.robot.chain.active_joints
     grid = place.subgridspec(len(joints), 1 if curves.speeds is None else 2)
     for k, joint in enumerate(joints):
         unit = "rad" if joint.kind == "revolute" else "m"

@@ -235,7 +235,7 @@ def _robot_tracks(robot: Robot, frames: KeyFrames) -> list[KeyframeTrack]:
         KeyframeTrack("robot", "turn", frames.times, turn_quaternions(up, frames.base[:, 2])),
     ]
     for k, joint in enumerate(robot.chain.joints):
-        values = frames.joints[:, k]
+        values = robot.chain.joint_values(frames.joints)[:, k]
         if joint.kind == "revolute":
             turns = turn_quaternions(joint.axis, values)
             tracks.append(KeyframeTrack(joint_node(k), "turn", frames.times, turns))
@@ -243,7 +243,7 @@ def _robot_tracks(robot: Robot, frames: KeyFrames) -> list[KeyframeTrack]:
             tracks.append(
                 KeyframeTrack(joint_node(k), "position", frames.times, np.outer(values, joint.axis))
             )
-    tip = f"{joint_node(robot.chain.dof - 1)}/{TOOL}"
+    tip = f"{joint_node(len(robot.chain.joints) - 1)}/{TOOL}"
     # A frame says how the motion to it went: the tool is lifted from the frame before.
     ahead = np.append(frames.lifted[1:], frames.lifted[-1:])
     colors = np.where(ahead[:, None], _rgb(Color.LIFTED), _rgb(Color.PASSED))

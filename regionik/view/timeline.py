@@ -58,7 +58,7 @@ def timeline(plan: Plan, clock: Array) -> Timeline:
         times=times,
         base=poses[:, :3],
         joints=poses[:, 3:],
-        joint_kinds=tuple((joint.name, joint.kind) for joint in robot.chain.joints),
+        joint_kinds=tuple((joint.name, joint.kind) for joint in robot.chain.active_joints),
         speeds=speeds,
         measured=measured,
         clearances=clearances(plan.world, poses[rows, :3], poses[rows, 3:]),

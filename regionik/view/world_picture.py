@@ -126,13 +126,14 @@ def robot_meshes(
     robot = world.robot
     bodies = _base_meshes(robot, world.rules.clearance)
     poses = {"robot": planar_pose(*base), "robot/arm": robot.T_base_arm}
+    values = robot.chain.joint_values(joints)
     for k, joint in enumerate(robot.chain.joints):
         node = joint_node(k)
         poses[node.rsplit("/", 1)[0]] = joint.T_parent_joint
-        poses[node] = joint.transform(joints[k])
+        poses[node] = joint.transform(values[k])
         name = f"link that {joint.name} moves"
         bodies += _link_meshes(f"{node}/link", robot, k, Color.ARM, name)
-    last = joint_node(robot.chain.dof - 1)
+    last = joint_node(len(robot.chain.joints) - 1)
     poses[f"{last}/tool"] = robot.chain.T_last_tool
     tip = triangle_meshes.capsule(np.zeros(3), np.zeros(3), tool_radius(robot))
     bodies.append(SceneMesh(f"{last}/{TOOL}", tip, Color.PASSED, name="tool point"))

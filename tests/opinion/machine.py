@@ -56,18 +56,25 @@ class Machine:
         self.model.gravity.linear = np.array([0.0, 0.0, -GRAVITY])
         names = [name for name in self.model.names[1:] if name not in VIRTUAL]
         self.ids = [self.model.getJointId(name) for name in (*VIRTUAL, *names)]
-        self.dof = len(names)
+        self.links = len(names)
+        mimics = {
+            str(one.get("name")): one.find("mimic") for one in ElementTree.fromstring(urdf).iter("joint")
+        }
+        active = [name for name in names if mimics[name] is None]
+        self.dof = len(active)
+        self.follows = [_follows(name, mimics[name], active) for name in names]
+        own = [self.model.getJointId(name) for name in active]
         self.tool_frame = self.model.getFrameId("tool")
-        at = [self.model.joints[i].idx_v for i in self.ids[3:]]
-        unlimited = [self.model.joints[i].nq == 2 for i in self.ids[3:]]
-        slots = [self.model.joints[i].idx_q for i in self.ids[3:]]
+        at = [self.model.joints[i].idx_v for i in own]
+        unlimited = [self.model.joints[i].nq == 2 for i in own]
+        slots = [self.model.joints[i].idx_q for i in own]
         self.lower = np.where(unlimited, -np.inf, self.model.lowerPositionLimit[slots])
         self.upper = np.where(unlimited, np.inf, self.model.upperPositionLimit[slots])
         self.lower[self.lower <= -UNLIMITED], self.upper[self.upper >= UNLIMITED] = -np.inf, np.inf
         self.columns = np.array(at)
         velocity = self.model.velocityLimit[self.columns]
         self.velocity = np.where(velocity >= UNLIMITED, np.inf, velocity)
-        self.slides = np.array(["JointModelP" in self.model.joints[i].shortname() for i in self.ids[3:]])
+        self.slides = np.array(["JointModelP" in self.model.joints[i].shortname() for i in own])
         for link, mass, center in facts.loads:
             inertia = pin.Inertia(mass, np.array(center), np.zeros((3, 3)))
             self.model.appendBodyToJoint(self.ids[link + 3], inertia, pin.SE3.Identity())
@@ -102,9 +109,10 @@ class Machine:
         return parts
 
     def configuration(self, base: Array, joints: Array) -> Array:
-        """Pinocchio's vector of a base pose and joint values."""
+        """Pinocchio's vector of a base pose and values of the joints that mimic no other."""
         q: Array = pin.neutral(self.model)
-        for i, value in zip(self.ids, (*base, *joints), strict=True):
+        values = [factor * joints[k] + offset for k, factor, offset in self.follows]
+        for i, value in zip(self.ids, (*base, *values), strict=True):
             joint = self.model.joints[i]
             q[joint.idx_q : joint.idx_q + joint.nq] = (
                 (np.cos(value), np.sin(value)) if joint.nq == 2 else (value,)
@@ -140,7 +148,7 @@ class Machine:
 
     def frames(self) -> Array:
         """The frame of each part (n, 4, 4), after `place`."""
-        links = {link: self.frame(link) for link in range(-1, self.dof)}
+        links = {link: self.frame(link) for link in range(-1, self.links)}
         return np.array([links[part.link] @ part.shape.where for part in self.parts])
 
     @property
@@ -225,6 +233,14 @@ class Machine:
         high = np.where(np.isfinite(self.upper), self.upper, low + 2 * np.pi)
         drawn: Array = np.random.default_rng(5).uniform(low, high, (POSTURES, self.dof))
         return drawn
+
+
+def _follows(name: str, mimic: ElementTree.Element | None, active: list[str]) -> tuple[int, float, float]:
+    """Which active joint a joint follows or is, by which factor and from where."""
+    if mimic is None:
+        return active.index(name), 1.0, 0.0
+    leader, factor, offset = (mimic.get(key, "") for key in ("joint", "multiplier", "offset"))
+    return active.index(leader), float(factor), float(offset)
 
 
 def _names_base(pair: frozenset[str]) -> bool:

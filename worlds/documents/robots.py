@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from math import inf, isfinite
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Discriminator, Field, Tag
 
 from regionik.worlds.bundled import robot_named, robot_names
-from regionik.worlds.chain import Chain, Joint, pose
+from regionik.worlds.chain import Chain, Joint, Mimic, pose
 from regionik.worlds.documents.robot_solids import (
     LinkSolidPart,
     ToolSolidPart,
@@ -122,6 +122,12 @@ class DhRobot(_OwnRobot):
         return Chain.from_dh(rows, self.names)
 
 
+class MimicPart(Strict):
+    joint: OneLine
+    multiplier: float = 1.0
+    offset: float = 0.0
+
+
 class JointPart(Strict):
     name: OneLine
     kind: Literal["revolute", "prismatic"]
@@ -130,6 +136,9 @@ class JointPart(Strict):
     frame: Matrix4 = Field(description="the joint's frame in its parent link, as a 4 x 4 matrix")
     axis: Vec3
     velocity: Positive | None = None
+    mimic: MimicPart | None = Field(
+        default=None, description="the joint that it follows, and has its limits from: its own do not count"
+    )
 
 
 class ChainPart(Strict):
@@ -149,7 +158,8 @@ class ChainRobot(_OwnRobot):
                 T = matrix(part.frame, "frame")
             with located("", f"chain.joints[{k}]"):
                 limits, axis = _limits(part.lower, part.upper), np.array(part.axis)
-                joints.append(Joint(part.name, part.kind, *limits, T, axis, part.velocity or inf))
+                mimic = None if part.mimic is None else Mimic(**part.mimic.model_dump())
+                joints.append(Joint(part.name, part.kind, *limits, T, axis, part.velocity or inf, mimic))
         return Chain(tuple(joints), matrix(self.chain.tool, "chain.tool"))
 
 
@@ -284,8 +294,8 @@ def _solids(part: DhRobot | ChainRobot, chain: Chain) -> tuple[LinkSolid, ...]:
     solids: list[LinkSolid] = []
     for k, solid in enumerate(part.solids):
         with located("", f"solids[{k}]."):
-            if solid.link >= chain.dof:
-                expected = f"a link from {BASE} (the base) to {chain.dof - 1}"
+            if solid.link >= len(chain.joints):
+                expected = f"a link from {BASE} (the base) to {len(chain.joints) - 1}"
                 raise InputError(f"link: expected {expected}, got {solid.link}")
             solids.append(solid.solid())
     return tuple(solids)
@@ -351,6 +361,8 @@ def _joint(joint: Joint) -> dict[str, Any]:
     }
     if joint.velocity != inf:
         document["velocity"] = float(joint.velocity)
+    if joint.mimic is not None:
+        document["mimic"] = asdict(joint.mimic)
     return document
 
 

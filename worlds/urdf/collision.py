@@ -115,7 +115,7 @@ def _missing(why: str, meshes: list[tuple[CollisionShape, PlacedLink]], chain: C
 
 def _stand_in(chain: Chain, owner: int) -> LinkCapsule:
     """Return a capsule from a joint to the next one, or to the tool."""
-    name, end = f"{chain.names[owner]} stand-in", chain.link_vectors[owner]
+    name, end = f"{chain.joints[owner].name} stand-in", chain.link_vectors[owner]
     if np.linalg.norm(end) < LINK_RADIUS:
         return sphere_capsule(owner, name, np.zeros(3), 2 * LINK_RADIUS)
     return LinkCapsule(owner, name, np.zeros(3), end, LINK_RADIUS)

@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import pose
+from regionik.worlds.chain import Mimic, pose
 from regionik.worlds.errors import InputError, located, located_error
 from regionik.worlds.readers.text import Element, clip, join_names, read_xml
 from regionik.worlds.readers.validation import LARGEST
@@ -62,8 +62,7 @@ class UrdfJoint:
     lower: float | None  # [rad] or [m]; None where the file gives none, infinite where there is no limit
     upper: float | None
     velocity: float  # [rad/s] or [m/s]; infinite where there is no limit
-    mimic: str | None  # name of the joint that it copies
-    offset: float  # its value where that joint is at zero
+    mimic: Mimic | None  # the joint that it copies
     place: str  # place in the file, for messages
 
 
@@ -194,8 +193,8 @@ def _check_joints(joints: tuple[UrdfJoint, ...], links: dict[str, tuple[Collisio
             raise InputError(f"{joint.place}: {text}: expected one parent")
         above[joint.child] = joint.name
     for joint in joints:
-        if joint.mimic is not None and joint.mimic not in names:
-            text = f"mimic: unknown joint {joint.mimic!r}, valid joints: {join_names(names)}"
+        if joint.mimic is not None and joint.mimic.joint not in names:
+            text = f"mimic: unknown joint {joint.mimic.joint!r}, valid joints: {join_names(names)}"
             raise InputError(f"{joint.place}: {text}")
 
 
@@ -212,7 +211,6 @@ def _joint(element: Element) -> UrdfJoint:
     velocity = _limit(element, "velocity", place)
     if velocity is not None and velocity < 0:
         raise InputError(f"{place}: velocity must not be below 0, got {velocity:g}")
-    mimic = element.first("mimic")
     return UrdfJoint(
         name=name,
         kind=kind,
@@ -223,10 +221,20 @@ def _joint(element: Element) -> UrdfJoint:
         lower=lower,
         upper=upper,
         velocity=velocity or inf,  # files that know of no limit say 0
-        mimic=None if mimic is None else mimic.attributes.get("joint", ""),
-        offset=_numbers(mimic, "offset", place, (0.0,))[0],
+        mimic=_mimic(element.first("mimic"), place),
         place=place,
     )
+
+
+def _mimic(element: Element | None, place: str) -> Mimic | None:
+    if element is None:
+        return None
+    multiplier, offset = (
+        _numbers(element, key, place, (default,))[0]
+        for key, default in (("multiplier", 1.0), ("offset", 0.0))
+    )
+    with located("", place):
+        return Mimic(element.attributes.get("joint", ""), multiplier, offset)
 
 
 def _limits(element: Element, kind: str, place: str) -> tuple[float | None, float | None]:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from typing import Literal
 
 import numpy as np
 
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, Joint
-from regionik.worlds.errors import located, located_error
+from regionik.worlds.chain import Chain, Joint, Mimic
+from regionik.worlds.errors import InputError, located, located_error
 from regionik.worlds.links import BASE, LinkMass
 from regionik.worlds.readers.text import join_names
 from regionik.worlds.urdf.elements import UrdfJoint, UrdfModel
@@ -116,9 +116,11 @@ def chain_along(model: UrdfModel, path: KinematicPath, limited: bool) -> Chain:
             continue
         _check_moving(model, joint, limited)
         with located(model.where, joint.place):
-            joints.append(_chain_joint(joint, T))
+            mimic = None if joint.mimic is None else _mimic_on_path(path, joint, joint.mimic)
+            joints.append(replace(_chain_joint(joint, T), mimic=mimic))
         T = np.eye(4)
-    return Chain(tuple(joints), T)
+    with located(model.where, ""):
+        return Chain(tuple(one if one.mimic else _led(one, joints) for one in joints), T)
 
 
 def place_links(model: UrdfModel, path: KinematicPath, T_base_root: Array) -> LinkPlacement:
@@ -149,7 +151,7 @@ def place_links(model: UrdfModel, path: KinematicPath, T_base_root: Array) -> Li
             if link.owner == BASE and joint.kind != "fixed" and not _is_wheel(joint, below):
                 left_out.append(joint)
                 continue
-            copies += [joint] if joint.mimic in chain else []
+            copies += [joint] if joint.mimic is not None and joint.mimic.joint in chain else []
             T = link.T_owner_link @ joint.T_parent_joint @ _at_rest(joint)
             stack.append(PlacedLink(joint.child, link.owner, T))
     where = {link.name: link for link in placed}
@@ -267,12 +269,36 @@ def _check_moving(model: UrdfModel, joint: UrdfJoint, limited: bool) -> None:
     if joint.kind not in _KINDS:
         text = f"a {joint.kind} joint cannot be part of the arm, valid types: {', '.join(_KINDS)}, fixed"
         raise located_error(model.where, joint.place, f"{text}; choose a root below it")
-    if joint.mimic is not None:
-        text = f"it copies joint {joint.mimic} (mimic), which an arm's joint must not: choose a tip above it"
-        raise located_error(model.where, joint.place, f"{text}, such as {joint.parent}")
-    if limited and (joint.lower is None or joint.upper is None):
+    if limited and joint.mimic is None and (joint.lower is None or joint.upper is None):
         text = f'expected <limit lower="..." upper="..."/>, as its type is {joint.kind}'
         raise located_error(model.where, joint.place, text)
+
+
+def _mimic_on_path(path: KinematicPath, joint: UrdfJoint, mimic: Mimic) -> Mimic:
+    """Return how a joint follows one that moves by itself, over those between that copy others in turn."""
+    moving = {one.name: one for one in path.joints if one.kind != "fixed" and one is not joint}
+    while (leader := moving.pop(mimic.joint, None)) is not None:
+        if leader.mimic is None:
+            return mimic
+        (offset, _), further = mimic.limits(leader.mimic.offset, leader.mimic.offset), leader.mimic
+        mimic = Mimic(further.joint, mimic.multiplier * further.multiplier, offset)
+    text = f"it copies joint {mimic.joint} (mimic), which does not move by itself between {path.root} and"
+    raise InputError(f"{text} {path.tip}: choose a tip above it, such as {joint.parent}")
+
+
+def _led(joint: Joint, joints: Iterable[Joint]) -> Joint:
+    """Return a joint with limits that those which mimic it keep theirs by."""
+    for one in joints:
+        if one.mimic is not None and one.mimic.joint == joint.name:
+            low, high = one.mimic.leader_limits(one.lower, one.upper)
+            velocity = one.velocity / (abs(one.mimic.multiplier) or 1e-300)
+            joint = replace(
+                joint,
+                lower=max(joint.lower, low),
+                upper=min(joint.upper, high),
+                velocity=min(joint.velocity, velocity),
+            )
+    return joint
 
 
 def _chain_joint(joint: UrdfJoint, T_parent_joint: Array) -> Joint:
@@ -321,5 +347,5 @@ def _at_rest(joint: UrdfJoint) -> Array:
         return np.eye(4)
     still = _chain_joint(joint, np.eye(4))
     return still.transform(
-        np.clip(joint.offset if joint.mimic is not None else 0.0, still.lower, still.upper)
+        np.clip(0.0 if joint.mimic is None else joint.mimic.offset, still.lower, still.upper)
     )
