@@ -455,8 +455,8 @@ FAULTS = (
     Fault(
         "tours of sets: the first point costs nothing to get to",
         "planners/coverage/tours.py",
-        "cost, back = lead[layers[0]], list[Index]()",
-        "cost, back = 0.0 * lead[layers[0]], list[Index]()",
+        "chosen = _cheapest_through(lead[layers[0]], steps, tail[layers[-1]])",
+        "chosen = _cheapest_through(0.0 * lead[layers[0]], steps, tail[layers[-1]])",
         ("tests/test_tours.py",),
     ),
     Fault(
