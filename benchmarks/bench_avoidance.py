@@ -26,7 +26,8 @@ from regionik.planners.collision.robot_bodies import Bodies, bodies_from
 from regionik.planners.search.box_search import Verdict
 from regionik.planners.search.fixed_base import WORDS, search_fixed_base
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, Joint, translation
+from regionik.worlds.chain import Chain, translation
+from regionik.worlds.joints import Joint
 from regionik.worlds.links import LinkCapsule
 from regionik.worlds.obstacles import Cylinder
 from regionik.worlds.robot import Robot

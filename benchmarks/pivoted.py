@@ -16,7 +16,8 @@ from regionik.postures.poses import pose_of
 from regionik.regions import Area, admissible_area, path_areas
 from regionik.worlds.arms import pivot_index, reach_bound, with_pivot
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, Joint, rot_x, rot_y, rot_z, translation
+from regionik.worlds.chain import Chain, rot_x, rot_y, rot_z, translation
+from regionik.worlds.joints import Joint
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Target, World
 

@@ -6,8 +6,8 @@ import inspect
 import re
 from typing import Any
 
-from regionik.worlds.chain import Joint
 from regionik.worlds.documents.world_file import WorldDocument
+from regionik.worlds.joints import Joint
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Rules
 from regionik.worlds.speeds import Speeds

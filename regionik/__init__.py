@@ -37,11 +37,12 @@ if TYPE_CHECKING:
     from regionik.view.figures import plot, plot_floor
     from regionik.view.page import to_html
     from regionik.view.viewer import show
-    from regionik.worlds.chain import Chain, Joint
+    from regionik.worlds.chain import Chain
     from regionik.worlds.criteria import Criteria
     from regionik.worlds.documents.world_file import load_world
     from regionik.worlds.errors import InputError, NoPlanFound, RegionikError
     from regionik.worlds.execution import Execution
+    from regionik.worlds.joints import Joint
     from regionik.worlds.links import LinkBox, LinkCapsule, LinkHull
     from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
     from regionik.worlds.parking_accuracy import ParkingAccuracy
@@ -87,11 +88,12 @@ _HOME = {
         "view.figures": "plot plot_floor",
         "view.page": "to_html",
         "view.viewer": "show",
-        "worlds.chain": "Chain Joint",
+        "worlds.chain": "Chain",
         "worlds.criteria": "Criteria",
         "worlds.documents.world_file": "load_world",
         "worlds.errors": "InputError NoPlanFound RegionikError",
         "worlds.execution": "Execution",
+        "worlds.joints": "Joint",
         "worlds.links": "LinkBox LinkCapsule LinkHull",
         "worlds.obstacles": "Box Cylinder Mesh Prism Sphere",
         "worlds.parking_accuracy": "ParkingAccuracy",

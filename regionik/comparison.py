@@ -30,8 +30,9 @@ from regionik.postures.poses import axis_of, configuration_pose, pose_of
 from regionik.pruning import choose_chain, solvers_along, start_place, whole_path
 from regionik.values import Configuration
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, Joint
+from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
+from regionik.worlds.joints import Joint
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Target, World
 

@@ -34,7 +34,7 @@ class Fault:
 FAULTS = (
     Fault(
         "joints turn the wrong way",
-        "worlds/chain.py",
+        "worlds/joints.py",
         "np.eye(3) + s * cross",
         "np.eye(3) - s * cross",
         ("tests/test_serial.py",),

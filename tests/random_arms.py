@@ -14,8 +14,9 @@ import shapely
 
 from regionik.output.urdf import robot_to_urdf
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, Joint, rot_x, rot_z, translation
+from regionik.worlds.chain import Chain, rot_x, rot_z, translation
 from regionik.worlds.drives import BaseKind
+from regionik.worlds.joints import Joint
 from regionik.worlds.links import LinkBox, LinkSolid, capsules_along
 from regionik.worlds.robot import Robot
 from regionik.worlds.urdf.loader import load_robot

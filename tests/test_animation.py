@@ -20,7 +20,7 @@ from regionik.view.plan_picture import (
     turn_quaternions,
 )
 from regionik.view.timeline import timeline, timeline_document
-from regionik.worlds.chain import Joint
+from regionik.worlds.joints import Joint
 from tests import examples
 from tests.plans import every_solid, l_shape, synthetic_plan, timed
 

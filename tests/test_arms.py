@@ -17,7 +17,8 @@ from regionik.postures.serial_solver import SerialSolver, serial_solver
 from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, Joint, translation
+from regionik.worlds.chain import Chain, translation
+from regionik.worlds.joints import Joint
 from regionik.worlds.robot import Robot, without_limits
 from regionik.worlds.scene import Heading, Target
 from tests.bodies import on_lift, with_lift

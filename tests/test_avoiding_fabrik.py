@@ -11,7 +11,8 @@ from regionik.planners.collision.link_clearance import links_clear, whole_pieces
 from regionik.planners.collision.robot_bodies import Bodies, ContactTargets, bodies_from
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, Joint, rot_x, rot_y, translation
+from regionik.worlds.chain import Chain, rot_x, rot_y, translation
+from regionik.worlds.joints import Joint
 from regionik.worlds.links import LinkBox, LinkCapsule, capsules_along
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Solid, Sphere
 from regionik.worlds.robot import Robot

@@ -20,9 +20,10 @@ from regionik.verification.proofs import Finding, StateNames
 from regionik.verification.self_collision import verify_self_collision
 from regionik.view.world_picture import robot_meshes
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, Joint, pose, translation
+from regionik.worlds.chain import Chain, pose, translation
 from regionik.worlds.documents.world_file import world_from_document, world_to_document
 from regionik.worlds.errors import InputError
+from regionik.worlds.joints import Joint
 from regionik.worlds.links import BASE, LinkBox, LinkCapsule
 from regionik.worlds.obstacles import Box, Solid
 from regionik.worlds.robot import Robot

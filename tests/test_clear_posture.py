@@ -24,8 +24,9 @@ from regionik.planners.search.fixed_base import search_fixed_base
 from regionik.planners.search.self_clearance import segment_distance
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, Joint, planar_pose
+from regionik.worlds.chain import Chain, planar_pose
 from regionik.worlds.errors import InputError
+from regionik.worlds.joints import Joint
 from regionik.worlds.links import capsules_along
 from regionik.worlds.obstacles import Box, Cylinder, Prism, Sphere
 from regionik.worlds.robot import Robot

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, Joint, translation
+from regionik.worlds.chain import Chain, translation
 from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
 from regionik.worlds.errors import InputError
+from regionik.worlds.joints import Joint
 from regionik.worlds.links import LinkBox
 from regionik.worlds.robot import Robot
 from regionik.worlds.self_collision import disabled_pairs, self_collision_pairs

@@ -21,8 +21,9 @@ from regionik.timing.limits import tool_velocity
 from regionik.timing.trajectory import TrajectorySample, trajectory
 from regionik.values import Plan
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, Joint, pose
+from regionik.worlds.chain import Chain, pose
 from regionik.worlds.errors import InputError
+from regionik.worlds.joints import Joint
 from regionik.worlds.links import LinkBox, LinkCapsule
 from regionik.worlds.robot import Robot
 from tests.plans import FOOTPRINT, every_solid, l_shape, synthetic_plan, timed, youbot

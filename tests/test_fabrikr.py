@@ -26,7 +26,8 @@ from regionik.planners.solvers.rigid_bodies import bodies_of, pointing_bodies, p
 from regionik.planners.solvers.serial_chain import serial_arm
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, Joint, rot_x, rot_y, rot_z, translation
+from regionik.worlds.chain import Chain, rot_x, rot_y, rot_z, translation
+from regionik.worlds.joints import Joint
 
 ARMS = ("hinge5", "dof10", "pioneer7")
 FREE = (-np.inf, np.inf)

@@ -25,8 +25,9 @@ from regionik.planners.search.self_clearance import NO_SELF_CLEARANCE
 from regionik.planners.solvers.serial_chain import chain_jacobian, serial_arm
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, Joint, rot_x, rot_y, translation
+from regionik.worlds.chain import Chain, rot_x, rot_y, translation
 from regionik.worlds.errors import InputError
+from regionik.worlds.joints import Joint
 from regionik.worlds.links import LinkBox, LinkCapsule, capsules_along
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
 from tests import examples

@@ -17,8 +17,9 @@ from regionik.planners.solvers.multistart_ik import ArmSolver, solve_ik
 from regionik.planners.solvers.serial_chain import serial_arm
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, Joint, translation
+from regionik.worlds.chain import Chain, translation
 from regionik.worlds.errors import InputError
+from regionik.worlds.joints import Joint
 from tests import examples
 
 FREE = (-np.inf, np.inf)

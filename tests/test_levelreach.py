@@ -39,7 +39,8 @@ from regionik.planners.reach.rings import reach_intervals
 from regionik.worlds.arms import pivot_index, planar_arm, reach_bound
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, Joint, rot_x, translation
+from regionik.worlds.chain import Chain, rot_x, translation
+from regionik.worlds.joints import Joint
 from tests import examples
 from tests.bodies import on_lift, with_lift
 

@@ -18,10 +18,10 @@ from regionik.planners.solvers.serial_chain import chain_frames, chain_jacobian,
 from regionik.timing.limits import tool_velocity
 from regionik.verification.motion import MotionSegments, chord_deviation
 from regionik.worlds.arms import pivot_index, planar_arm, with_pivot
-from regionik.worlds.chain import Mimic
 from regionik.worlds.documents.robots import robot_to_document
 from regionik.worlds.documents.world_file import world_from_document, world_to_document
 from regionik.worlds.errors import InputError
+from regionik.worlds.joints import Mimic
 from regionik.worlds.links import capsules_along
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Target, World

@@ -8,9 +8,9 @@ from regionik.pipeline import plan
 from regionik.storage.plan_document import plan_to_text
 from regionik.values import Plan
 from regionik.verification.verifier import verify
-from regionik.worlds.chain import Joint
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError, NoPlanFound
+from regionik.worlds.joints import Joint
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from tests.planned import planned

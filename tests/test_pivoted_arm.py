@@ -15,9 +15,10 @@ from regionik.verification.verifier import verify
 from regionik.worlds.arms import pivot_index, pivot_joints, reach_bound, with_pivot
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, Joint, rot_x, translation
+from regionik.worlds.chain import Chain, rot_x, translation
 from regionik.worlds.drives import BaseKind
 from regionik.worlds.errors import InputError
+from regionik.worlds.joints import Joint
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Heading, Rules, Start, Target, World
 from tests.bodies import on_lift, with_lift

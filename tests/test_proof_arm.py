@@ -11,7 +11,8 @@ from regionik.verification.arm_clearance import verify_arm_clearance
 from regionik.verification.motion import MotionSegments
 from regionik.verification.proofs import Finding, StateNames
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, Joint, translation
+from regionik.worlds.chain import Chain, translation
+from regionik.worlds.joints import Joint
 from regionik.worlds.links import LinkBox, LinkSolid
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
 from regionik.worlds.robot import Robot

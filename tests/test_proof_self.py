@@ -15,7 +15,8 @@ from regionik.verification.proofs import Finding, StateNames
 from regionik.verification.self_collision import verify_self_collision
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, Joint, rot_x, translation
+from regionik.worlds.chain import Chain, rot_x, translation
+from regionik.worlds.joints import Joint
 from regionik.worlds.links import LinkBox, LinkCapsule, LinkSolid
 from regionik.worlds.robot import Robot
 from regionik.worlds.self_collision import base_body

@@ -21,8 +21,9 @@ from regionik.planners.collision.robot_bodies import (
 from regionik.planners.collision.robot_motion import count_on_line
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, Joint, planar_pose, rot_x, rot_y, translation
+from regionik.worlds.chain import Chain, planar_pose, rot_x, rot_y, translation
 from regionik.worlds.errors import InputError
+from regionik.worlds.joints import Joint
 from regionik.worlds.links import LinkBox, LinkCapsule, LinkSolid
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
 from regionik.worlds.robot import Robot

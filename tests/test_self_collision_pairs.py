@@ -10,7 +10,8 @@ import pytest
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, Joint, translation
+from regionik.worlds.chain import Chain, translation
+from regionik.worlds.joints import Joint
 from regionik.worlds.links import LinkBox, LinkCapsule, LinkSolid
 from regionik.worlds.robot import Robot, without_limits
 from regionik.worlds.self_collision import BODY, base_body, self_collision_pairs

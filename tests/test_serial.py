@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from regionik.planners.solvers.serial_chain import chain_frames, chain_jacobian, serial_arm
-from regionik.worlds.chain import Chain, Joint, rot_x, rot_y, translation
+from regionik.worlds.chain import Chain, rot_x, rot_y, translation
+from regionik.worlds.joints import Joint
 
 
 def lifted_arm() -> Chain:

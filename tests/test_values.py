@@ -13,8 +13,9 @@ from regionik.comparison import Comparison, Score
 from regionik.reachability.field import Field
 from regionik.values import Answer, Report, Stop, Violation
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, Joint
+from regionik.worlds.chain import Chain
 from regionik.worlds.errors import Explanation, InputError
+from regionik.worlds.joints import Joint
 from regionik.worlds.links import LinkBox, LinkCapsule, LinkMass
 from regionik.worlds.obstacles import Box, Mesh, Prism
 from regionik.worlds.scene import Target

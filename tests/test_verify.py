@@ -15,7 +15,8 @@ from regionik.verification.motion import MotionSegments, chord_deviation
 from regionik.verification.proofs import MAX_VIOLATIONS
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, Joint, rot_x, rot_y, translation
+from regionik.worlds.chain import Chain, rot_x, rot_y, translation
+from regionik.worlds.joints import Joint
 from regionik.worlds.links import LinkCapsule, capsules_along
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
 from regionik.worlds.robot import Robot

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from docs.schemas import world_schema
 from regionik.worlds.bundled import robot_named, world_names, world_path
-from regionik.worlds.chain import Chain, Joint, planar_pose
+from regionik.worlds.chain import Chain, planar_pose
 from regionik.worlds.criteria import Criteria
 from regionik.worlds.documents.world_file import (
     RulesPart,
@@ -28,6 +28,7 @@ from regionik.worlds.documents.world_file import (
     world_to_document,
 )
 from regionik.worlds.errors import InputError
+from regionik.worlds.joints import Joint
 from regionik.worlds.links import LinkBox, LinkCapsule, capsules_along
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
 from regionik.worlds.readers.text import JSON_LIMIT, YAML_LIMIT, read_document

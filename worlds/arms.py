@@ -15,8 +15,9 @@ from functools import lru_cache
 import numpy as np
 
 from regionik.worlds.arrays import Array, frozen
-from regionik.worlds.chain import Chain, Joint, rot_y, rot_z
+from regionik.worlds.chain import Chain, rot_y, rot_z
 from regionik.worlds.errors import InputError
+from regionik.worlds.joints import Joint
 
 _ALIGNED = 1e-9
 _HINGES = 3

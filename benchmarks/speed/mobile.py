@@ -11,7 +11,8 @@ import numpy as np
 
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, Joint, rot_z
+from regionik.worlds.chain import Chain, rot_z
+from regionik.worlds.joints import Joint
 from regionik.worlds.robot import Robot
 
 TOLERANCE = 1e-3  # [m]

@@ -22,7 +22,8 @@ from regionik.planners.solvers.damped_least_squares import DIRECTION, Aim, polis
 from regionik.planners.solvers.serial_chain import SerialArm, serial_arm, spread_postures
 from regionik.worlds.arms import pivot_index
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, Joint
+from regionik.worlds.chain import Chain
+from regionik.worlds.joints import Joint
 
 SAMPLES = 4096
 NEAREST, MORE = 128, 512  # that are moved to a pose; so many where the reach is small

@@ -25,7 +25,8 @@ from regionik.planners.solvers.serial_chain import (
 )
 from regionik.worlds.arms import pivot_index
 from regionik.worlds.arrays import Array, Index
-from regionik.worlds.chain import Chain, Joint
+from regionik.worlds.chain import Chain
+from regionik.worlds.joints import Joint
 
 STILL = 1e-12  # a lever below this does not move the tool [m]; limits closer than this hold still
 UNIT = np.array([1.0, 0.0])

@@ -30,7 +30,8 @@ from regionik.planners.solvers.subproblems import (
     row_dot,
 )
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, Joint
+from regionik.worlds.chain import Chain
+from regionik.worlds.joints import Joint
 
 SWEEP, FINER = 16, 4  # values of the joint that is swept; so many times as many where none is found
 NEARLY = 2e-3  # by which axes may miss each other [m], or be out of parallel [rad]

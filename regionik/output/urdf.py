@@ -12,8 +12,9 @@ from shapely.geometry import Polygon
 
 from regionik.view.picture import Color
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Joint, translation
+from regionik.worlds.chain import translation
 from regionik.worlds.errors import InputError
+from regionik.worlds.joints import Joint
 from regionik.worlds.links import LinkBox, LinkCapsule, LinkHull, LinkSolid
 from regionik.worlds.robot import Robot
 from regionik.worlds.urdf.bounding import oriented_box

@@ -14,7 +14,8 @@ import numpy as np
 
 from regionik.planners.collision.convex_bodies import solid_pieces
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Joint, planar_pose
+from regionik.worlds.chain import planar_pose
+from regionik.worlds.joints import Joint
 from regionik.worlds.links import LinkBox, LinkHull, LinkMass, LinkSolid
 from regionik.worlds.obstacles import Box, Mesh, Solid
 from regionik.worlds.robot import GRAVITY, Robot

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Discriminator, Field, Tag
 
 from regionik.worlds.bundled import robot_named, robot_names
-from regionik.worlds.chain import Chain, Joint, Mimic, pose
+from regionik.worlds.chain import Chain, pose
 from regionik.worlds.documents.robot_solids import (
     LinkSolidPart,
     ToolSolidPart,
@@ -22,6 +22,7 @@ from regionik.worlds.documents.robot_solids import (
 )
 from regionik.worlds.drives import BaseKind
 from regionik.worlds.errors import InputError, located
+from regionik.worlds.joints import Joint, Mimic
 from regionik.worlds.links import BASE, LINK_RADIUS, LinkMass, LinkSolid, capsules_along
 from regionik.worlds.readers.text import join_names
 from regionik.worlds.readers.validation import (

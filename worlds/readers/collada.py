@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionik.worlds.arrays import Array, transform_points
-from regionik.worlds.chain import Joint, translation
+from regionik.worlds.chain import translation
 from regionik.worlds.errors import InputError, located
+from regionik.worlds.joints import Joint
 from regionik.worlds.readers.text import Element, clip, read_xml
 from regionik.worlds.readers.validation import LARGEST
 

@@ -14,8 +14,9 @@ from typing import Literal
 import numpy as np
 
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Mimic, pose
+from regionik.worlds.chain import pose
 from regionik.worlds.errors import InputError, located, located_error
+from regionik.worlds.joints import Mimic
 from regionik.worlds.readers.text import Element, clip, join_names, read_xml
 from regionik.worlds.readers.validation import LARGEST
 

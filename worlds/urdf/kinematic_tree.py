@@ -11,8 +11,9 @@ from typing import Literal
 import numpy as np
 
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, Joint, Mimic
+from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError, located, located_error
+from regionik.worlds.joints import Joint, Mimic
 from regionik.worlds.links import BASE, LinkMass
 from regionik.worlds.readers.text import join_names
 from regionik.worlds.urdf.elements import UrdfJoint, UrdfModel
@@ -291,7 +292,8 @@ def _led(joint: Joint, joints: Iterable[Joint]) -> Joint:
     for one in joints:
         if one.mimic is not None and one.mimic.joint == joint.name:
             low, high = one.mimic.leader_limits(one.lower, one.upper)
-            velocity = one.velocity / (abs(one.mimic.multiplier) or 1e-300)
+            ratio = abs(one.mimic.multiplier)
+            velocity = one.velocity / ratio if ratio else inf
             joint = replace(
                 joint,
                 lower=max(joint.lower, low),
