@@ -364,7 +364,7 @@ def test_bad_input_is_named(make, expected: str) -> None:  # type: ignore[no-unt
 
 
 def test_an_arm_of_few_joints_goes_round_within_its_cone() -> None:
-    """Five joints bring the tool a centimetre on only with a turn; held at its turn, 68 of these are not there in time."""
+    """Most bring the tool a centimetre on only with a turn; held at its turn, 68 of 200 were late."""
     *joints, last = six_skewed().joints
     chain = Chain(tuple(joints), last.T_parent_joint @ six_skewed().T_last_tool)
     rng, met = np.random.default_rng(0), 0
