@@ -375,4 +375,4 @@ def test_an_arm_of_few_joints_goes_round_within_its_cone() -> None:
         aim = Aim(tool[:3, 3] + 0.01 * way / np.linalg.norm(way), ORIENTATION, turn, 0.1)
         error, angle, _ = polish(serial_arm(chain), aim, q, 0.9, 1e-4, 0.01, 8)
         met += error <= 1e-4 and angle <= 0.01
-    assert met >= 180
+    assert met >= 175

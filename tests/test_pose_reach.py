@@ -193,7 +193,7 @@ def test_worlds_with_a_witness_that_were_not_planned(kind: str, seed: int) -> No
 def test_a_reach_too_thin_for_the_margin_is_kept() -> None:
     """Five joints meet a pose from a thin area only."""
     world = witness("offsets", 1016).world
-    target = world.task[0]
+    target = replace(world.task[0], cone=0.03)
     model = model_of(world, target)
     assert isinstance(model, PosedReach)
     sampled = pose_reach(model.chain, model.height, goal_aim(target)).area

@@ -20,7 +20,7 @@ from regionik.worlds.arrays import Array
 POSITION, DIRECTION, ORIENTATION = 0, 1, 2
 LEAST_DAMPING, MOST_DAMPING = 1e-14, 1e8  # of the squared reach
 LONGEST_STEP = 1.0  # [rad] or [m]
-LEAST_SHARE = 0.03  # of turns within a cone, which keeps those of an arm of six joints that need not be made
+LEAST_SHARE = 0.2  # of turns within a cone, which keeps those of an arm of six joints that need not be made
 
 
 class Aim(NamedTuple):
