@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
 
 from benchmarks.tables.batch import solve_batch
 from benchmarks.tables.goals import ArmPosture, aim_at, solve_goal
@@ -361,3 +362,18 @@ def test_the_kernel_solves_without_the_facade() -> None:
 def test_bad_input_is_named(make, expected: str) -> None:  # type: ignore[no-untyped-def]
     with pytest.raises(InputError, match=expected):
         make()
+
+
+def test_an_arm_of_few_joints_goes_round_within_its_cone() -> None:
+    """Most bring the tool a centimetre on only with a turn; held at its turn, 68 of 200 were late."""
+    *joints, last = six_skewed().joints
+    chain = Chain(tuple(joints), last.T_parent_joint @ six_skewed().T_last_tool)
+    rng, met = np.random.default_rng(0), 0
+    for _ in range(200):
+        q, off, way = rng.uniform(-2.5, 2.5, 5), rng.normal(0.0, 0.04, 3), rng.normal(size=3)
+        tool = chain.forward(q)
+        turn = np.ascontiguousarray(Rotation.from_rotvec(off).as_matrix() @ tool[:3, :3])
+        aim = Aim(tool[:3, 3] + 0.01 * way / np.linalg.norm(way), ORIENTATION, turn, 0.1)
+        error, angle, _ = polish(serial_arm(chain), aim, q, 0.9, 1e-4, 0.01, 8)
+        met += error <= 1e-4 and angle <= 0.01
+    assert met >= 175

@@ -20,6 +20,7 @@ from regionik.worlds.arrays import Array
 POSITION, DIRECTION, ORIENTATION = 0, 1, 2
 LEAST_DAMPING, MOST_DAMPING = 1e-14, 1e8  # of the squared reach
 LONGEST_STEP = 1.0  # [rad] or [m]
+LEAST_SHARE = 0.2  # of turns within a cone, which keeps those of an arm of six joints that need not be made
 
 
 class Aim(NamedTuple):
@@ -98,6 +99,7 @@ def polish(
         if moved:  # the frames are those of the joints
             chain_jacobian(arm, frames, J)
             scale_angles(frames[-1], aim.kind, weight, J)
+            loosen_turns(miss, aim.cone, J)
         for i in range(6):
             left[i] = miss[i] if i < 3 else weight * miss[i]
         limited_step(arm, J, left, rows, damping * reach * reach, joints, step)
@@ -166,6 +168,26 @@ def scale_angles(tool: Array, kind: int, weight: float, J: Array) -> None:
         roll = dot(axis, (J[3, k], J[4, k], J[5, k])) if kind == DIRECTION else 0.0
         for i in range(3):
             J[3 + i, k] = weight * (J[3 + i, k] - roll * axis[i])
+
+
+@compiled
+def loosen_turns(miss: Array, cone: float, J: Array) -> None:
+    """Leave of the Jacobian's turns (6, n) what they change of the angle beyond a cone.
+
+    That is the part along the turn that is left, and a share of the others: a posture goes round within the
+    cone and along its edge, which an arm of few joints cannot do without.
+    """
+    if cone <= 0.0:
+        return
+    beyond = norm((miss[3], miss[4], miss[5]))
+    share = max(beyond / (beyond + cone), LEAST_SHARE)
+    for k in range(J.shape[1]):
+        along = 0.0
+        if beyond > 0.0:
+            along = (1.0 - share) * dot((miss[3], miss[4], miss[5]), (J[3, k], J[4, k], J[5, k]))
+            along /= squared(beyond)
+        for i in range(3):
+            J[3 + i, k] = share * J[3 + i, k] + along * miss[3 + i]
 
 
 @compiled

@@ -105,7 +105,7 @@ class ConfigurationSampler:
         found = one_after_another(
             self._stood(i, poses, here),
             self._nominal(i, components, here, nominal),
-            self._resolved(i, components, here),
+            self.resolved_onward(i, here),
             self._sought(i, components, here),
         )
         return (candidate for candidate in found if self.meets(candidate.pose))
@@ -167,14 +167,17 @@ class ConfigurationSampler:
         for base, k in poses:
             yield from islice(self._near_postures(i, base, k, here), 1)
 
-    def _resolved(self, i: int, components: Sequence[int], here: Pose) -> Iterator[Candidate]:
-        """The configuration to which base and joints go on together by the least motion."""
+    def resolved_onward(self, i: int, here: Pose) -> Iterator[Candidate]:
+        """The configuration to which base and joints go on together by the least motion, in any component.
+
+        Areas of set-points far apart need not overlap for that.
+        """
         facing = self.world.rules.heading == "face_target"
         way = None if self.resolved is None or facing else self.resolved.onward(i - 1, here)
         if way is None:
             return
         axis, yaw = axis_of(self.world.robot, way[-1].base), float(way[-1].base[2])
-        for k in components:
+        for k in range(*self.ladder.rungs[i : i + 2]):
             if self.ladder.flat(k).holds(axis) and away(yaw, self._span(k)) == 0:
                 found = Configuration(way[-1].base, way[-1].joints, 0.0, 0, True)  # measured on arrival
                 yield Candidate(found, k, tuple(way))

@@ -86,7 +86,8 @@ class PathSearch:
     ) -> tuple[list[Row], Candidate] | None:
         """Get to a candidate at set-point i with the tool lifted; without ``here`` the robot begins there.
 
-        ``plain`` plans transits to all; to the first few a ``hard`` one is searched for with base and arm.
+        ``plain`` plans transits to all; to the few of the least bend a ``hard`` one is searched for with base
+        and arm.
         """
         if here is None:
             return next((([], candidate) for candidate in candidates), None)
@@ -107,6 +108,7 @@ class PathSearch:
         for candidate in candidates:
             asked.append(candidate)
             yield candidate, plain(here, candidate.pose, int(floor[candidate.component]))
+        asked.sort(key=lambda one: float(np.abs(one.found.joints - here.joints).max()))
         for candidate in asked[:hard]:
             yield candidate, self.transits.sampled(here, candidate.pose, int(floor[candidate.component]))
 
