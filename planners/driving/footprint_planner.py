@@ -1,7 +1,8 @@
 """Paths of a footprint that moves in any direction: it turns to pass where its circle would not.
 
-RRTConnect is asked first. Where it gives up or wanders, a roadmap of free areas by heading is searched: the
-base drives inside one slab of headings and turns where the areas of two overlap.
+RRTConnect is asked first. Where it gives up, a roadmap of free areas by heading is searched: the base drives
+inside one slab of headings and turns where the areas of two overlap. Where the path wanders, A* looks for one
+that is shorter on a lattice of poses.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from heapq import heappop, heappush
 from itertools import pairwise
+from math import gcd
 from typing import Literal
 
 import numpy as np
@@ -37,15 +39,23 @@ from regionik.planners.driving.pose_planner import (
     shortcut,
 )
 from regionik.planners.geometry.angles import wrap
-from regionik.worlds.arrays import Array, frozen
+from regionik.planners.kernels import compiled
+from regionik.worlds.arrays import Array, Index, frozen
 from regionik.worlds.obstacles import Shadow
 
 SLABS = 48  # of heading, in the search that answers where sampling gave up or wandered
-GOOD = 1.5  # a path at most so much dearer than the straight one is kept without the slabs
+GOOD = 1.1  # a path at most so much dearer than the straight one is kept without the lattice
+CELLS = 100  # of the lattice along the path that is known
+MOVES = (
+    *((i, j, 0) for i in range(-2, 3) for j in range(-2, 3) if gcd(i, j) == 1),
+    (0, 0, -1),
+    (0, 0, 1),
+)  # of the lattice: straight, and turning on the spot
 HALVINGS = 24  # of the bisection for the narrowest passage
 MARGIN = 1e-6  # from the edge of a slab's area, so that a path in it can be proven free [m]
 FAR = 1e3  # longer than any leg of a path [m]
 
+Method = Literal["straight", "ompl", "slabs", "lattice"]
 Node = tuple[int, int]  # slab, part of its area
 Parts = NDArray[np.object_]
 
@@ -57,8 +67,8 @@ class FootprintPath:
     # (k, 3) x, y [m], yaw [rad]; between neighbours the base goes straight and turns evenly the shorter way,
     # and each such motion is proven free
     poses: Array
-    # what found it. "slabs" is the roadmap of areas by heading, where RRTConnect gave up or wandered.
-    method: Literal["straight", "ompl", "slabs"]
+    # what found it. "slabs" is the roadmap of areas by heading, where RRTConnect gave up.
+    method: Method
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "poses", frozen(self.poses, (None, 3), "path"))
@@ -131,18 +141,100 @@ def drive_footprint(
     if direct(scene, base, a, b) is not None:
         return FootprintPath(np.stack([a, b]), "straight")
     found, cost = plan_poses(scene, base, a, b, seed)
-    straight = float(np.hypot(*(b - a)[:2]) + base.weight * abs(wrap(b[2] - a[2])))
-    if found is not None and cost <= GOOD * straight:
-        return FootprintPath(found, "ompl")
-    areas = slab_areas(footprint, floor, obstacles, clearance, slabs_along(scene, SLABS))
-    other = path_through_slabs(scene, areas, a, b, seed)
-    if other is not None:
-        other, least = shortcut(scene, base, other)
-        if least < cost:
-            return FootprintPath(other, "slabs")
+    method: Method = "ompl"
     if found is None:
-        raise _refusal(scene, _passage(floor, obstacles, clearance, a, b), areas, a, b)
-    return FootprintPath(found, "ompl")
+        areas = slab_areas(footprint, floor, obstacles, clearance, slabs_along(scene, SLABS))
+        found = path_through_slabs(scene, areas, a, b, seed)
+        if found is None:
+            raise _refusal(scene, _passage(floor, obstacles, clearance, a, b), areas, a, b)
+        found, cost = shortcut(scene, base, found)
+        method = "slabs"
+    straight = float(np.hypot(*(b - a)[:2]) + base.weight * abs(wrap(b[2] - a[2])))
+    other = None if cost <= GOOD * straight else cheaper_on_lattice(scene, base, a, b, cost)
+    return FootprintPath(found, method) if other is None else FootprintPath(other, "lattice")
+
+
+def cheaper_on_lattice(
+    scene: FootprintScene, base: Steering, start: Array, goal: Array, bound: float
+) -> Array | None:
+    """Poses (k, 3) of a path that costs less than a bound; None where the lattice has none.
+
+    Positions are on a square grid along the line from start to goal, the finer the lower the bound. Headings
+    are those at which a side of the footprint is along a wall, and others between them.
+    """
+    far, cell = float(np.hypot(*(goal - start)[:2])), bound / CELLS
+    count = round(far / cell)
+    x, y = (goal - start)[:2] / count if count else (cell, 0.0)
+    yaws = np.unique([start[2], goal[2], *wrap(slabs_along(scene, SLABS).mean(axis=1))])
+    ends = np.searchsorted(yaws, [start[2], goal[2]])
+    cells = _path_on_lattice(scene, base, start, goal, np.array([x, y]), yaws, (count, *ends.tolist()), bound)
+    if not len(cells):
+        return None
+    i, j, k = cells.T
+    poses = np.column_stack([start[0] + i * x - j * y, start[1] + i * y + j * x, yaws[k]])
+    poses[0], poses[-1] = start, goal
+    path, cost = shortcut(scene, base, poses)
+    return path if cost < bound else None
+
+
+@compiled
+def _path_on_lattice(
+    scene: FootprintScene,
+    base: Steering,
+    start: Array,
+    goal: Array,
+    cell: Array,
+    yaws: Array,
+    ends: tuple[int, int, int],
+    bound: float,
+) -> Index:
+    """Cells (n, 3) of the cheapest path below a bound: along ``cell`` (2,), across it, heading; A*.
+
+    ``ends`` are the goal's place along, the heading of the start and that of the goal.
+    """
+    count, first_yaw, last_yaw = ends
+    margin = int(bound / 2 / np.hypot(cell[0], cell[1])) + 1  # no cell of a path below the bound is farther off
+    across, layers = 2 * margin + 1, len(yaws)
+    size = (2 * margin + count + 1) * across * layers
+    best, came = np.full(size, np.inf), np.full(size, -1)
+    first = (margin * across + margin) * layers + first_yaw
+    last = ((margin + count) * across + margin) * layers + last_yaw
+    best[first] = 0.0
+    heap, there, node = [(0.0, first)], np.empty(3), -1
+    while len(heap) > 0 and node != last:
+        value, node = heappop(heap)
+        k = node % layers
+        i, j = node // layers // across - margin, node // layers % across - margin
+        here = np.array([start[0] + i * cell[0] - j * cell[1], start[1] + i * cell[1] + j * cell[0], yaws[k]])
+        if value > best[node] + _slide_cost(base, here, goal) + 1e-12:
+            continue
+        for di, dj, dk in MOVES:
+            p, q, r = i + di, j + dj, (k + dk) % layers
+            there[0] = start[0] + p * cell[0] - q * cell[1]
+            there[1] = start[1] + p * cell[1] + q * cell[0]
+            there[2] = yaws[r]
+            cost = best[node] + _slide_cost(base, here, there)
+            whole = cost + _slide_cost(base, there, goal)
+            if whole < bound:
+                to = ((p + margin) * across + q + margin) * layers + r
+                if cost < best[to] and slide_is_free(scene, here, there):
+                    best[to], came[to] = cost, node
+                    heappush(heap, (whole, to))
+    path = [node][: int(node == last)]
+    while len(path) > 0 and path[-1] != first:
+        path.append(came[path[-1]])
+    cells = np.empty((len(path), 3), np.int64)
+    for n in range(len(path)):
+        at = path[len(path) - 1 - n]
+        cells[n] = at // layers // across - margin, at // layers % across - margin, at % layers
+    return cells
+
+
+@compiled
+def _slide_cost(base: Steering, here: Array, there: Array) -> float:
+    """Cost of a straight slide, free or not."""
+    turn = abs(wrap(there[2] - here[2]))
+    return float(np.hypot(there[0] - here[0], there[1] - here[1]) + base.weight * turn)
 
 
 def passage_width(free: BaseGeometry, start: BaseGeometry, goal: BaseGeometry) -> float:
