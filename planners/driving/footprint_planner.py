@@ -29,6 +29,7 @@ from regionik.planners.driving.footprint import (
 from regionik.planners.driving.heading_slabs import Slab, slab_areas, slabs_along
 from regionik.planners.driving.point_planner import NoPathError, drive_point
 from regionik.planners.driving.pose_planner import (
+    NEGLIGIBLE,
     SLIDE,
     Steering,
     checked_ends,
@@ -37,6 +38,7 @@ from regionik.planners.driving.pose_planner import (
     pose_text,
     same_pose,
     shortcut,
+    slide_cost,
 )
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.kernels import compiled
@@ -46,17 +48,15 @@ from regionik.worlds.obstacles import Shadow
 SLABS = 48  # of heading, in the search that answers where sampling gave up or wandered
 GOOD = 1.1  # a path at most so much dearer than the straight one is kept without the lattice
 CELLS = 100  # of the lattice along the path that is known
-MOVES = (
-    *((i, j, 0) for i in range(-2, 3) for j in range(-2, 3) if gcd(i, j) == 1),
-    (0, 0, -1),
-    (0, 0, 1),
-)  # of the lattice: straight, and turning on the spot
+OFFSETS = [(i, j, 0) for i in range(-2, 3) for j in range(-2, 3) if gcd(i, j) == 1]
+MOVES = np.array([*OFFSETS, (0, 0, -1), (0, 0, 1)])  # of the lattice: straight, and turning on the spot
 HALVINGS = 24  # of the bisection for the narrowest passage
 MARGIN = 1e-6  # from the edge of a slab's area, so that a path in it can be proven free [m]
 FAR = 1e3  # longer than any leg of a path [m]
 
 Method = Literal["straight", "ompl", "slabs", "lattice"]
 Node = tuple[int, int]  # slab, part of its area
+LatticeNode = tuple[int, int, int]  # place along the line from start to goal, place across it, heading
 Parts = NDArray[np.object_]
 
 
@@ -149,8 +149,7 @@ def drive_footprint(
             raise _refusal(scene, _passage(floor, obstacles, clearance, a, b), areas, a, b)
         found, cost = shortcut(scene, base, found)
         method = "slabs"
-    straight = float(np.hypot(*(b - a)[:2]) + base.weight * abs(wrap(b[2] - a[2])))
-    other = None if cost <= GOOD * straight else cheaper_on_lattice(scene, base, a, b, cost)
+    other = None if cost <= GOOD * slide_cost(base, a, b) else cheaper_on_lattice(scene, base, a, b, cost)
     return FootprintPath(found, method) if other is None else FootprintPath(other, "lattice")
 
 
@@ -159,82 +158,61 @@ def cheaper_on_lattice(
 ) -> Array | None:
     """Poses (k, 3) of a path that costs less than a bound; None where the lattice has none.
 
-    Positions are on a square grid along the line from start to goal, the finer the lower the bound. Headings
-    are those at which a side of the footprint is along a wall, and others between them.
+    Places are on a square grid along the line from start to goal, the finer the lower the bound. Headings are
+    those at which a side of the footprint is along a wall, and others between them.
     """
-    far, cell = float(np.hypot(*(goal - start)[:2])), bound / CELLS
-    count = round(far / cell)
-    x, y = (goal - start)[:2] / count if count else (cell, 0.0)
-    yaws = np.unique([start[2], goal[2], *wrap(slabs_along(scene, SLABS).mean(axis=1))])
-    ends = np.searchsorted(yaws, [start[2], goal[2]])
-    cells = _path_on_lattice(scene, base, start, goal, np.array([x, y]), yaws, (count, *ends.tolist()), bound)
-    if not len(cells):
+    cell = bound / CELLS
+    count = round(float(np.hypot(*(goal - start)[:2])) / cell)
+    along = (goal - start)[:2] / count if count else np.array([cell, 0.0])
+    margin = int(bound / 2 / np.hypot(*along)) + 3  # no path below the bound comes to the edge
+    i, j = np.mgrid[-margin : count + margin + 1, -margin : margin + 1][..., None]
+    places = start[:2] + i * along + j * [-along[1], along[0]]
+    yaws = np.unique(np.append(wrap(slabs_along(scene, SLABS).mean(axis=1)), [start[2], goal[2]]))
+    k, m = np.searchsorted(yaws, [start[2], goal[2]]).tolist()
+    first, last = (margin, margin, k), (margin + count, margin, m)
+    came = _search_lattice(scene, base, places, yaws, first, last, bound)
+    if came[last] < 0:
         return None
-    i, j, k = cells.T
-    poses = np.column_stack([start[0] + i * x - j * y, start[1] + i * y + j * x, yaws[k]])
-    poses[0], poses[-1] = start, goal
-    path, cost = shortcut(scene, base, poses)
+    node, poses = np.array(last), [goal]
+    while came[tuple(node)] >= 0:
+        node = (node - MOVES[came[tuple(node)]]) % came.shape
+        poses.append(np.array([*places[node[0], node[1]], yaws[node[2]]]))
+    poses[-1] = start
+    path, cost = shortcut(scene, base, np.array(poses[::-1]))
     return path if cost < bound else None
 
 
 @compiled
-def _path_on_lattice(
+def _search_lattice(
     scene: FootprintScene,
     base: Steering,
-    start: Array,
-    goal: Array,
-    cell: Array,
+    places: Array,
     yaws: Array,
-    ends: tuple[int, int, int],
+    first: LatticeNode,
+    last: LatticeNode,
     bound: float,
 ) -> Index:
-    """Cells (n, 3) of the cheapest path below a bound: along ``cell`` (2,), across it, heading; A*.
-
-    ``ends`` are the goal's place along, the heading of the start and that of the goal.
-    """
-    count, first_yaw, last_yaw = ends
-    margin = int(bound / 2 / np.hypot(cell[0], cell[1])) + 1  # no cell of a path below the bound is farther off
-    across, layers = 2 * margin + 1, len(yaws)
-    size = (2 * margin + count + 1) * across * layers
-    best, came = np.full(size, np.inf), np.full(size, -1)
-    first = (margin * across + margin) * layers + first_yaw
-    last = ((margin + count) * across + margin) * layers + last_yaw
+    """Move that leads to each node most cheaply from the first one, -1 where none is known; A*."""
+    best = np.full((*places.shape[:2], len(yaws)), np.inf)
+    came, here, there = np.full(best.shape, -1), np.empty(3), np.empty(3)
+    goal = np.array([places[last[0], last[1], 0], places[last[0], last[1], 1], yaws[last[2]]])
     best[first] = 0.0
-    heap, there, node = [(0.0, first)], np.empty(3), -1
-    while len(heap) > 0 and node != last:
+    heap = [(0.0, first)]
+    while len(heap) > 0:
         value, node = heappop(heap)
-        k = node % layers
-        i, j = node // layers // across - margin, node // layers % across - margin
-        here = np.array([start[0] + i * cell[0] - j * cell[1], start[1] + i * cell[1] + j * cell[0], yaws[k]])
-        if value > best[node] + _slide_cost(base, here, goal) + 1e-12:
+        if node == last:
+            break
+        here[:2], here[2] = places[node[0], node[1]], yaws[node[2]]
+        if value > best[node] + slide_cost(base, here, goal) + NEGLIGIBLE:
             continue
-        for di, dj, dk in MOVES:
-            p, q, r = i + di, j + dj, (k + dk) % layers
-            there[0] = start[0] + p * cell[0] - q * cell[1]
-            there[1] = start[1] + p * cell[1] + q * cell[0]
-            there[2] = yaws[r]
-            cost = best[node] + _slide_cost(base, here, there)
-            whole = cost + _slide_cost(base, there, goal)
-            if whole < bound:
-                to = ((p + margin) * across + q + margin) * layers + r
-                if cost < best[to] and slide_is_free(scene, here, there):
-                    best[to], came[to] = cost, node
-                    heappush(heap, (whole, to))
-    path = [node][: int(node == last)]
-    while len(path) > 0 and path[-1] != first:
-        path.append(came[path[-1]])
-    cells = np.empty((len(path), 3), np.int64)
-    for n in range(len(path)):
-        at = path[len(path) - 1 - n]
-        cells[n] = at // layers // across - margin, at // layers % across - margin, at % layers
-    return cells
-
-
-@compiled
-def _slide_cost(base: Steering, here: Array, there: Array) -> float:
-    """Cost of a straight slide, free or not."""
-    turn = abs(wrap(there[2] - here[2]))
-    return float(np.hypot(there[0] - here[0], there[1] - here[1]) + base.weight * turn)
+        for m in range(len(MOVES)):
+            to = node[0] + MOVES[m, 0], node[1] + MOVES[m, 1], (node[2] + MOVES[m, 2]) % len(yaws)
+            there[:2], there[2] = places[to[0], to[1]], yaws[to[2]]
+            cost, left = best[node] + slide_cost(base, here, there), slide_cost(base, there, goal)
+            if cost < min(best[to], bound - left) and slide_is_free(scene, here, there):
+                best[to], came[to] = cost, m
+                heappush(heap, (cost + left, to))
+    return came
 
 
 def passage_width(free: BaseGeometry, start: BaseGeometry, goal: BaseGeometry) -> float:
