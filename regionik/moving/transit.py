@@ -12,10 +12,11 @@ from itertools import islice, pairwise
 
 import numpy as np
 
+from regionik.areas.ground import ground_of
 from regionik.moving.base_motion import Driver, Interpolator
-from regionik.moving.shortcuts import SAVED, travel, with_shortcuts
+from regionik.moving.shortcuts import DETOUR, SAVED, travel, with_shortcuts
 from regionik.planners.collision.proximity import Touch
-from regionik.planners.driving.point_planner import NoPathError
+from regionik.planners.driving.point_planner import NoPathError, drive_point
 from regionik.planners.driving.sampling import PlanningProblem, connect
 from regionik.postures.arm_guard import Guard
 from regionik.postures.poses import Pose, arm_states, axis_of, distinct, pose_of, turn_to
@@ -29,7 +30,8 @@ WITHDRAWALS = (0.0, 0.1, 0.2, 0.4, 0.6)  # how far the base draws back before th
 BERTHS = (0.0, 0.04, 0.08, 0.16)  # kept from the edge of the free floor beyond what the base needs [m]
 ITERATIONS, ARM_ITERATIONS = 3000, 1000  # of RRTConnect, for the whole robot and for the arm alone
 STRIDE = 1.0  # its longest motion, metres and radians together
-WINDING = 1.1  # times the straight way is short enough
+WINDING = 1.1  # times the least way is short enough
+FAR = 1e3  # longer than any leg of a way [m]
 ROUNDS, PATIENCE, ROUND_ITERATIONS = 16, 4, 1000  # of RRTConnect for shorter ways; rounds in vain in turn
 STATIONS = 3  # places to fold at that are looked at, from where the robot is on
 
@@ -124,20 +126,36 @@ class TransitPlanner:
     def shortened(self, here: Pose, way: list[Pose], there: Pose, piece: int) -> list[Pose]:
         """States strictly between two poses, on a way whose base goes no farther than on the one given.
 
-        Where shortcuts alone do not make it short, those of other ways of base and arm may: each is looked
-        for where it can be shorter than the best so far.
+        Where shortcuts alone do not make it short, other ways of base and arm are looked for that are shorter
+        by so much that the arm may move more for it.
         """
         best, failed = self._short([here, *way, there], piece), 0
-        for k in range(0 if self.world.robot.drive.rolls else ROUNDS):
-            if failed == PATIENCE or travel(best) <= WINDING * travel([here, there]) + SAVED:
+        if self.world.robot.drive.rolls or travel(best) <= WINDING * travel([here, there]) + SAVED:
+            return best[1:-1]
+        least = self._least(here, there)
+        for k in range(ROUNDS):
+            if failed == PATIENCE or travel(best) <= WINDING * least + SAVED:
                 break
-            body = WholeBodyPlanner(
-                self.world, self.interpolator, self.driver.shaped(), piece, travel(best) - SAVED
-            )
+            most = travel(best) / DETOUR
+            body = WholeBodyPlanner(self.world, self.interpolator, self.driver.shaped(), piece, most)
             other = body.way(here, there, self.driver.seed * ROUNDS + k, ROUND_ITERATIONS)
             short = best if other is None else self._short([here, *other, there], piece)
-            best, failed = (short, 0) if travel(short) < travel(best) else (best, failed + 1)
+            best, failed = (short, 0) if travel(short) <= most else (best, failed + 1)
         return best[1:-1]
+
+    def _least(self, here: Pose, there: Pose) -> float:
+        """Shortest way of the arm axis over outer free floor, which no heading and no posture makes shorter.
+
+        Less what the base may save by turns about its axis at both ends [m].
+        """
+        robot, seed = self.world.robot, self.driver.seed
+        a, b = (axis_of(robot, pose.base) for pose in (here, there))
+        try:
+            way = drive_point(ground_of(self.world).outer.free, a, b, step=FAR, seed=seed).points
+        except NoPathError:  # an end is off it by rounding
+            way = np.array([a, b])
+        turned = 2 * np.hypot(*robot.mount[:2])
+        return max(travel([here, there]), float(np.hypot(*np.diff(way, axis=0).T).sum() - turned))
 
     def _short(self, poses: list[Pose], piece: int) -> list[Pose]:
         return with_shortcuts(self.interpolator, self.driver, piece, poses)
