@@ -1,7 +1,7 @@
 """Drives with the tool lifted over random worlds, as parts of the shortest way of the base.
 
-That is the way of the largest disc inside the footprint, which no base can beat. It ignores the arm, the
-heading, and a lone set-point between two drives, which count as one: so 1 may be out of reach.
+That is the way of the largest disc inside the footprint, and of a car at least the shortest curve between
+its two poses, which no base can beat. It ignores the arm and the heading: so 1 may be out of reach.
 
 Run: python -m benchmarks.bench_drives 150
 """

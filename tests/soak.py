@@ -309,7 +309,7 @@ def _figures(found: list[Judged]) -> list[str]:
         f"Plans under rules that not every world has: {_counted(asked)}.",
         f"Single targets, judged by brute force that sees obstacles: {_counted(verdicts)}.",
         "Drives are those with the tool lifted, as parts of the shortest way of the largest disc inside the",
-        "footprint, which no base can beat: median, worst.",
+        "footprint, or of a car's shortest curve, which no base can beat: median, worst.",
     ]
 
 

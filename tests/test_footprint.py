@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from regionik.planners.driving.footprint import (
 from regionik.planners.driving.footprint_planner import (
     FootprintPath,
     NarrowPassageError,
+    cheaper_on_lattice,
     drive_footprint,
     passage_width,
 )
@@ -38,6 +40,7 @@ from regionik.planners.driving.heading_slabs import (
 )
 from regionik.planners.driving.minkowski_sums import grown_by_disc, minkowski_sums
 from regionik.planners.driving.point_planner import NoPathError
+from regionik.planners.driving.pose_planner import SLIDE, Steering, slide_cost
 from regionik.planners.geometry.angles import wrap
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
@@ -281,6 +284,23 @@ def test_same_seed_same_drive() -> None:
     runs = [drive_footprint(YOUBOT, corridor(0.5), [0.5, 1, 1.57], [5.5, 1, 0], seed=s) for s in (3, 4, 3)]
     assert np.array_equal(runs[0].poses, runs[2].poses)
     assert not np.array_equal(runs[0].poses, runs[1].poses)
+
+
+def test_a_path_on_the_lattice_is_free_and_cheaper_or_none() -> None:
+    """Past a wall with a gap that the footprint fits lengthwise, or round its end."""
+    floor = box(0, 0, 3, 4) - box(1.4, 0, 1.6, 0.3) - box(1.4, 0.75, 1.6, 3.2)
+    scene, base = footprint_scene(YOUBOT, floor), Steering(SLIDE, 0.0, 0.35)
+    start, goal = np.array([0.7, 0.5, np.pi / 2]), np.array([2.3, 0.5, np.pi / 2])
+    round_the_wall = 2 * np.hypot(0.7, 3.1) + 0.2
+    path = cheaper_on_lattice(scene, base, start, goal, round_the_wall)
+    assert path is not None
+    np.testing.assert_array_equal(path[[0, -1]], [start, goal])
+    assert all(slide_is_free(scene, p, q) for p, q in pairwise(path))
+    costs = [slide_cost(base, p, q) for p, q in pairwise(path)]
+    assert 1.6 <= sum(costs) <= 1.6 + 0.35 * np.pi + 0.3
+    assert cheaper_on_lattice(scene, base, start, goal, 1.65) is None
+    found = drive_footprint(YOUBOT, floor, start, goal, seed=0)
+    assert sum(slide_cost(base, p, q) for p, q in pairwise(found.poses)) <= 1.1 * sum(costs)
 
 
 def test_easy_drives() -> None:

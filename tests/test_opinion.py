@@ -7,6 +7,7 @@ from collections import Counter
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import coal
@@ -28,9 +29,9 @@ from regionik.worlds.scene import Target
 from regionik.worlds.speeds import Speeds
 from tests.opinion.course import Course, halfway
 from tests.opinion.judge import objections, posture_objections
-from tests.opinion.machine import Machine
+from tests.opinion.machine import Facts, Machine
 from tests.opinion.search import find_clear, stand_at
-from tests.opinion.shortest import Ground
+from tests.opinion.shortest import Ground, drives, least_turned
 from tests.opinion.things import distance_of, placed
 from tests.planned import planned
 from tests.plans import plan_to_document
@@ -197,6 +198,31 @@ POST = {"name": "post", "cylinder": {"radius": 0.3, "height": 1.0, "center": [0,
 WALL = {"name": "wall", "box": {"size": [0.1, 2.2, 0.5], "center": [0, 0, 0.25]}}
 PIER = {"name": "pier", "box": {"size": [0.4, 2.0, 0.5], "center": [0, -0.5, 0.25]}}
 HANGING = {"name": "lamp", "box": {"size": [0.4, 2.0, 0.1], "center": [0, 0, 5.0]}}
+
+
+def test_a_drive_ends_at_every_set_point() -> None:
+    drive, target = "transit", "setpoint"
+    kinds = [drive, drive, target, "step", target, drive, target, drive, drive, target]
+    course: Any = SimpleNamespace(kinds=kinds)
+    assert list(drives(course)) == [(0, 2), (4, 6), (6, 9)]
+    course = SimpleNamespace(kinds=["setpoint", "setpoint", "transit"])
+    assert list(drives(course)) == [(1, 2)]
+
+
+@pytest.mark.parametrize(
+    ("goal", "least"),
+    [
+        ((1.0, 0.0, 0.0), 1.0),
+        ((0.0, 0.0, np.pi), np.pi * 0.4),
+        ((-2.0, 0.0, 0.0), 2.0),
+        ((0.4, 0.4, np.pi / 2), 0.2 * np.pi),
+    ],
+)
+def test_a_car_turns_no_more_tightly_than_it_steers(goal: tuple[float, float, float], least: float) -> None:
+    footprint = np.zeros((1, 2))
+    car, differential = (Facts(base, footprint, 0.1, 0.4, frozenset()) for base in ("car", "differential"))
+    assert least_turned(car, np.zeros(3), np.array(goal)) == pytest.approx(least)
+    assert least_turned(differential, np.zeros(3), np.array(goal)) == 0.0
 
 
 @pytest.mark.parametrize(

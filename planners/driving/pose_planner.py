@@ -43,9 +43,15 @@ class Steering(NamedTuple):
 
 
 @compiled
+def slide_cost(base: Steering, a: Array, b: Array) -> float:
+    """Cost of the straight slide from a to b, free or not."""
+    return float(np.hypot(b[0] - a[0], b[1] - a[1]) + base.weight * abs(wrap(b[2] - a[2])))
+
+
+@compiled
 def _slide(scene: FootprintScene, base: Steering, a: Array, b: Array, limit: float) -> float:
     """Cost of the straight slide from a to b, infinite where it is not free or dearer than a limit."""
-    cost = np.hypot(b[0] - a[0], b[1] - a[1]) + base.weight * abs(wrap(b[2] - a[2]))
+    cost = slide_cost(base, a, b)
     return cost if cost < limit and slide_is_free(scene, a, b) else np.inf
 
 

@@ -7,15 +7,16 @@ wheels, then for ways of the arm alone before a drive and after it.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import islice, pairwise
 
 import numpy as np
 
+from regionik.areas.ground import ground_of
 from regionik.moving.base_motion import Driver, Interpolator
-from regionik.moving.shortcuts import travel, with_shortcuts
+from regionik.moving.shortcuts import DETOUR, SAVED, travel, with_shortcuts
 from regionik.planners.collision.proximity import Touch
-from regionik.planners.driving.point_planner import NoPathError
+from regionik.planners.driving.point_planner import NoPathError, drive_point
 from regionik.planners.driving.sampling import PlanningProblem, connect
 from regionik.postures.arm_guard import Guard
 from regionik.postures.poses import Pose, arm_states, axis_of, distinct, pose_of, turn_to
@@ -29,7 +30,9 @@ WITHDRAWALS = (0.0, 0.1, 0.2, 0.4, 0.6)  # how far the base draws back before th
 BERTHS = (0.0, 0.04, 0.08, 0.16)  # kept from the edge of the free floor beyond what the base needs [m]
 ITERATIONS, ARM_ITERATIONS = 3000, 1000  # of RRTConnect, for the whole robot and for the arm alone
 STRIDE = 1.0  # its longest motion, metres and radians together
-WINDING, SLACK = 1.1, 0.05  # times the least way of a base, and so much more [m], is short enough
+WINDING = 1.1  # times the least way is short enough
+FAR = 1e3  # longer than any leg of a way [m]
+ROUNDS, PATIENCE, ROUND_ITERATIONS = 16, 4, 1000  # of RRTConnect for shorter ways; rounds in vain in turn
 STATIONS = 3  # places to fold at that are looked at, from where the robot is on
 
 
@@ -56,22 +59,14 @@ class TransitPlanner:
         if self.world.robot.drive.rolls:
             way, method = None, ""
         else:
-            way, method = self._whole_body(lead[-1], there, piece), "whole body"
+            body = WholeBodyPlanner(self.world, self.interpolator, self.driver, piece)
+            way, method = body.way(lead[-1], there, self.driver.seed, ITERATIONS), "whole body"
         if way is None:
             way, method = self._arm_first(lead[-1], there, piece), "arm alone"
         if way is None:
             return None
         self.driver.count(method)
         return [*lead[1:], *way]
-
-    def _whole_body(self, here: Pose, there: Pose, piece: int) -> list[Pose] | None:
-        """States strictly between two poses, base and arm moving together."""
-        way = WholeBodyPlanner(self.world, self.interpolator, self.driver, piece).way(here, there)
-        if way is None:
-            return None
-        pairs = zip(way[:-1], way[1:], strict=True)
-        rows = [row for a, b in pairs for row in [*(self.driver.direct(a, b, piece) or []), b]]
-        return rows[:-1]
 
     def _arm_first(self, here: Pose, there: Pose, piece: int) -> list[Pose] | None:
         """States strictly between two poses: the arm moves, the base drives with it still, the arm moves on.
@@ -129,36 +124,41 @@ class TransitPlanner:
         return None if drive is None else [*lead[1:], *out, *drive, *back[::-1]]
 
     def shortened(self, here: Pose, way: list[Pose], there: Pose, piece: int) -> list[Pose]:
-        """States strictly between two poses, on a way whose base goes no farther than on the one given."""
-        ways = [self._short([here, *way, there], piece)]
-        if self._longer(ways[0], travel([here, there])):
-            others = self._untold()._others(ways[0], piece)
-            ways += [self._short([here, *other, there], piece) for other in others if other is not None]
-        return min(ways, key=travel)[1:-1]
+        """States strictly between two poses, on a way whose base goes no farther than on the one given.
 
-    def _others(self, poses: list[Pose], piece: int) -> Iterator[list[Pose] | None]:
-        """Ways that may be shorter: of the arm alone before and after a drive, and of the footprint."""
-        here, there = poses[0], poses[-1]
+        Where shortcuts alone do not make it short, other ways of base and arm are looked for that are shorter
+        by so much that the arm may move more for it.
+        """
+        best, failed = self._short([here, *way, there], piece), 0
+        if self.world.robot.drive.rolls or travel(best) <= WINDING * travel([here, there]) + SAVED:
+            return best[1:-1]
+        least = self._least(here, there)
+        for k in range(ROUNDS):
+            if failed == PATIENCE or travel(best) <= WINDING * least + SAVED:
+                break
+            most = travel(best) / DETOUR
+            body = WholeBodyPlanner(self.world, self.interpolator, self.driver.shaped(), piece, most)
+            other = body.way(here, there, self.driver.seed * ROUNDS + k, ROUND_ITERATIONS)
+            short = best if other is None else self._short([here, *other, there], piece)
+            best, failed = (short, 0) if travel(short) <= most else (best, failed + 1)
+        return best[1:-1]
+
+    def _least(self, here: Pose, there: Pose) -> float:
+        """Shortest way of the arm axis over outer free floor, which no heading and no posture makes shorter.
+
+        Less what the base may save by turns about its axis at both ends [m].
+        """
+        robot, seed = self.world.robot, self.driver.seed
+        a, b = (axis_of(robot, pose.base) for pose in (here, there))
         try:
-            alone = [here, *self.driver.states(here, there, self.driver.route(here, there, piece)), there]
-        except NoPathError:
-            return
-        if self._longer(poses, travel(alone)):
-            yield self._arm_first(here, there, piece)
-        shaped = self.driver.shaped()
-        if shaped is not self.driver and self._longer(alone, travel([here, there])):
-            yield replace(self, driver=shaped).folded(here, there, piece)
-
-    def _untold(self) -> TransitPlanner:
-        """The same planner, whose tries are neither counted nor told."""
-        return replace(self, driver=replace(self.driver, methods={}), refusals=[])
+            way = drive_point(ground_of(self.world).outer.free, a, b, step=FAR, seed=seed).points
+        except NoPathError:  # an end is off it by rounding
+            way = np.array([a, b])
+        turned = 2 * np.hypot(*robot.mount[:2])
+        return max(travel([here, there]), float(np.hypot(*np.diff(way, axis=0).T).sum() - turned))
 
     def _short(self, poses: list[Pose], piece: int) -> list[Pose]:
         return with_shortcuts(self.interpolator, self.driver, piece, poses)
-
-    def _longer(self, poses: list[Pose], least: float) -> bool:
-        """True if a base that need not roll goes much farther than it might."""
-        return not self.world.robot.drive.rolls and travel(poses) > WINDING * least + SLACK
 
     def swung(self, here: Pose, there: Pose, _: int) -> list[Pose] | None:
         """States strictly between two postures on a base that stands: straight, or by the carry posture."""
@@ -286,31 +286,42 @@ def shortened(poses: list[Pose], goes: Callable[[Pose, Pose], bool]) -> list[Pos
 
 @dataclass(frozen=True, eq=False)
 class WholeBodyPlanner:
-    """The space of arm axis, heading and joints over one piece of free floor, for an omnidirectional base."""
+    """The space of arm axis, heading and joints over one piece of free floor, for an omnidirectional base.
+
+    Where the base shall go less than ``most``, it keeps to the ellipse round both ends that this allows: the
+    informed set of Gammell, Srinivasa and Barfoot, Informed RRT*, 2014.
+    """
 
     world: World
     interpolator: Interpolator
     driver: Driver
     piece: int
+    most: float = np.inf  # [m]
 
-    def way(self, here: Pose, there: Pose) -> list[Pose] | None:
-        """Poses from one to another, both included, with clear straight motions between them."""
+    def way(self, here: Pose, there: Pose, seed: int, iterations: int) -> list[Pose] | None:
+        """States strictly between two poses, with clear straight motions from turn to turn."""
         start, goal = self._row(here, here), self._row(there, here)
         problem = PlanningProblem(
-            *self._box(start, goal), start, goal, lambda q: self._free(self._pose(q)),
+            *self._box(start, goal), start, goal,
+            lambda q: travel([here, at := self._pose(q), there]) < self.most and self._free(at),
             lambda p, q: self._goes(self._pose(p), self._pose(q)),
         )  # fmt: skip
-        path = connect(problem, seed=self.driver.seed, iterations=ITERATIONS, stride=STRIDE)
+        path = connect(problem, seed=seed, iterations=iterations, stride=STRIDE)
         if path is None:
             return None
-        return shortened([here, *(self._pose(q) for q in path[1:-1]), there], self._goes)
+        poses = shortened([here, *(self._pose(q) for q in path[1:-1]), there], self._goes)
+        rows = [row for a, b in pairwise(poses) for row in [*(self._direct(a, b) or []), b]]
+        return rows[:-1]
+
+    def _direct(self, here: Pose, there: Pose) -> list[Pose] | None:
+        return self.driver.direct(here, there, self.piece)
 
     def _free(self, at: Pose) -> bool:
         return self.driver.inside(at, self.piece) and self.interpolator.guard.proves(at)
 
     def _goes(self, here: Pose, there: Pose) -> bool:
         """True if a straight motion stays on the free floor and keeps the arm clear."""
-        states = self.driver.direct(here, there, self.piece)
+        states = self._direct(here, there)
         return states is not None and self.interpolator.clear([here, *states, there])
 
     def _row(self, pose: Pose, near: Pose) -> Array:
@@ -328,7 +339,9 @@ class WholeBodyPlanner:
         """Bounds to sample within: the floor's extent, a turn about the start's heading, joint limits."""
         ends = np.stack([start, goal])
         low, high = ends.min(axis=0), ends.max(axis=0)
-        low[:2], high[:2] = self.driver.extent(self.piece)
+        extent, reach = self.driver.extent(self.piece), self.most / 2 + np.hypot(*self.world.robot.mount[:2])
+        low[:2] = np.maximum(extent[0], ends[:, :2].mean(axis=0) - reach)
+        high[:2] = np.minimum(extent[1], ends[:, :2].mean(axis=0) + reach)
         if self.world.rules.heading != "fixed":
             low[2], high[2] = start[2] - np.pi, start[2] + np.pi
         low[3:], high[3:] = joint_box(self.world.robot.chain, start[3:], goal[3:])

@@ -13,7 +13,7 @@ from tests.opinion.machine import Array, Facts, Machine
 from tests.opinion.moment import Moment
 from tests.opinion.pace import differences, pace
 from tests.opinion.quality import shortfalls
-from tests.opinion.shortest import Ground, driven, drives
+from tests.opinion.shortest import Ground, driven, drives, least_turned
 
 MET = 1e-8  # of what states say [m] or [rad]
 SPARSE = 0.02  # motion of any point between two samples [m]
@@ -158,12 +158,13 @@ class _Judge:
 
     def measured(self) -> Iterator[tuple[int, int, float, float]]:
         """Of every drive with the tool lifted: first and last state, its length, that of the shortest way."""
-        moves = list(drives(self.course))
+        moves, facts = list(drives(self.course)), self.course.machine.facts
         ground = Ground(self.course) if moves else None
         for first, last in moves:
-            here, there = self.course.base[first, :2], self.course.base[last, :2]
+            here, there = self.course.base[first], self.course.base[last]
             if ground is not None and ground.holds(here) and ground.holds(there):
-                yield first, last, driven(self.course, first, last), ground.shortest(here, there)
+                least = max(ground.shortest(here[:2], there[:2]), least_turned(facts, here, there))
+                yield first, last, driven(self.course, first, last), least
 
     # --- what samples between them show
 

@@ -1,20 +1,22 @@
 """Shortest ways over the floor by a visibility graph, for a disc that every heading of a base covers.
 
 A base that turns as it likes may go round corners more tightly than any disc round the whole of it, but never
-more tightly than the largest disc inside it. So what is found here is the least that a drive can measure.
+more tightly than the largest disc inside it. A car cannot turn more tightly than its wheels steer. So what is
+found here is the least that a drive can measure.
 """
 
 from __future__ import annotations
 
 import heapq
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import shapely
 
 from tests.opinion.course import Course, wrapped
-from tests.opinion.machine import Array
+from tests.opinion.machine import Array, Facts
 
 LOOSE = 1e-5  # by which free floor is larger, so that nobody on its edge is said to be off it [m]
 SEEN = 1e-7  # by which a straight way may leave free floor, which is rounding [m]
@@ -22,17 +24,12 @@ ROUND = 8  # chords of a quarter circle, inside of it
 
 
 def drives(course: Course) -> Iterator[tuple[int, int]]:
-    """First and last state of every move with the tool lifted."""
-    lifted = [kind == "transit" for kind in course.kinds]
-    first: int | None = None
-    for k in range(len(lifted) - 1):
-        if lifted[k] or lifted[k + 1]:
-            first = k if first is None else first
-        elif first is not None:
-            yield first, k
-            first = None
-    if first is not None:
-        yield first, len(lifted) - 1
+    """First and last state of every move with the tool lifted, from set-point to set-point."""
+    last = len(course.kinds) - 1
+    held = [k for k, kind in enumerate(course.kinds) if kind != "transit"]
+    for here, there in pairwise([0, *held, last]):
+        if "transit" in course.kinds[here : there + 1]:
+            yield here, there
 
 
 def driven(course: Course, first: int, last: int) -> float:
@@ -40,6 +37,23 @@ def driven(course: Course, first: int, last: int) -> float:
     base = course.base[first : last + 1]
     turn, chord = wrapped(np.diff(base[:, 2])), np.hypot(*np.diff(base[:, :2], axis=0).T)
     return float((chord if course.machine.facts.base == "omni" else chord / np.sinc(turn / 2 / np.pi)).sum())
+
+
+def least_turned(facts: Facts, start: Array, goal: Array) -> float:
+    """Length of a car's shortest way between two poses over open floor; 0 for others [m].
+
+    Source: Reeds and Shepp, Pacific J. Math. 145, 1990, as OMPL has it.
+    """
+    if facts.base != "car":
+        return 0.0
+    from ompl import base
+
+    space = base.ReedsSheppStateSpace(facts.turning_radius)
+    ends = [space.allocState(), space.allocState()]
+    for state, (x, y, yaw) in zip(ends, (start, goal), strict=True):
+        state.setXY(float(x), float(y))
+        state.setYaw(float(yaw))
+    return float(space.distance(*ends))
 
 
 class Ground:
