@@ -24,7 +24,7 @@ from regionik.pruning import whole_path
 from regionik.smoothing import runs
 from regionik.smoothing import smooth_motion as stage
 from regionik.smoothing.smooth_motion import smooth_motion
-from regionik.smoothing.state_keeper import AREA_MARGIN, NEAR, StateKeeper
+from regionik.moving.state_keeper import AREA_MARGIN, NEAR, StateKeeper
 from regionik.timing.retime import retime
 from regionik.values import Plan, Report, Violation
 from regionik.verification.verifier import verify
