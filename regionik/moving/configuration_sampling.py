@@ -104,8 +104,8 @@ class ConfigurationSampler:
         poses = iter(()) if self.layers is None else self.layers.onward(i, components, here.base)
         found = one_after_another(
             self._stood(i, poses, here),
-            self._nominal(i, components, here, nominal),
-            self._resolved(i, components, here),
+            self.resolved_onward(i, components, here),
+            self.nominal(i, components, here, nominal),
             self._sought(i, components, here),
         )
         return (candidate for candidate in found if self.meets(candidate.pose))
@@ -117,7 +117,7 @@ class ConfigurationSampler:
         poses = iter(()) if self.layers is None else self.layers.arrivals(i, components, here.base)
         found = one_after_another(
             self._settled(i, poses, here),
-            self._nominal(i, components, here, nominal),
+            self.nominal(i, components, here, nominal),
             self._sought(i, components, here),
         )
         return (candidate for candidate in found if self.meets(candidate.pose))
@@ -127,7 +127,7 @@ class ConfigurationSampler:
         criteria = self.world.rules.criteria
         return criteria is None or reach_model(self.world.robot, "point").meets(criteria, at.joints)
 
-    def _nominal(
+    def nominal(
         self, i: int, components: Sequence[int], here: Pose, nominal: Candidate
     ) -> Iterator[Candidate]:
         """What M-FABRIK found, where it is clear."""
@@ -157,28 +157,29 @@ class ConfigurationSampler:
         """Components to look through: all that hold at every heading, the few nearest of those by heading."""
         if len(self.standing.sides) == 1:
             return components
+        return self._by_nearness(components, here)[:NEAREST]
+
+    def _by_nearness(self, components: Sequence[int], here: Pose) -> list[int]:
+        """Components, those that the base has the least way to first."""
         axis, parts = Point(axis_of(self.world.robot, here.base)), self.ladder.component[list(components)]
         turns = [away(float(here.base[2]), self._span(k)) for k in components]
         order = np.argsort(shapely.distance(parts, axis) + TURN_WEIGHT * np.array(turns), kind="stable")
-        return [components[m] for m in order[:NEAREST].tolist()]
+        return [components[m] for m in order.tolist()]
 
     def _stood(self, i: int, poses: Iterable[tuple[Array, int]], here: Pose) -> Iterator[Candidate]:
         """Clear postures with the base at given poses, each the nearest to the present one that is found."""
         for base, k in poses:
             yield from islice(self._near_postures(i, base, k, here), 1)
 
-    def _resolved(self, i: int, components: Sequence[int], here: Pose) -> Iterator[Candidate]:
+    def resolved_onward(self, i: int, components: Sequence[int], here: Pose) -> Iterator[Candidate]:
         """The configuration to which base and joints go on together by the least motion."""
         facing = self.world.rules.heading == "face_target"
         way = None if self.resolved is None or facing else self.resolved.onward(i - 1, here)
         if way is None:
             return
-        axis, yaw = axis_of(self.world.robot, way[-1].base), float(way[-1].base[2])
-        for k in components:
-            if self.ladder.flat(k).holds(axis) and away(yaw, self._span(k)) == 0:
-                found = Configuration(way[-1].base, way[-1].joints, 0.0, 0, True)  # measured on arrival
-                yield Candidate(found, k, tuple(way))
-                return
+        found = Configuration(way[-1].base, way[-1].joints, 0.0, 0, True)  # measured on arrival
+        for k in self._by_nearness(components, way[-1])[:1]:  # that areas do not show it does not matter
+            yield Candidate(found, k, tuple(way))
 
     def _settled(self, i: int, poses: Iterable[tuple[Array, int]], here: Pose) -> Iterator[Candidate]:
         """The same, with other postures where no near one is clear, as an arm that comes may take any."""
