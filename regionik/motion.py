@@ -79,7 +79,7 @@ class _Connection:
         search, goal = self.search, self.nominal[i]
         count = min((k for k in self.pruned.breaks if k > i), default=len(self.nominal)) - i
         wheels = search.sampler.layers is not None
-        for first in search.sampler.nominal(i, self._kept(i), here or goal.pose, goal) if wheels else ():
+        for first in self._starts(i, here or goal.pose) if wheels else ():
             steps = search.run(i, count, first, self._together)
             whole = len(steps) == count
             arrived = search.arrive(i, here, [first], search.transits.folded, hard=0) if whole else None
@@ -87,6 +87,12 @@ class _Connection:
                 return arrived[0], steps
         way, first = self._arrive(i, here)
         return way, search.run(i, count, first, self._ahead)
+
+    def _starts(self, i: int, here: Pose) -> Iterator[Candidate]:
+        """Where base and joints may begin to go on together."""
+        sampler, kept, goal = self.search.sampler, self._kept(i), self.nominal[i]
+        yield from sampler.nominal(i, kept, here, goal)
+        yield from sampler.turned(i, kept, goal.pose)
 
     def _arrive(self, i: int, here: Pose | None) -> tuple[list[Row], Candidate]:
         """Move to a first candidate at set-point i with the tool lifted, from the start or the last run."""

@@ -20,7 +20,7 @@ from shapely.geometry import Point
 
 from regionik.areas.held_reach import held_reach
 from regionik.areas.reachable import model_of, reach_model
-from regionik.areas.standing import Standing, away, into_span, spread
+from regionik.areas.standing import Standing, away, into_span, room_for, spread
 from regionik.ladder import Ladder
 from regionik.mfabrik import Solver, solver_for
 from regionik.moving.base_motion import Candidate
@@ -34,7 +34,10 @@ from regionik.planners.avoidance.clear_posture import (
 )
 from regionik.planners.avoidance.posture_proof import PostureTask
 from regionik.planners.collision.proximity import Touch
+from regionik.planners.driving.footprint import fits
 from regionik.planners.search.box_search import Verdict
+from regionik.planners.solvers.aims import in_columns
+from regionik.postures.arm import aim_of
 from regionik.postures.arm_guard import SPARE, Guard
 from regionik.postures.poses import Pose, axis_of, pose_of
 from regionik.postures.serial_solver import serial_solver
@@ -53,6 +56,7 @@ BOXES = 20_000  # of postures weighed there
 NEAREST = 4  # components by heading that are looked through
 TURN_WEIGHT = 0.3  # what a turn of the base counts against driving to them [m/rad]
 GIVEN_UP = 16  # tries in a row at one component that led round nothing, after which no more are made
+HEADINGS = 16  # of a base on wheels from which base and joints may go on together
 STARTS = 8  # of postures at a pose to which a base on wheels comes with the tool lifted
 KEPT = 2  # postures that a place offers to one that asks
 
@@ -134,6 +138,18 @@ class ConfigurationSampler:
         reached = nominal.found.converged and nominal.component in components
         if reached and self.clear(i, nominal.pose):
             yield from self._turns(nominal, here)
+
+    def turned(self, i: int, components: Sequence[int], start: Pose) -> Iterator[Candidate]:
+        """Clear configurations with the base at other headings, rolled to where the arm reaches."""
+        assert self.resolved is not None
+        aim = in_columns([aim_of(self.world.task[i])])
+        for k in range(1, HEADINGS):
+            yaw = start.base[2] + 2 * np.pi * (k // 2 if k % 2 else -(k // 2)) / HEADINGS
+            at = Pose(np.array([*start.base[:2], yaw]), start.joints)
+            pose = self.resolved.states.state(aim, at, still=[1], bend=np.inf)
+            if pose is not None and fits(room_for(self.world), *pose.base) and self.clear(i, pose):
+                found = Configuration(pose.base, pose.joints, 0.0, 0, True)
+                yield from (Candidate(found, k) for k in self._by_nearness(components, pose)[:1])
 
     def _sought(self, i: int, components: Sequence[int], here: Pose) -> Iterator[Candidate]:
         """What else is clear: as M-FABRIK goes on from here, led round, or elsewhere in the area."""

@@ -191,14 +191,11 @@ class PathFollower:
 
     def _led_round(self, segment: PathSegment, at: SegmentPoint, near: Pose) -> Pose | None:
         """State at one place, the arm led round what it would touch; a heading that is free goes along."""
-        place, robot = segment.base.places(*_columns([at]))[0], self.world.robot
+        place = segment.base.places(*_columns([at]))[0]
         bound = not np.isnan(place[2])
-        base = place if bound else pose_of(robot, place[:2], near.base[2])
-        free = np.ones(self._resolved.base_parts + robot.chain.dof, dtype=bool)
-        free[: self._resolved.base_parts] = False
-        free[2] |= not bound
-        aim = in_columns([aim_of(segment.target(at))])
-        return self._resolved.state(aim, near, Pose(base, near.joints), free)
+        base = place if bound else pose_of(self.world.robot, place[:2], near.base[2])
+        still = range(self._resolved.base_parts if bound else 2)
+        return self._resolved.state(in_columns([aim_of(segment.target(at))]), Pose(base, near.joints), still)
 
     @cached_property
     def _resolved(self) -> ResolvedStates:

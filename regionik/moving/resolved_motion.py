@@ -41,7 +41,7 @@ class ResolvedMotion:
         aims = in_columns([aim_of(target) for target in asked])
         poses = [here]
         for k in range(len(asked)):
-            pose = self._states.state(aims.part(slice(k, k + 1)), poses[-1], poses[-1])
+            pose = self.states.state(aims.part(slice(k, k + 1)), poses[-1])
             if pose is None or not self._within_step(poses[-1], pose):
                 return None
             poses.append(pose)
@@ -51,7 +51,7 @@ class ResolvedMotion:
         return math.dist(here.base[:2], there.base[:2]) <= self.world.rules.step
 
     @cached_property
-    def _states(self) -> ResolvedStates:
+    def states(self) -> ResolvedStates:
         return ResolvedStates(self.world, self.guard)
 
     def _asked(self, i: int) -> list[Target]:

@@ -10,12 +10,12 @@ manipulators with a high number of degrees of freedom (1987), whose dampers keep
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from regionik.areas.standing import room_for
 from regionik.moving.state_keeper import ARM_MARGIN, NEAR, StateKeeper
@@ -30,12 +30,9 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 from regionik.worlds.speeds import Speeds
 
-Mask = NDArray[np.bool_]
-
 ROUNDS = 20  # of Newton's method
 EXACT = 1e-8  # miss of the tool, angles as lengths [m]
 TO_SPARE = 0.002  # of what is near, left for the way between states [m]
-LIGHTEST = 1e-6  # speed of what does not move
 NEAREST = 0.999  # share of the way from the middle of a joint's range to its end that weighs most
 
 
@@ -53,30 +50,31 @@ class ResolvedStates:
     world: World
     guard: Guard
 
-    def state(self, aim: Aims, near: Pose, start: Pose, free: Mask | None = None) -> Pose | None:
+    def state(
+        self, aim: Aims, start: Pose, still: Sequence[int] = (), bend: float = LARGEST_BEND
+    ) -> Pose | None:
         """The state that meets one aim by the least motion from a start; None for none.
 
-        Its joints are near to those of another state; of the motion's coordinates some may be ``free`` alone.
+        Some coordinates of the base's motion stay ``still``; no joint goes farther than ``bend``.
         """
-        robot, n = self.world.robot, self.base_parts
-        motion, rows = np.zeros(len(self._speeds)), list[_Row]()
+        chain, n = self.world.robot.chain, self.base_parts
+        motion, rows = np.zeros(len(self._speeds)), self._floor_rows(start)
         low, high = np.full((2, len(motion)), [[-np.inf], [np.inf]])
-        low[n:] = np.maximum(robot.chain.lower, near.joints - LARGEST_BEND) - start.joints
-        high[n:] = np.minimum(robot.chain.upper, near.joints + LARGEST_BEND) - start.joints
-        if free is None:
-            rows += self._floor_rows(start)
-        else:
-            low[~free], high[~free] = 0.0, 0.0
+        low[n:] = np.maximum(chain.lower - start.joints, -bend)
+        high[n:] = np.minimum(chain.upper - start.joints, bend)
+        fixed = self._speeds == 0.0
+        fixed[list(still)] = True
+        low[fixed] = high[fixed] = 0.0
         for _ in range(ROUNDS):
             pose = self._moved(start, motion)
-            miss, J = missed_by(robot, aim, np.concatenate([pose.base, pose.joints])[None])
+            miss, J = missed_by(self.world.robot, aim, np.concatenate([pose.base, pose.joints])[None])
             touch = self._near(pose)
             room = self.guard.room(touch) - self.guard.spare
             if float(np.linalg.norm(miss)) <= EXACT and room > 0 and self._turns_enough(motion):
                 return pose
             rows += self._touch_rows(touch, pose, start, motion)
             asked = rows + self._arc_rows(motion)
-            weight = 1 / np.maximum(self._lightness(start.joints, motion), LIGHTEST) ** 2
+            weight = np.where(fixed, 1.0, self._lightness(start.joints, motion)) ** -2
             step = least_weighted(
                 weight, self._by_motion(J[0], start, motion), miss[0],
                 np.array([row.change for row in asked]).reshape(-1, len(motion)),
