@@ -108,8 +108,8 @@ class ConfigurationSampler:
         poses = iter(()) if self.layers is None else self.layers.onward(i, components, here.base)
         found = one_after_another(
             self._stood(i, poses, here),
-            self.resolved_onward(i, components, here),
             self.nominal(i, components, here, nominal),
+            self.resolved_onward(i, components, here),
             self._sought(i, components, here),
         )
         return (candidate for candidate in found if self.meets(candidate.pose))

@@ -125,7 +125,9 @@ class ResolvedStates:
 
     @cached_property
     def _keeper(self) -> StateKeeper:
-        return StateKeeper(self.world.robot, self.guard, room_for(self.world), np.empty(0), np.zeros(1))
+        return StateKeeper(
+            self.world.robot, self.guard, room_for(self.world), np.empty(0, dtype=object), np.zeros(1)
+        )
 
     def _moved(self, here: Pose, motion: Array) -> Pose:
         n = self.base_parts
