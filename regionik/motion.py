@@ -14,7 +14,7 @@ from regionik.areas.standing import Standing
 from regionik.explain import arm_failures
 from regionik.moving.base_motion import Candidate
 from regionik.moving.layered_search import LayeredSearch
-from regionik.moving.path_search import JoinedMotion, PathSearch, path_search
+from regionik.moving.path_search import JoinedMotion, PathSearch, SearchStep, path_search
 from regionik.planners.progress import tell
 from regionik.postures.poses import Pose, Row
 from regionik.pruning import Pruned
@@ -59,11 +59,9 @@ class _Connection:
         rows, done, lifts = self.search.start(), list[Candidate](), 0
         most = self.search.world.rules.max_lift_offs
         while True:
-            way, first = self._arrive(len(done), rows[-1].pose if rows else None)
+            way, steps = self._run(len(done), rows[-1].pose if rows else None)
             rows += way
-            i = len(done)
-            end = min((k for k in self.pruned.breaks if k > i), default=len(self.nominal))
-            for step in self.search.run(i, end - i, first, self._ahead):
+            for step in steps:
                 rows += [*step.rows, Row(step.candidate.pose, "setpoint", len(done))]
                 done.append(step.candidate)
                 tell("motion", len(done), len(self.nominal))
@@ -72,6 +70,29 @@ class _Connection:
             lifts += 1
             if most is not None and lifts > most:
                 raise NoPlanFound(self._one_lift_too_many(len(done)))
+
+    def _run(self, i: int, here: Pose | None) -> tuple[list[Row], list[SearchStep]]:
+        """Move to set-point i with the tool lifted, and the longest run found from there.
+
+        A base on wheels may need no graph of its poses: first base and joints go on together all of the way.
+        """
+        search, goal = self.search, self.nominal[i]
+        count = min((k for k in self.pruned.breaks if k > i), default=len(self.nominal)) - i
+        wheels = search.sampler.layers is not None
+        for first in self._starts(i, here or goal.pose) if wheels else ():
+            steps = search.run(i, count, first, self._together)
+            whole = len(steps) == count
+            arrived = search.arrive(i, here, [first], search.transits.folded, hard=0) if whole else None
+            if arrived is not None:
+                return arrived[0], steps
+        way, first = self._arrive(i, here)
+        return way, search.run(i, count, first, self._ahead)
+
+    def _starts(self, i: int, here: Pose) -> Iterator[Candidate]:
+        """Where base and joints may begin to go on together."""
+        sampler, kept, goal = self.search.sampler, self._kept(i), self.nominal[i]
+        yield from sampler.nominal(i, kept, here, goal)
+        yield from sampler.turned(i, kept, goal.pose)
 
     def _arrive(self, i: int, here: Pose | None) -> tuple[list[Row], Candidate]:
         """Move to a first candidate at set-point i with the tool lifted, from the start or the last run."""
@@ -91,6 +112,12 @@ class _Connection:
         components = [k for k in self._kept(i + 1) if k in after]
         found = self.search.sampler.options(i + 1, components, here.pose, self.nominal[i + 1])
         return islice(found, TRIES)
+
+    def _together(self, i: int, here: Candidate) -> Iterator[Candidate]:
+        """The candidate to which base and joints go on together from set-point i."""
+        if i + 1 >= len(self.nominal):
+            return iter(())
+        return self.search.sampler.resolved_onward(i + 1, here.pose)
 
     def _kept(self, i: int) -> list[int]:
         """Components of a set-point that the pruning left, the chosen one first."""

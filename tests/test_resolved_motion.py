@@ -96,6 +96,23 @@ def test_what_is_in_the_way_is_not_touched() -> None:
     assert ResolvedMotion(world, guard_of(world)).onward(0, here) is None
 
 
+@pytest.mark.parametrize("base", ["differential", "omni"])
+def test_links_go_round_what_is_in_their_way(base: BaseKind) -> None:
+    """A ball where the least motion would lead a link."""
+    way = np.array([0.0, 0.0, -0.1])
+    world, here = world_of(base, way)
+    plain = ResolvedMotion(world, guard_of(world)).onward(0, here)
+    assert plain is not None
+    elbow, tool = world.robot.frames(plain[-1].base, plain[-1].joints)[[3, -1], :3, 3]
+    world = world_of(base, way, Sphere("ball", 0.02, 0.6 * elbow + 0.4 * tool - [0.0, 0.0, 0.03]))[0]
+    guard = guard_of(world)
+    assert guard.clear(here)
+    assert not guard.passes([here, *plain])
+    round_it = ResolvedMotion(world, guard).onward(0, here)
+    assert round_it is not None
+    assert guard.passes([here, *round_it])
+
+
 def test_a_base_that_would_leave_the_floor_does_not_go() -> None:
     world, here = world_of("differential", np.array([0.0, 0.0, 0.02]))
     narrow = replace(world, floor=Floor(shapely.box(3, 3, 5, 5)))

@@ -16,6 +16,7 @@ from shapely.affinity import rotate, translate
 
 from regionik import pipeline
 from regionik.areas.standing import room_for, turns_matter
+from regionik.moving.state_keeper import AREA_MARGIN, NEAR, StateKeeper
 from regionik.planners.smoothing.quadratic_program import minimize_quadratic
 from regionik.planners.solvers.aims import tool_jacobians
 from regionik.postures.arm_guard import guard_of
@@ -24,7 +25,6 @@ from regionik.pruning import whole_path
 from regionik.smoothing import runs
 from regionik.smoothing import smooth_motion as stage
 from regionik.smoothing.smooth_motion import smooth_motion
-from regionik.smoothing.state_keeper import AREA_MARGIN, NEAR, StateKeeper
 from regionik.timing.retime import retime
 from regionik.values import Plan, Report, Violation
 from regionik.verification.verifier import verify
@@ -185,7 +185,7 @@ def test_half_spaces_of_the_footprint_are_its_distance_and_how_it_changes() -> N
         return min(placed.distance(one) - least for one, least in kept.items())
 
     keeper = StateKeeper(cart, guard_of(world), room_for(world), np.full(2000, floor), np.zeros(2000))
-    spaces, seen = keeper._on_floor(states), 0
+    spaces, seen = keeper.on_floor(states), 0
     for k, state in enumerate(states):
         before = room(state)
         if AREA_MARGIN < before < NEAR:  # nearer, only what it may not lose is asked

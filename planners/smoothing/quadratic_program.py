@@ -8,7 +8,7 @@ from scipy.sparse import block_diag, csc_array, eye_array, hstack
 
 from regionik.worlds.arrays import Array
 
-ACCURACY = 1e-7  # of residuals, after PIQP's own scaling
+ACCURACY, EXACT = 1e-7, 1e-10  # of residuals, after PIQP's own scaling
 
 
 def minimize_quadratic(
@@ -55,3 +55,26 @@ def minimize_quadratic(
         return None
     found: Array = np.array(solver.result.x)[:n]
     return found
+
+
+def least_weighted(
+    weight: Array, rows: Array, asked: Array, half_spaces: Array, least: Array, lower: Array, upper: Array
+) -> Array | None:
+    """Return the x (n,) of the least weighted square that meets linear equations and half-spaces.
+
+    Parameters
+    ----------
+    weight : (n,) array
+        Of the square of each part of x, above 0.
+    rows, asked : (k, n), (k,) array
+        ``rows @ x`` is ``asked``.
+    half_spaces, least : (m, n), (m,) array
+        ``half_spaces @ x`` is at least ``least``.
+    lower, upper : (n,) array
+        Bounds of x.
+    """
+    solver = piqp.DenseSolver()
+    solver.settings.eps_abs = solver.settings.eps_rel = EXACT
+    most = np.full(len(least), np.inf)
+    solver.setup(np.diag(weight), np.zeros(len(weight)), rows, asked, half_spaces, least, most, lower, upper)
+    return np.array(solver.result.x) if solver.solve() == piqp.PIQP_SOLVED else None

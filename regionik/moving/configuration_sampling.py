@@ -20,7 +20,7 @@ from shapely.geometry import Point
 
 from regionik.areas.held_reach import held_reach
 from regionik.areas.reachable import model_of, reach_model
-from regionik.areas.standing import Standing, away, into_span, spread
+from regionik.areas.standing import Standing, away, into_span, room_for, spread
 from regionik.ladder import Ladder
 from regionik.mfabrik import Solver, solver_for
 from regionik.moving.base_motion import Candidate
@@ -34,7 +34,10 @@ from regionik.planners.avoidance.clear_posture import (
 )
 from regionik.planners.avoidance.posture_proof import PostureTask
 from regionik.planners.collision.proximity import Touch
+from regionik.planners.driving.footprint import fits
 from regionik.planners.search.box_search import Verdict
+from regionik.planners.solvers.aims import in_columns
+from regionik.postures.arm import aim_of
 from regionik.postures.arm_guard import SPARE, Guard
 from regionik.postures.poses import Pose, axis_of, pose_of
 from regionik.postures.serial_solver import serial_solver
@@ -53,6 +56,7 @@ BOXES = 20_000  # of postures weighed there
 NEAREST = 4  # components by heading that are looked through
 TURN_WEIGHT = 0.3  # what a turn of the base counts against driving to them [m/rad]
 GIVEN_UP = 16  # tries in a row at one component that led round nothing, after which no more are made
+HEADINGS = 16  # of a base on wheels from which base and joints may go on together
 STARTS = 8  # of postures at a pose to which a base on wheels comes with the tool lifted
 KEPT = 2  # postures that a place offers to one that asks
 
@@ -104,7 +108,7 @@ class ConfigurationSampler:
         poses = iter(()) if self.layers is None else self.layers.onward(i, components, here.base)
         found = one_after_another(
             self._stood(i, poses, here),
-            self._nominal(i, components, here, nominal),
+            self.nominal(i, components, here, nominal),
             self.resolved_onward(i, here),
             self._sought(i, components, here),
         )
@@ -117,7 +121,7 @@ class ConfigurationSampler:
         poses = iter(()) if self.layers is None else self.layers.arrivals(i, components, here.base)
         found = one_after_another(
             self._settled(i, poses, here),
-            self._nominal(i, components, here, nominal),
+            self.nominal(i, components, here, nominal),
             self._sought(i, components, here),
         )
         return (candidate for candidate in found if self.meets(candidate.pose))
@@ -127,13 +131,25 @@ class ConfigurationSampler:
         criteria = self.world.rules.criteria
         return criteria is None or reach_model(self.world.robot, "point").meets(criteria, at.joints)
 
-    def _nominal(
+    def nominal(
         self, i: int, components: Sequence[int], here: Pose, nominal: Candidate
     ) -> Iterator[Candidate]:
         """What M-FABRIK found, where it is clear."""
         reached = nominal.found.converged and nominal.component in components
         if reached and self.clear(i, nominal.pose):
             yield from self._turns(nominal, here)
+
+    def turned(self, i: int, components: Sequence[int], start: Pose) -> Iterator[Candidate]:
+        """Clear configurations with the base at other headings, rolled to where the arm reaches."""
+        assert self.resolved is not None
+        aim = in_columns([aim_of(self.world.task[i])])
+        for k in range(1, HEADINGS):
+            yaw = start.base[2] + 2 * np.pi * (k // 2 if k % 2 else -(k // 2)) / HEADINGS
+            at = Pose(np.array([*start.base[:2], yaw]), start.joints)
+            pose = self.resolved.states.state(aim, at, still=[1], bend=np.inf)
+            if pose is not None and fits(room_for(self.world), *pose.base) and self.clear(i, pose):
+                found = Configuration(pose.base, pose.joints, 0.0, 0, True)
+                yield from (Candidate(found, k) for k in self._by_nearness(components, pose)[:1])
 
     def _sought(self, i: int, components: Sequence[int], here: Pose) -> Iterator[Candidate]:
         """What else is clear: as M-FABRIK goes on from here, led round, or elsewhere in the area."""
@@ -157,10 +173,14 @@ class ConfigurationSampler:
         """Components to look through: all that hold at every heading, the few nearest of those by heading."""
         if len(self.standing.sides) == 1:
             return components
+        return self._by_nearness(components, here)[:NEAREST]
+
+    def _by_nearness(self, components: Sequence[int], here: Pose) -> list[int]:
+        """Components, those that the base has the least way to first."""
         axis, parts = Point(axis_of(self.world.robot, here.base)), self.ladder.component[list(components)]
         turns = [away(float(here.base[2]), self._span(k)) for k in components]
         order = np.argsort(shapely.distance(parts, axis) + TURN_WEIGHT * np.array(turns), kind="stable")
-        return [components[m] for m in order[:NEAREST].tolist()]
+        return [components[m] for m in order.tolist()]
 
     def _stood(self, i: int, poses: Iterable[tuple[Array, int]], here: Pose) -> Iterator[Candidate]:
         """Clear postures with the base at given poses, each the nearest to the present one that is found."""
@@ -170,18 +190,15 @@ class ConfigurationSampler:
     def resolved_onward(self, i: int, here: Pose) -> Iterator[Candidate]:
         """The configuration to which base and joints go on together by the least motion, in any component.
 
-        Areas of set-points far apart need not overlap for that.
+        Areas of set-points far apart need not overlap for that, nor need they show where it stands.
         """
         facing = self.world.rules.heading == "face_target"
         way = None if self.resolved is None or facing else self.resolved.onward(i - 1, here)
         if way is None:
             return
-        axis, yaw = axis_of(self.world.robot, way[-1].base), float(way[-1].base[2])
-        for k in range(*self.ladder.rungs[i : i + 2]):
-            if self.ladder.flat(k).holds(axis) and away(yaw, self._span(k)) == 0:
-                found = Configuration(way[-1].base, way[-1].joints, 0.0, 0, True)  # measured on arrival
-                yield Candidate(found, k, tuple(way))
-                return
+        found = Configuration(way[-1].base, way[-1].joints, 0.0, 0, True)  # measured on arrival
+        for k in self._by_nearness(range(*self.ladder.rungs[i : i + 2]), way[-1])[:1]:
+            yield Candidate(found, k, tuple(way))
 
     def _settled(self, i: int, poses: Iterable[tuple[Array, int]], here: Pose) -> Iterator[Candidate]:
         """The same, with other postures where no near one is clear, as an arm that comes may take any."""

@@ -15,11 +15,13 @@ import numpy as np
 from regionik.ladder import Ladder
 from regionik.mfabrik import Solver, solver_between
 from regionik.moving.base_motion import BasePath, BasePaths, Candidate
+from regionik.moving.resolved_states import TO_SPARE, ResolvedStates
 from regionik.planners.collision.proximity import Touch
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.polylines import between, laid_out
-from regionik.postures.arm import deviation, goal_between
+from regionik.planners.solvers.aims import in_columns
+from regionik.postures.arm import aim_of, deviation, goal_between
 from regionik.postures.arm_guard import Guard
 from regionik.postures.families import Family
 from regionik.postures.poses import LARGEST_BEND, Pose, Row, arrays, configuration_pose, pose_of
@@ -177,6 +179,8 @@ class PathFollower:
         solver = self._solver(segment.families(places[0])[0])
         if not (segment.bare and solver.compiled):
             state = _solve(solver, segment, places[0], near)
+            if state is None or not self.guard.proves(state, TO_SPARE):
+                state = self._led_round(segment, places[0], near) or state
             return ([], True) if state is None else ([state], False)
         leg, share = _columns(places)
         points, wished = (between(knots, leg, share) for knots in (segment.points, segment.wished))
@@ -184,6 +188,18 @@ class PathFollower:
         found = solver.along(*rows, LARGEST_BEND / 2, near.base, near.joints)
         states = [Pose(*state) for state in zip(*found, strict=True)]
         return states, len(states) < len(places)
+
+    def _led_round(self, segment: PathSegment, at: SegmentPoint, near: Pose) -> Pose | None:
+        """State at one place, the arm led round what it would touch; a heading that is free goes along."""
+        place = segment.base.places(*_columns([at]))[0]
+        bound = not np.isnan(place[2])
+        base = place if bound else pose_of(self.world.robot, place[:2], near.base[2])
+        still = range(self._resolved.base_parts if bound else 2)
+        return self._resolved.state(in_columns([aim_of(segment.target(at))]), Pose(base, near.joints), still)
+
+    @cached_property
+    def _resolved(self) -> ResolvedStates:
+        return ResolvedStates(self.world, self.guard)
 
     def _proven(
         self, segment: PathSegment, places: list[SegmentPoint], poses: list[Pose]

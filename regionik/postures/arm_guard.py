@@ -70,9 +70,10 @@ class Guard:
         """True if every link keeps clear."""
         return not self.on or self.touch(pose, self.spare).kind == "none"
 
-    def proves(self, pose: Pose) -> bool:
-        """True if every link is quickly proven to keep clear."""
-        return not self.on or state_clear(self.bodies, pose.base, pose.joints, self.spare, self.contact)
+    def proves(self, pose: Pose, beyond: float = 0.0) -> bool:
+        """True if every link is quickly proven to keep clear, by so much more than it must."""
+        margin = self.spare + beyond
+        return not self.on or state_clear(self.bodies, pose.base, pose.joints, margin, self.contact)
 
     def passes(self, poses: Sequence[Pose]) -> bool:
         """True if the motion through poses is proven clear."""

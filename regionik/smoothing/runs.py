@@ -14,6 +14,7 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import Geometries, united
 from regionik.areas.standing import Standing, room_for, turns_matter
+from regionik.moving.state_keeper import StateKeeper
 from regionik.planners.smoothing.path_smoothing import (
     FIRST_TRUST,
     PathProblem,
@@ -24,7 +25,6 @@ from regionik.planners.solvers.aims import in_columns
 from regionik.postures.arm import aim_of, goal_between
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import axis_of
-from regionik.smoothing.state_keeper import StateKeeper
 from regionik.timing.limits import motion_limits
 from regionik.values import Plan
 from regionik.worlds.arms import pivot_index, with_pivot

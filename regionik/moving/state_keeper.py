@@ -38,7 +38,7 @@ class StateKeeper:
     def half_spaces(self, states: Array) -> HalfSpaces:
         """Half-spaces about given states, see `path_smoothing`."""
         parts = [self._inside(states)] if not self.robot.drive.rolls else []
-        parts += [self._on_floor(states)] if self.room else []
+        parts += [self.on_floor(states)] if self.room else []
         parts += self._clear(states) if self.guard.on else []
         if not parts:
             return HalfSpaces(np.empty(0, np.int64), np.empty((0, states.shape[1])), np.empty(0), np.empty(0))
@@ -60,7 +60,7 @@ class StateKeeper:
         least = _least(sign * depth - self.demanded, AREA_MARGIN)
         return HalfSpaces(np.arange(len(states)), normal, least, np.full(len(states), AREA_COST))
 
-    def _on_floor(self, states: Array) -> HalfSpaces:
+    def on_floor(self, states: Array) -> HalfSpaces:
         """Each side of the footprint keeps its distance from the nearest edge of the floor or an obstacle."""
         assert self.room is not None
         turned = np.einsum("nij,kj->nki", _turns(states[:, 2]), self.room.corners)
@@ -95,7 +95,7 @@ class StateKeeper:
             touch = nearest(bodies, base, joints, contact=contact, within=NEAR)
             if touch.kind != "none":
                 room = np.array([self.guard.room(touch) - self.demanded[k]])
-                normal = self._approach(touch, base, joints)[None]
+                normal = self.approach(touch, base, joints)[None]
                 least = _least(room, ARM_MARGIN)
                 rows.append(HalfSpaces(np.array([k]), normal, least, np.array([ARM_COST])))
         return rows
@@ -110,7 +110,7 @@ class StateKeeper:
                 yield k
             k += clear + 1
 
-    def _approach(self, touch: Touch, base: Array, joints: Array) -> Array:
+    def approach(self, touch: Touch, base: Array, joints: Array) -> Array:
         """How the distance of a touch changes with each coordinate, (m,)."""
         apart = touch.on_solid - touch.on_other
         unit = apart / max(float(np.linalg.norm(apart)), 1e-12) * (1.0 if touch.distance >= 0 else -1.0)

@@ -1,0 +1,167 @@
+"""States with the tool on its path: the least motion of base and joints from a state that lead it there.
+
+Distances of what is near, and of the footprint from the floor's edge, are half-spaces of that motion: links
+go round what they would touch. Joints that go towards a limit weigh the more the nearer it is.
+Source: Whitney, Resolved motion rate control (1969); Chan and Dubey, A weighted least-norm solution based
+scheme for avoiding joint limits (1995); Faverjon and Tournassoud, A local based approach for path planning of
+manipulators with a high number of degrees of freedom (1987), whose dampers keep what is near apart.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from regionik.areas.standing import room_for
+from regionik.moving.state_keeper import ARM_MARGIN, NEAR, StateKeeper
+from regionik.planners.collision.proximity import NOTHING, Touch, nearest
+from regionik.planners.driving.arcs import arc_end
+from regionik.planners.smoothing.quadratic_program import least_weighted
+from regionik.planners.solvers.aims import Aims, missed_by
+from regionik.postures.arm_guard import Guard
+from regionik.postures.poses import LARGEST_BEND, Pose
+from regionik.timing.limits import motion_limits
+from regionik.worlds.arrays import Array
+from regionik.worlds.scene import World
+from regionik.worlds.speeds import Speeds
+
+ROUNDS = 20  # of Newton's method
+EXACT = 1e-8  # miss of the tool, angles as lengths [m]
+TO_SPARE = 0.002  # of what is near, left for the way between states [m]
+NEAREST = 0.999  # share of the way from the middle of a joint's range to its end that weighs most
+
+
+class _Row(NamedTuple):
+    """A half-space of motions: their ``change`` (m,) of a distance is at least so much."""
+
+    change: Array
+    least: float
+
+
+@dataclass(frozen=True, eq=False)
+class ResolvedStates:
+    """Finds states of a robot in a world."""
+
+    world: World
+    guard: Guard
+
+    def state(
+        self, aim: Aims, start: Pose, still: Sequence[int] = (), bend: float = LARGEST_BEND
+    ) -> Pose | None:
+        """The state that meets one aim by the least motion from a start; None for none.
+
+        Some coordinates of the base's motion stay ``still``; no joint goes farther than ``bend``.
+        """
+        chain, n = self.world.robot.chain, self.base_parts
+        motion, rows = np.zeros(len(self._speeds)), self._floor_rows(start)
+        low, high = np.full((2, len(motion)), [[-np.inf], [np.inf]])
+        low[n:] = np.maximum(chain.lower - start.joints, -bend)
+        high[n:] = np.minimum(chain.upper - start.joints, bend)
+        fixed = self._speeds == 0.0
+        fixed[list(still)] = True
+        low[fixed] = high[fixed] = 0.0
+        for _ in range(ROUNDS):
+            pose = self._moved(start, motion)
+            miss, J = missed_by(self.world.robot, aim, np.concatenate([pose.base, pose.joints])[None])
+            touch = self._near(pose)
+            room = self.guard.room(touch) - self.guard.spare
+            if float(np.linalg.norm(miss)) <= EXACT and room > 0 and self._turns_enough(motion):
+                return pose
+            rows += self._touch_rows(touch, pose, start, motion)
+            asked = rows + self._arc_rows(motion)
+            weight = np.where(fixed, 1.0, self._lightness(start.joints, motion)) ** -2
+            step = least_weighted(
+                weight, self._by_motion(J[0], start, motion), miss[0],
+                np.array([row.change for row in asked]).reshape(-1, len(motion)),
+                np.array([row.least - row.change @ motion for row in asked]),
+                low - motion, high - motion,
+            )  # fmt: skip
+            if step is None:
+                return None
+            motion = np.clip(motion + step, low, high)
+        return None
+
+    def _turns_enough(self, motion: Array) -> bool:
+        return abs(motion[1]) * self.world.robot.drive.turning_radius <= abs(motion[0]) + 1e-12
+
+    def _arc_rows(self, motion: Array) -> list[_Row]:
+        """A car turns no more than its steering allows, going on as it goes."""
+        radius, ways = self.world.robot.drive.turning_radius, np.zeros((2, len(motion)))
+        if not radius or not motion.any():
+            return []
+        ways[:, :2] = [[math.copysign(1.0, motion[0]), side * radius] for side in (-1.0, 1.0)]
+        return [_Row(way, 0.0) for way in ways]
+
+    def _by_motion(self, J: Array, start: Pose, motion: Array) -> Array:
+        """How the motion changes what states do, (k, m)."""
+        by_base = J[:, :3] @ _rolling(start, motion) if self.world.robot.drive.rolls else J[:, :3]
+        return np.column_stack([by_base, J[:, 3:]])
+
+    def _floor_rows(self, start: Pose) -> list[_Row]:
+        """How the footprint may go on towards what it is near to."""
+        spaces = self._keeper.on_floor(np.concatenate([start.base, start.joints])[None])
+        ways = self._by_motion(spaces.normal, start, np.zeros(len(self._speeds)))
+        return [_Row(*one) for one in zip(ways, np.minimum(spaces.least, 0.0), strict=True)]
+
+    def _near(self, pose: Pose) -> Touch:
+        bodies, contact = self.guard.bodies, self.guard.contact
+        if not self.guard.on:
+            return NOTHING
+        return nearest(bodies, pose.base, pose.joints, contact=contact, within=NEAR)
+
+    def _touch_rows(self, touch: Touch, pose: Pose, start: Pose, motion: Array) -> list[_Row]:
+        """How the arm may go on towards what it is near to; most of the way where there is much."""
+        if touch.kind == "none":
+            return []
+        room = self.guard.room(touch) - self.guard.spare - TO_SPARE
+        change = self._by_motion(self._keeper.approach(touch, pose.base, pose.joints)[None], start, motion)[0]
+        least = -max(room / 2, room - ARM_MARGIN, 0.0) if room > -TO_SPARE else -room
+        return [_Row(change, float(change @ motion) + least)]
+
+    @cached_property
+    def _keeper(self) -> StateKeeper:
+        return StateKeeper(
+            self.world.robot, self.guard, room_for(self.world), np.empty(0, dtype=object), np.zeros(1)
+        )
+
+    def _moved(self, here: Pose, motion: Array) -> Pose:
+        n = self.base_parts
+        base = here.base + motion[:n] if n == 3 else np.array(arc_end(*here.base, *motion[:n]))
+        return Pose(base, here.joints + motion[n:])
+
+    def _lightness(self, joints: Array, motion: Array) -> Array:
+        """Speeds of what moves, less for joints on their way to a limit."""
+        chain = self.world.robot.chain
+        ranged = np.isfinite(chain.upper - chain.lower)
+        low, high = (np.where(ranged, ends, 0.0) for ends in (chain.lower, chain.upper))
+        half = np.where(high > low, (high - low) / 2, 1.0)
+        arm = motion[self.base_parts :]
+        off = np.where(ranged, joints + arm - (low + high) / 2, 0.0) / half
+        near = np.minimum(np.abs(off), NEAREST)
+        weight = 1 + np.where(off * arm > 0, near / (1 - near**2) ** 2, 0.0)
+        return self._speeds * np.concatenate([np.ones(self.base_parts), 1 / np.sqrt(weight)])
+
+    @cached_property
+    def _speeds(self) -> Array:
+        """Of the base, x, y and yaw, or what it rolls and turns, and of the joints."""
+        limits = motion_limits(self.world.robot, self.world.speeds or Speeds())
+        turning = 0.0 if self.world.rules.heading == "fixed" else limits.speeds.turn_velocity
+        driving = [limits.speeds.base_velocity] * (self.base_parts - 1)
+        return np.array([*driving, turning, *limits.joint_velocity])
+
+    @property
+    def base_parts(self) -> int:
+        """Number of coordinates of the base's motion."""
+        return 2 if self.world.robot.drive.rolls else 3
+
+
+def _rolling(here: Pose, motion: Array) -> Array:
+    """How x, y and yaw at the end of an arc change with what is rolled and turned, (3, 2)."""
+    middle = float(here.base[2] + motion[1] / 2)
+    c, s = math.cos(middle), math.sin(middle)
+    return np.array([[c, -motion[0] / 2 * s], [s, motion[0] / 2 * c], [0.0, 1.0]])
