@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from itertools import islice
 
 from regionik.areas.standing import Standing
@@ -23,6 +24,7 @@ from regionik.worlds.errors import Explanation, NoPlanFound
 from regionik.worlds.scene import World
 
 TRIES = 16  # candidates at the next set-point tried from one
+TURNING = (1.0, 0.3)  # how lightly a base on wheels turns, one way after the other
 
 
 def connect_configurations(
@@ -76,11 +78,12 @@ class _Connection:
 
         A base on wheels may need no graph of its poses: first base and joints go on together all of the way.
         """
-        search, goal = self.search, self.nominal[i]
+        search = self.search
         count = min((k for k in self.pruned.breaks if k > i), default=len(self.nominal)) - i
         wheels = search.sampler.layers is not None
-        for first in self._starts(i, here or goal.pose) if wheels else ():
-            steps = search.run(i, count, first, self._together)
+        starts = self._starts(i, here) if wheels else ()
+        for first, turning in ((first, turning) for first in starts for turning in TURNING):
+            steps = search.run(i, count, first, partial(self._together, turning))
             whole = len(steps) == count
             arrived = search.arrive(i, here, [first], search.transits.folded, hard=0) if whole else None
             if arrived is not None:
@@ -88,10 +91,12 @@ class _Connection:
         way, first = self._arrive(i, here)
         return way, search.run(i, count, first, self._ahead)
 
-    def _starts(self, i: int, here: Pose) -> Iterator[Candidate]:
-        """Where base and joints may begin to go on together."""
+    def _starts(self, i: int, here: Pose | None) -> Iterator[Candidate]:
+        """Where base and joints may begin to go on together: the least motion away, or as M-FABRIK found."""
         sampler, kept, goal = self.search.sampler, self._kept(i), self.nominal[i]
-        yield from sampler.nominal(i, kept, here, goal)
+        if here is not None:
+            yield from sampler.nearest(i, kept, here)
+        yield from sampler.nominal(i, kept, here or goal.pose, goal)
         yield from sampler.turned(i, kept, goal.pose)
 
     def _arrive(self, i: int, here: Pose | None) -> tuple[list[Row], Candidate]:
@@ -113,11 +118,11 @@ class _Connection:
         found = self.search.sampler.options(i + 1, components, here.pose, self.nominal[i + 1])
         return islice(found, TRIES)
 
-    def _together(self, i: int, here: Candidate) -> Iterator[Candidate]:
+    def _together(self, turning: float, i: int, here: Candidate) -> Iterator[Candidate]:
         """The candidate to which base and joints go on together from set-point i."""
         if i + 1 >= len(self.nominal):
             return iter(())
-        return self.search.sampler.resolved_onward(i + 1, here.pose)
+        return self.search.sampler.resolved_onward(i + 1, here.pose, turning)
 
     def _kept(self, i: int) -> list[int]:
         """Components of a set-point that the pruning left, the chosen one first."""

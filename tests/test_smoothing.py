@@ -12,13 +12,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 from scipy.sparse import csc_array
+from scipy.spatial.transform import Rotation
 from shapely.affinity import rotate, translate
 
 from regionik import pipeline
 from regionik.areas.standing import room_for, turns_matter
 from regionik.moving.state_keeper import AREA_MARGIN, NEAR, StateKeeper
 from regionik.planners.smoothing.quadratic_program import minimize_quadratic
-from regionik.planners.solvers.aims import tool_jacobians
+from regionik.planners.solvers.aims import Aims, missed_by, tool_jacobians
+from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import axis_of
 from regionik.pruning import whole_path
@@ -228,6 +230,26 @@ def test_jacobians_are_differences(name: str) -> None:
         turn = (ahead - behind)[:, :3, :3] / (2 * h) @ np.swapaxes(frames[:, :3, :3], 1, 2)
         rate = np.stack([turn[:, 2, 1], turn[:, 0, 2], turn[:, 1, 0]], axis=1)
         assert np.abs(rate - J[:, 3:, c]).max() < 1e-8
+
+
+@pytest.mark.parametrize("kind", [DIRECTION, ORIENTATION])
+def test_of_a_turn_within_a_cone_only_its_angle_counts(kind: int) -> None:
+    """The rest of a turn is free on a cone's edge as within it: of rank one, and its slope is the angle's."""
+    robot, rng = robot_named("youbot-real"), np.random.default_rng(4)
+    states = rng.uniform(-1, 1, (20, 3 + robot.chain.dof))
+    turns = Rotation.from_rotvec(rng.normal(0.0, 0.5, (20, 3))).as_matrix()
+    tools = robot.tool(states[:, :3], states[:, 3:])
+    aims = Aims(tools[:, :3, 3], np.full(20, kind), turns @ tools[:, :3, :3], np.full(20, 0.05))
+    miss, J = missed_by(robot, aims, states)
+    h, step = 1e-6, rng.normal(size=states.shape)
+    ahead, behind = (
+        np.linalg.norm(missed_by(robot, aims, states + s * step).miss[:, 3:], axis=1) for s in (h, -h)
+    )
+    beyond = np.linalg.norm(miss[:, 3:], axis=1)
+    slope = np.einsum("ni,nij,nj->n", miss[:, 3:] / beyond[:, None], J[:, 3:], step)
+    assert (beyond > 0).all()
+    assert np.abs((ahead - behind) / (2 * h) + slope).max() < 1e-6
+    assert (np.linalg.matrix_rank(J[:, 3:], tol=1e-9) == 1).all()
 
 
 def test_programs_are_solved_as_least_squares_within_bounds() -> None:

@@ -48,18 +48,27 @@ class Missed(NamedTuple):
 
 
 def missed_by(robot: Robot, aims: Aims, states: Array) -> Missed:
-    """What states (n, m) of coordinates x, y, yaw and joints miss of n aims."""
+    """What states (n, m) of coordinates x, y, yaw and joints miss of n aims.
+
+    Of a turn within a cone only what is beyond it counts, and of motions how they change that angle.
+    """
     frame, J = tool_jacobians(robot, states)
     miss = np.zeros((len(states), 6))
     miss[:, :3] = aims.position - frame[:, :3, 3]
     miss[:, 3:] = _turn_left(aims, frame[:, :3, :3])
     angle = np.linalg.norm(miss[:, 3:], axis=1)
-    beyond = np.maximum(angle - aims.cone, 0.0) / np.maximum(angle, 1e-300)
-    miss[:, 3:] *= ANGLE_LENGTH * beyond[:, None]
+    way = miss[:, 3:] / np.maximum(angle, 1e-300)[:, None]
+    beyond = np.maximum(angle - aims.cone, 0.0)
+    miss[:, 3:] = ANGLE_LENGTH * beyond[:, None] * way
     asked = np.where((aims.kind > 0) & ((aims.cone == 0) | (beyond > 0)), ANGLE_LENGTH, 0.0)
     J[:, 3:] *= asked[:, None, None]
     axis = frame[:, :3, 2] * (aims.kind == DIRECTION)[:, None]
     J[:, 3:] -= axis[:, :, None] * np.einsum("ni,nij->nj", axis, J[:, 3:])[:, None]  # its roll is free
+    J[:, 3:] = np.where(
+        (aims.cone > 0)[:, None, None],
+        way[:, :, None] * np.einsum("ni,nij->nj", way, J[:, 3:])[:, None],
+        J[:, 3:],
+    )
     return Missed(miss, J)
 
 

@@ -141,15 +141,21 @@ class ConfigurationSampler:
 
     def turned(self, i: int, components: Sequence[int], start: Pose) -> Iterator[Candidate]:
         """Clear configurations with the base at other headings, rolled to where the arm reaches."""
-        assert self.resolved is not None
-        aim = in_columns([aim_of(self.world.task[i])])
         for k in range(1, HEADINGS):
             yaw = start.base[2] + 2 * np.pi * (k // 2 if k % 2 else -(k // 2)) / HEADINGS
             at = Pose(np.array([*start.base[:2], yaw]), start.joints)
-            pose = self.resolved.states.state(aim, at, still=[1], bend=np.inf)
-            if pose is not None and fits(room_for(self.world), *pose.base) and self.clear(i, pose):
-                found = Configuration(pose.base, pose.joints, 0.0, 0, True)
-                yield from (Candidate(found, k) for k in self._by_nearness(components, pose)[:1])
+            yield from self.nearest(i, components, at, still=[1])
+
+    def nearest(
+        self, i: int, components: Sequence[int], start: Pose, still: Sequence[int] = ()
+    ) -> Iterator[Candidate]:
+        """The clear configuration at a set-point the least motion away; see `ResolvedStates.state`."""
+        assert self.resolved is not None
+        aim = in_columns([aim_of(self.world.task[i])])
+        pose = self.resolved.states.state(aim, start, still, bend=np.inf)
+        if pose is not None and fits(room_for(self.world), *pose.base) and self.clear(i, pose):
+            found = Configuration(pose.base, pose.joints, 0.0, 0, True)
+            yield from (Candidate(found, k) for k in self._by_nearness(components, pose)[:1])
 
     def _sought(self, i: int, components: Sequence[int], here: Pose) -> Iterator[Candidate]:
         """What else is clear: as M-FABRIK goes on from here, led round, or elsewhere in the area."""
@@ -187,13 +193,14 @@ class ConfigurationSampler:
         for base, k in poses:
             yield from islice(self._near_postures(i, base, k, here), 1)
 
-    def resolved_onward(self, i: int, here: Pose) -> Iterator[Candidate]:
+    def resolved_onward(self, i: int, here: Pose, turning: float = 1.0) -> Iterator[Candidate]:
         """The configuration to which base and joints go on together by the least motion, in any component.
 
-        Areas of set-points far apart need not overlap for that, nor need they show where it stands.
+        Areas of set-points far apart need not overlap for that, nor need they show where it stands. See
+        `ResolvedMotion.onward`.
         """
         facing = self.world.rules.heading == "face_target"
-        way = None if self.resolved is None or facing else self.resolved.onward(i - 1, here)
+        way = None if self.resolved is None or facing else self.resolved.onward(i - 1, here, turning)
         if way is None:
             return
         found = Configuration(way[-1].base, way[-1].joints, 0.0, 0, True)  # measured on arrival

@@ -51,18 +51,25 @@ class ResolvedStates:
     guard: Guard
 
     def state(
-        self, aim: Aims, start: Pose, still: Sequence[int] = (), bend: float = LARGEST_BEND
+        self,
+        aim: Aims,
+        start: Pose,
+        still: Sequence[int] = (),
+        bend: float = LARGEST_BEND,
+        turning: float = 1.0,
     ) -> Pose | None:
         """The state that meets one aim by the least motion from a start; None for none.
 
-        Some coordinates of the base's motion stay ``still``; no joint goes farther than ``bend``.
+        Some coordinates of the base's motion stay ``still``; no joint goes farther than ``bend``. How lightly
+        the base turns is weighed by ``turning``.
         """
         chain, n = self.world.robot.chain, self.base_parts
         motion, rows = np.zeros(len(self._speeds)), self._floor_rows(start)
         low, high = np.full((2, len(motion)), [[-np.inf], [np.inf]])
         low[n:] = np.maximum(chain.lower - start.joints, -bend)
         high[n:] = np.minimum(chain.upper - start.joints, bend)
-        fixed = self._speeds == 0.0
+        by_turn, fixed = np.ones(len(motion)), self._speeds == 0.0
+        by_turn[n - 1] = turning
         fixed[list(still)] = True
         low[fixed] = high[fixed] = 0.0
         for _ in range(ROUNDS):
@@ -74,7 +81,7 @@ class ResolvedStates:
                 return pose
             rows += self._touch_rows(touch, pose, start, motion)
             asked = rows + self._arc_rows(motion)
-            weight = np.where(fixed, 1.0, self._lightness(start.joints, motion)) ** -2
+            weight = np.where(fixed, 1.0, self._lightness(start.joints, motion) * by_turn) ** -2
             step = least_weighted(
                 weight, self._by_motion(J[0], start, motion), miss[0],
                 np.array([row.change for row in asked]).reshape(-1, len(motion)),

@@ -196,7 +196,7 @@ class TransitPlanner:
     def _carried(self, here: Pose, there: Pose, piece: int) -> list[Pose]:
         """Fold where the robot stands, drive in the carry posture, unfold; short ways without folding."""
         route = self.driver.route(here, there, piece)
-        if len(route) == 2:
+        if len(route) <= 2:
             return self.driver.states(here, there, route)
         raised, lowered = lifted(self.world.robot, here), lifted(self.world.robot, there)
         return [
