@@ -348,10 +348,17 @@ FAULTS = (
         ("tests/test_self_collision_pairs.py",),
     ),
     Fault(
-        "smoothing: a base on wheels may leave its way",
+        "smoothing: a car may leave its way",
         "regionik/smoothing/runs.py",
-        "fixed[:, :3] = world.robot.drive.rolls",
-        "fixed[:, :1] = world.robot.drive.rolls",
+        "fixed[:, :3] = not world.robot.drive.turns_on_the_spot",
+        "fixed[:, :1] = not world.robot.drive.turns_on_the_spot",
+        ("tests/test_smoothing.py",),
+    ),
+    Fault(
+        "smoothing: wheels may slip",
+        "planners/smoothing/path_smoothing.py",
+        "np.concatenate([miss.ravel(), -slip])",
+        "np.concatenate([miss.ravel(), 0.0 * slip])",
         ("tests/test_smoothing.py",),
     ),
     Fault(

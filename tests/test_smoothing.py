@@ -33,7 +33,9 @@ from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import load_world
+from regionik.worlds.drives import BaseKind
 from regionik.worlds.obstacles import Box, Cylinder
+from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Target, World
 from regionik.worlds.speeds import Speeds
 
@@ -140,14 +142,34 @@ def test_a_state_that_fails_is_held_closer(monkeypatch: pytest.MonkeyPatch) -> N
     assert kept is not found
 
 
-def test_a_base_on_wheels_keeps_its_way() -> None:
+def robot_on(robot: Robot, drive: BaseKind) -> Robot:
+    return replace(robot, base=drive, turning_radius=0.3 if drive == "car" else 0.0)
+
+
+def on_wheels(drive: BaseKind) -> tuple[Plan, Plan]:
+    """The plan of a world by a base on wheels as found and smoothed."""
     world = load_world("l_shape")
-    wheels = replace(world, robot=replace(world.robot, base="differential"))
+    wheels = replace(world, robot=robot_on(world.robot, drive))
     found = as_found(wheels)
-    smooth = smooth_motion(found, whole_path(wheels)[0])
+    return found, smooth_motion(found, whole_path(wheels)[0])
+
+
+def test_a_car_keeps_its_way() -> None:
+    found, smooth = on_wheels("car")
     assert np.array_equal(smooth.motion.base, found.motion.base)
     assert not np.array_equal(smooth.motion.joints, found.motion.joints)
     assert verify(smooth).ok
+
+
+def test_a_differential_drive_rolls_without_slip_and_sooner() -> None:
+    found, smooth = on_wheels("differential")
+    drive = smooth.world.robot.drive
+    assert not np.array_equal(smooth.motion.base, found.motion.base)
+    assert np.abs(drive.slip(smooth.motion.base)[0]).max() < 1e-10
+    assert verify(smooth).ok
+    limits = Speeds(base_velocity=0.5, base_acceleration=1.0, joint_velocity=1.5, joint_acceleration=3.0)
+    before, after = (retime(plan, limits).motion.time[-1] for plan in (found, smooth))
+    assert after < before
 
 
 def test_a_distance_that_is_demanded_is_not_given_up() -> None:

@@ -66,6 +66,16 @@ class BaseDrive(ABC):
             pose[..., 1] += chord * np.sin(middle)
         return pose
 
+    def slip(self, base: Array) -> tuple[Array, Array]:
+        """What wheels cannot roll of each hop through base poses (n, 3), and its derivatives by both poses.
+
+        Returns
+        -------
+        (k,) and (k, 2, 3) arrays
+            Way across the heading halfway [m], of n - 1 hops; of none where a base goes every way.
+        """
+        return np.empty(0), np.empty((0, 2, 3))
+
     def travel(self, base: Array) -> float:
         """Length of the way through base poses (n, 3) [m]."""
         slide, length = self.parts(base[:-1], base[1:])
@@ -124,6 +134,15 @@ class _RollingDrive(BaseDrive):
         along = (step[..., :2] * tangent).sum(-1)
         step[..., :2] -= along[..., None] * tangent
         return step, along / np.sinc(half / np.pi)  # chord = length sin(half) / half
+
+    def slip(self, base: Array) -> tuple[Array, Array]:
+        """See `BaseDrive`."""
+        step = _shorter(base[:-1], base[1:])
+        middle = base[:-1, 2] + step[:, 2] / 2
+        left = np.column_stack([-np.sin(middle), np.cos(middle)])
+        turned = -(step[:, 0] * np.cos(middle) + step[:, 1] * np.sin(middle)) / 2
+        by_pose = np.stack([np.column_stack([-left, turned]), np.column_stack([left, turned])], axis=1)
+        return (step[:, :2] * left).sum(axis=1), by_pose
 
 
 @dataclass(frozen=True)

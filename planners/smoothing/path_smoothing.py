@@ -1,33 +1,38 @@
 """Base and arm along a whole path, made smooth together: the tool stays on its path, the redundancy is free.
 
 Sequential quadratic programming. The second differences of the robot's coordinates along the path are made
-small, which are its accelerations at an even speed of the tool. What holds the tool on its path is linear in
-each round, and limits, areas and clearances are half-spaces there; a trust region keeps the rounds honest.
+small, which are its accelerations at an even speed of the tool. What holds the tool on its path, and wheels
+from slipping, are equations, linear in each round; limits, areas and clearances are half-spaces there; a
+trust region keeps the rounds honest.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import bsr_array, csc_array, csr_array, diags_array, kron
+from scipy.sparse import bsr_array, csc_array, csr_array, diags_array, eye_array, kron, vstack
+from scipy.sparse.linalg import splu
 
+from regionik.planners.geometry.rolling import slips
 from regionik.planners.progress import track
 from regionik.planners.smoothing.quadratic_program import minimize_quadratic
-from regionik.planners.solvers.aims import Aims, Missed, missed_by
+from regionik.planners.solvers.aims import Aims, missed_by
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.robot import Robot
 
-ROUNDS, REFINEMENTS = 25, 6  # of the programs; of the tool at last
-LEAST_GAIN = 2e-3  # part of the cost, for another round
+ROUNDS, REFINEMENTS = 60, 8  # of the programs; of the equations at last
+LEAST_GAIN, PATIENCE = 2e-3, 2  # part of the cost, and rounds in turn that gain less before the last
 FIRST_TRUST, LEAST_TRUST = 0.3, 1e-3  # largest change of a coordinate in a round [m] or [rad]
-TOOL_WEIGHT = 1e4  # of the tool's error against the mean of the roughness
+MISS_WEIGHT = 1e4  # of what the equations miss against the mean of the roughness
 LENGTH_COST = 0.05  # of motion itself, against its bending along a metre of path
 CORNER_WEIGHT = 0.02  # of bending where the tool's own path has a corner
-EXACT = 1e-12  # miss of the tool that is rounding, and change of a coordinate [m] or [rad]
-FLAT = 1e-6  # singular values below this part of the largest are left out
+EXACT = 1e-12  # miss that is rounding [m]
+SHARES = 1.0, 0.5, 0.25, 0.1  # of a step that are tried until less is missed
+DAMPING = 1e-12  # of the least changes where equations depend on one another, as of a stretched arm
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +66,13 @@ class PathProblem:
         return replace(self, aims=self.aims.part(rows), keep=keep, **some)
 
 
+class _Equations(NamedTuple):
+    """What states miss of the tool's path and of rolling without slip, (k,), and how changes mend it."""
+
+    miss: Array
+    J: csr_array  # (k, n m)
+
+
 def smooth_states(problem: PathProblem, states: Array, trust: float = FIRST_TRUST) -> Array:
     """Return the states (n, m) made smooth, the tool on its path to rounding where the arm lets it.
 
@@ -69,7 +81,7 @@ def smooth_states(problem: PathProblem, states: Array, trust: float = FIRST_TRUS
     rough = _roughness(problem)
     states, missed = _led_back(problem, states)
     kept = problem.keep(states)
-    best = _cost(rough, states, missed, kept)
+    best, slight = _cost(rough, states, missed, kept), 0
     for _ in track("rounds", range(ROUNDS)):
         step = _step(problem, rough, states, missed, kept, trust)
         if step is None:
@@ -80,14 +92,14 @@ def smooth_states(problem: PathProblem, states: Array, trust: float = FIRST_TRUS
         if cost < best:
             gain, best = best - cost, cost
             states, missed, kept = tried, missed_there, kept_there
-            trust = min(2.0 * trust, FIRST_TRUST)
-            if gain < LEAST_GAIN * best:
+            trust, slight = min(2.0 * trust, FIRST_TRUST), slight + 1 if gain < LEAST_GAIN * best else 0
+            if slight == PATIENCE:
                 break
         else:
             trust *= 0.3
             if trust < LEAST_TRUST:
                 break
-    return states
+    return on_path(problem, states)
 
 
 def _roughness(problem: PathProblem) -> csc_array:
@@ -108,21 +120,20 @@ def _roughness(problem: PathProblem) -> csc_array:
     return csc_array(form / form.diagonal().mean())
 
 
-def _cost(rough: csc_array, states: Array, missed: Missed, kept: HalfSpaces) -> float:
-    """Roughness of states, and what the tool and the half-spaces miss."""
+def _cost(rough: csc_array, states: Array, missed: _Equations, kept: HalfSpaces) -> float:
+    """Roughness of states, and what the equations and the half-spaces miss."""
     flat = states.ravel()
     beyond = float(kept.cost @ np.maximum(kept.least, 0.0))
-    return float(0.5 * flat @ (rough @ flat) + 0.5 * TOOL_WEIGHT * np.sum(missed.miss**2)) + beyond
+    return float(0.5 * flat @ (rough @ flat) + 0.5 * MISS_WEIGHT * np.sum(missed.miss**2)) + beyond
 
 
 def _step(
-    problem: PathProblem, rough: csc_array, states: Array, missed: Missed, kept: HalfSpaces, trust: float
+    problem: PathProblem, rough: csc_array, states: Array, missed: _Equations, kept: HalfSpaces, trust: float
 ) -> Array | None:
     """Change of all states that one quadratic program finds best within the trust region."""
     miss, J = missed
-    index, blocks = np.arange(len(states) + 1), np.einsum("nij,nik->njk", J, J)
-    hessian = rough + TOOL_WEIGHT * bsr_array((blocks, index[:-1], index)).tocsc()
-    gradient = rough @ states.ravel() - TOOL_WEIGHT * np.einsum("nij,ni->nj", J, miss).ravel()
+    hessian = csc_array(rough + MISS_WEIGHT * (J.T @ J))
+    gradient = rough @ states.ravel() - MISS_WEIGHT * (J.T @ miss)
     n, m = states.shape
     columns = kept.state[:, None] * m + np.arange(m)
     rows = csc_array(
@@ -131,28 +142,45 @@ def _step(
     )
     lower = np.clip(problem.lower - states, -trust, 0.0).ravel()
     upper = np.clip(problem.upper - states, 0.0, trust).ravel()
-    found = minimize_quadratic(csc_array(hessian), gradient, rows, kept.least, kept.cost, lower, upper)
+    found = minimize_quadratic(hessian, gradient, rows, kept.least, kept.cost, lower, upper)
     return None if found is None else np.clip(found, lower, upper).reshape(n, m)
 
 
 def on_path(problem: PathProblem, states: Array) -> Array:
-    """Bring the tool onto its path by the least changes of the coordinates that are free."""
+    """Meet the equations by the least changes of the coordinates that are free."""
     return _led_back(problem, states)[0]
 
 
-def _led_back(problem: PathProblem, states: Array) -> tuple[Array, Missed]:
-    """States with the tool on its path as near as they come, and what is missed there."""
-    free = (problem.upper > problem.lower) / problem.scale
-    asked = slice(None) if problem.aims.kind.any() else slice(3)
-    missed = missed_by(problem.robot, problem.aims, states)
+def _led_back(problem: PathProblem, states: Array) -> tuple[Array, _Equations]:
+    """States that meet the equations as near as they come, and what is missed there."""
+    free = ((problem.upper > problem.lower) / problem.scale).ravel()
+    missed = _equations(problem, states)
     for _ in range(REFINEMENTS):
         if np.abs(missed.miss).max(initial=0.0) <= EXACT:
             break
-        back = np.linalg.pinv(missed.J[:, asked] * free[:, None, :], rcond=FLAT)
-        step = free * np.einsum("nij,nj->ni", back, missed.miss[:, asked])
-        nearer = np.clip(states + step, problem.lower, problem.upper)
-        moved = np.abs(nearer - states).max(initial=0.0)
-        states, missed = nearer, missed_by(problem.robot, problem.aims, nearer)
-        if moved <= EXACT:  # states that are held miss what they miss
+        J = missed.J @ diags_array(free)
+        square = csc_array(J @ J.T)
+        damped = square + DAMPING * square.diagonal().max(initial=1.0) * eye_array(len(missed.miss))
+        step = (free * (J.T @ splu(csc_array(damped)).solve(missed.miss))).reshape(states.shape)
+        for share in SHARES:
+            wished = states + share * step
+            nearer = np.clip(wished, problem.lower, problem.upper)
+            there = _equations(problem, nearer)
+            if np.linalg.norm(there.miss) < np.linalg.norm(missed.miss):
+                break
+        else:  # states that are held miss what they miss
             break
+        free = np.where((nearer == wished).ravel(), free, 0.0)  # what came to a limit stays there
+        states, missed = nearer, there
     return states, missed
+
+
+def _equations(problem: PathProblem, states: Array) -> _Equations:
+    miss, J = missed_by(problem.robot, problem.aims, states)
+    if not problem.aims.kind.any():
+        miss, J = miss[:, :3], J[:, :3]
+    n, asked, m = J.shape
+    index = np.arange(n + 1)
+    by_state = csr_array(bsr_array((J, index[:-1], index), shape=(n * asked, n * m)))
+    slip, by_hop = slips(problem.robot.drive, states)
+    return _Equations(np.concatenate([miss.ravel(), -slip]), csr_array(vstack([by_state, by_hop])))

@@ -98,6 +98,8 @@ class PathRun:
     def _within(self, states: Array) -> Array:
         """States whose arm axis stands in its area to rounding, where it was there before."""
         problem = self.problem
+        if problem.robot.drive.rolls:
+            return states
         axis = axis_of(problem.robot, states[:, :3])
         lines = shapely.shortest_line(self.areas, shapely.points(axis[self.worked]))
         back = shapely.get_coordinates(lines).reshape(-1, 2, 2)[:, 0] - axis[self.worked]
@@ -116,7 +118,7 @@ def runs_of(plan: Plan, standing: Standing, stride: float) -> Iterator[PathRun]:
     The tool moves evenly by at most a ``stride`` from state to state [m]. Where that is infinite, and of a
     base on wheels, states are the plan's own.
     """
-    layout = _Layout(plan, standing, math.inf if plan.world.robot.drive.rolls else stride)
+    layout = _Layout(plan, standing, stride if plan.world.robot.drive.turns_on_the_spot else math.inf)
     working = plan.motion.kind != "transit"
     edges = np.flatnonzero(np.diff(np.concatenate([[False], working, [False]])))
     for first, end in edges.reshape(-1, 2).tolist():
@@ -156,6 +158,7 @@ class _Layout:
         held = first > 0, last < len(motion) - 1
         areas = np.array([self.plan.areas[i].pruned for i in owner[worked]])
         problem = self._problem(states, owner, worked, at, held)
+        states = on_path(problem, states) if self.evenly else states
         few = _coarse_rows(worked)
         coarse = replace(
             self._problem(states[few], owner[few], worked[few], at[few], held),
@@ -230,7 +233,7 @@ class _Layout:
         lower[:, 3:] = np.minimum(chain.lower + spare, states[:, 3:])
         upper[:, 3:] = np.maximum(chain.upper - spare, states[:, 3:])
         fixed = np.zeros(states.shape, dtype=bool)
-        fixed[:, :3] = world.robot.drive.rolls
+        fixed[:, :3] = not world.robot.drive.turns_on_the_spot  # a car's steering has to stay as it is
         fixed[:, 2] |= world.rules.heading == "fixed"
         if world.rules.heading == "face_target" and with_pivot(chain) is chain:
             fixed[:, 3 + pivot_index(chain)] = True
@@ -240,7 +243,8 @@ class _Layout:
     def _keeper(self, owner: Index, worked: NDArray[np.bool_]) -> StateKeeper:
         world, areas, floor = self.plan.world, self.plan.areas, self._floor
         within = np.array([areas[i].pruned if at else floor for i, at in zip(owner, worked, strict=True)])
-        room = room_for(world) if turns_matter(world) and not world.robot.drive.rolls else None
+        drive = world.robot.drive
+        room = room_for(world) if drive.turns_on_the_spot and (drive.rolls or turns_matter(world)) else None
         return StateKeeper(world.robot, guard_of(world), room, within, np.zeros(len(within)))
 
     @cached_property

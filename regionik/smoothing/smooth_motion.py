@@ -42,7 +42,7 @@ def smooth_motion(plan: Plan, standing: Standing) -> Plan:
     The plan is verified and not timed; it is returned itself where nothing could be made smoother.
     """
     way = np.diff([target.position for target in plan.world.task], axis=0)
-    long = float(np.linalg.norm(way, axis=1).sum()) > LONG_PATH and not plan.world.robot.drive.rolls
+    long = float(np.linalg.norm(way, axis=1).sum()) > LONG_PATH and plan.world.robot.drive.turns_on_the_spot
     for stride in STRIDES[not long :]:
         runs = [run for run in runs_of(plan, standing, stride) if len(run.states) >= SHORTEST_RUN]
         plan, complete = _proven(plan, runs)
@@ -143,11 +143,15 @@ def _failures(
         for k, (start, states) in enumerate(zip(starts, smoothed, strict=True)):
             if violation.state is not None and start - 1 <= violation.state <= start + len(states):
                 yield k, min(max(violation.state - start, 0), len(states) - 1)
+    if found.world.robot.drive.rolls:  # areas are those of a base that goes every way
+        return
     for k, (run, states) in enumerate(zip(runs, smoothed, strict=True)):
         worked = np.flatnonzero(run.worked)
-        axis = shapely.points(axis_of(found.world.robot, states[worked, :3]))
-        moved = (states[worked] != run.states[worked]).any(axis=1)
-        yield from ((k, int(row)) for row in worked[moved & (shapely.distance(run.areas, axis) > OUTSIDE)])
+        was, now = (
+            shapely.distance(run.areas, shapely.points(axis_of(found.world.robot, one[worked, :3])))
+            for one in (run.states, states)
+        )
+        yield from ((k, int(row)) for row in worked[now > np.maximum(was, OUTSIDE)])
 
 
 def _held_closer(run: PathRun, smoothed: Array, tube: Array, rows: list[int]) -> Array:

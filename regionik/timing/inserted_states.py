@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from regionik.planners.geometry.rolling import without_slip
 from regionik.timing.limits import MotionLimits
 from regionik.timing.parametrization import fastest_rates, fastest_times, timed_path
 from regionik.values import Motion
@@ -29,15 +31,17 @@ def refined(limits: MotionLimits, motion: Motion) -> Motion:
     alone[[a for a, b in path.runs if b == a + 1]] = 1
     motion = _subdivided(limits, motion, alone)
     span = np.diff(fastest_times(limits, motion, tightenings=0))
-    whole = ~timed_path(limits, motion).subdividable
-    count = np.where(whole, 0, np.maximum(np.ceil(span / PERIOD).astype(np.int64) - 1, 0))
+    count = np.maximum(np.ceil(span / PERIOD).astype(np.int64) - 1, 0)
     fine = _subdivided(limits, motion, count)
     position, rate = fastest_rates(limits, fine, tightenings=0)
     first = np.concatenate([[0], np.cumsum(count + 1)])  # where the motion's own states are
     keep = np.zeros(len(fine), dtype=bool)
     for a, b in pairwise(first.tolist()):
         keep[a + np.array(_knots(position[a : b + 1], rate[a : b + 1] ** 2))] = True
-    return Motion(fine.base[keep], fine.joints[keep], fine.kind[keep], fine.setpoint[keep], fine.time[keep])
+    own = np.zeros(len(fine), dtype=bool)
+    own[first] = True
+    base = without_slip(limits.robot.drive, fine.base[keep], ~own[keep])
+    return Motion(base, fine.joints[keep], fine.kind[keep], fine.setpoint[keep], fine.time[keep])
 
 
 def _knots(x: Array, y: Array) -> list[int]:
@@ -92,7 +96,10 @@ def _subdivided(limits: MotionLimits, motion: Motion, count: NDArray[np.int64]) 
         return motion
     segment = np.repeat(np.arange(len(count)), count)
     share = np.concatenate([np.arange(1, n + 1) / (n + 1) for n in count[count > 0].tolist()])
-    return with_states(motion, segment, *path.states_at(segment, share))
+    found = with_states(motion, segment, *path.states_at(segment, share))
+    own = np.zeros(len(found), dtype=bool)
+    own[np.arange(len(motion)) + np.append(0, np.cumsum(count))] = True
+    return replace(found, base=without_slip(limits.robot.drive, found.base, ~own))
 
 
 def with_states(motion: Motion, segment: NDArray[np.int64], base: Array, joints: Array) -> Motion:

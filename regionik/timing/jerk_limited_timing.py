@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
+from regionik.planners.geometry.rolling import without_slip
 from regionik.timing.inserted_states import with_states
 from regionik.timing.limits import MotionLimits, segments_on_path, tool_velocity
 from regionik.timing.parametrization import fastest_rates, path_of, steering_pauses, timed_path
@@ -142,8 +143,8 @@ def _resampled(limits: MotionLimits, fine: Motion, law: _TimeLaw, blend: float) 
     own = Motion(fine.base[rows], fine.joints[rows], fine.kind[rows], fine.setpoint[rows], fine.time[rows])
     times, moves = law.times_of(rows), np.diff(path.position[rows]) > 0
     alone = moves & law.rests[rows[:-1]] & law.rests[rows[1:]]
-    divisible = moves & path.subdividable[rows[:-1]]
-    count = np.where(divisible, np.maximum(np.ceil(np.diff(times) / PERIOD).astype(np.int64) - 1, alone), 0)
+    least = np.maximum(alone, np.diff(rows) > 1)
+    count = np.where(moves, np.maximum(np.ceil(np.diff(times) / PERIOD).astype(np.int64) - 1, least), 0)
     for left in range(HALVINGS, -1, -1):
         gap, between = _within_gaps(times, count)
         position = law.at(between)
@@ -151,12 +152,15 @@ def _resampled(limits: MotionLimits, fine: Motion, law: _TimeLaw, blend: float) 
         segment = np.clip(segment, rows[gap], rows[gap + 1] - 1)
         part = np.clip((position - path.position[segment]) / path.lengths[segment], 0.0, 1.0)
         found = with_states(own, gap, *path.states_at(segment, part))
-        found = replace(found, time=np.insert(times, gap + 1, between))
+        kept = np.zeros(len(found), dtype=bool)
+        kept[np.arange(len(rows)) + np.append(0, np.cumsum(count))] = True
+        base = without_slip(limits.robot.drive, found.base, ~kept)
+        found = replace(found, base=base, time=np.insert(times, gap + 1, between))
         far = np.zeros(len(count), dtype=bool)
         far[np.repeat(np.arange(len(count)), count + 1)[_strayed(limits, found, law) > blend]] = True
-        if not left or not (far & divisible).any():
+        if not left or not (far & moves).any():
             break
-        count = np.where(far & divisible, 2 * count + 1, count)
+        count = np.where(far & moves, 2 * count + 1, count)
     return found, np.insert(path.position[rows], gap + 1, position)
 
 
@@ -168,9 +172,9 @@ def _within_gaps(times: Array, count: Index) -> tuple[Index, Array]:
 
 
 def _kept(fine: Motion, path: SmoothPath) -> NDArray[np.bool_]:
-    """States that stay: set-points, ends of runs and transits, and those beside segments that stay whole."""
+    """States that stay: set-points, ends of runs and transits."""
     lifted = fine.kind == "transit"
-    cut = (lifted[1:] != lifted[:-1]) | (path.lengths == 0) | ~path.subdividable
+    cut = (lifted[1:] != lifted[:-1]) | (path.lengths == 0)
     cut = np.concatenate([[True], cut, [True]])
     found: NDArray[np.bool_] = cut[:-1] | cut[1:] | (fine.kind == "setpoint")
     return found

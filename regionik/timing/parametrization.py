@@ -36,9 +36,11 @@ def timed_path(limits: MotionLimits, motion: Motion) -> SmoothPath:
     return path(limits.robot.drive, motion.base, motion.joints)
 
 
-def fastest_times(limits: MotionLimits, motion: Motion, tightenings: int = TIGHTENINGS) -> Array:
-    """Times of a motion's states, (n,) [s]."""
-    position, rate = fastest_rates(limits, motion, tightenings)
+def fastest_times(
+    limits: MotionLimits, motion: Motion, tightenings: int = TIGHTENINGS, tightened: Array | None = None
+) -> Array:
+    """Times of a motion's states, (n,) [s]; see `fastest_rates`."""
+    position, rate = fastest_rates(limits, motion, tightenings, tightened)
     length, twice = np.diff(position), rate[1:] + rate[:-1]
     span = 2 * length / np.where(length > 0, twice, 1.0)
     steering = path_of(limits.robot, motion).steering

@@ -33,6 +33,8 @@ ROUNDED_CORNER = np.radians(60)  # where corners are rounded first, the robot st
 SPARE_CONE = 0.02  # of a set-point, without which its state stays where it is [rad]
 BLEND = 2e-4  # by which any point of the robot may leave the plan's motion on the smooth path [m]
 SLOWDOWNS, SPARE = 5, 1e-4  # of the motion, and by how much more
+NEGLIGIBLE = 0.002  # part by which the whole motion may as well be slower
+LOCAL = 4  # of these, the first, about what is too fast alone, each twice as much as the one before
 SLIGHT = 0.05  # share of a limit by which bounds may exceed it where the motion is slowed, not rested
 ALL = 1_000_000
 BESIDE = 0, 0, 1, 4, ALL, ALL  # states next to one that breaks a rule at which to rest too, try by try
@@ -183,11 +185,16 @@ def _timed(limits: MotionLimits, motion: Motion, blend: float, room: Array) -> M
         motion = jerk_limited_motion(limits, fine, blend)
     else:
         motion = replace(fine, time=fastest_times(limits, fine))
-    for _ in range(SLOWDOWNS):
+    tightened = np.ones(max(len(motion) - 1, 1))
+    for k in range(SLOWDOWNS):
         factor = slowdowns(limits, motion)
         if factor.max() <= 1.0:
             break
-        motion = _slower(limits, motion, factor)
+        if k >= LOCAL or limits.speeds.limit_jerk or factor.max() <= 1 + NEGLIGIBLE:
+            motion = _slower(limits, motion, factor)
+        else:
+            tightened *= np.where(factor > 1.0, factor * (1 + SPARE), 1.0) ** 2 ** (k + 1)
+            motion = replace(motion, time=fastest_times(limits, motion, tightened=tightened))
     return motion
 
 

@@ -18,10 +18,9 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.drives import BaseDrive
 
 SAME = 1e-9  # states that differ by less are the same [m], [rad]
+LEFT = 1e-8  # of the way to the next state that wheels need not roll [m]
 CORNER = np.radians(30)  # at sharper corners the robot stops, others are rounded
-STANDING = 1e-3  # share of the joints' motion below which a base on wheels counts as standing
 STEERED = 1e-6  # angle of steering that a car need not stop for [rad]
-BENT = 1e-3  # turn per path position by which a base on wheels may leave an arc that is subdivided
 STEPS = 6  # of Newton's method, which converges from a small deviation
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 
@@ -43,17 +42,6 @@ class SmoothPath:
     joints: Array
 
     @cached_property
-    def _changes(self) -> tuple[Array, Array, Array]:
-        """Arc length rolled [m], turn [rad] and largest joint motion on each segment, (n - 1,) each."""
-        swing = np.abs(np.diff(self.joints, axis=0)).max(1, initial=0.0)
-        return self.drive.rolled(self.base), np.diff(self.base[:, 2]), swing
-
-    @cached_property
-    def _wheel_mode(self) -> NDArray[np.int64]:
-        """Mode of a base on wheels on each segment: 1, -1 rolls, 2, -2 turns on the spot, 0 stands."""
-        return np.zeros(len(self.base) - 1, dtype=np.int64)
-
-    @cached_property
     def lengths(self) -> Array:
         """Lengths of the segments in path position, (n - 1,); 0 for a state given twice."""
         far = self._largest_change
@@ -62,10 +50,14 @@ class SmoothPath:
     @property
     def _largest_change(self) -> Array:
         """Change of what moves most on each segment, (n - 1,)."""
-        _, turn, swing = self._changes
-        slid = np.hypot(*np.diff(self.base[:, :2], axis=0).T)
-        far: Array = np.maximum(np.maximum(slid, np.abs(turn)), swing)
-        return far
+        swing = np.abs(np.diff(self.joints, axis=0)).max(1, initial=0.0)
+        return np.maximum(np.maximum(self._way, np.abs(np.diff(self.base[:, 2]))), swing)
+
+    @property
+    def _way(self) -> Array:
+        """Of the base on each segment, (n - 1,) [m]."""
+        way: Array = np.hypot(*np.diff(self.base[:, :2], axis=0).T)
+        return way
 
     @cached_property
     def position(self) -> Array:
@@ -82,13 +74,12 @@ class SmoothPath:
     def corners(self, sharp: float = CORNER) -> NDArray[np.int64]:
         """States within runs where the robot must rest.
 
-        At corners sharper than an angle [rad], where the mode of its wheels changes, and where a car turns
-        its steering.
+        At corners sharper than an angle [rad], and where a car turns its steering.
         """
         tangents = np.diff(self.coordinates, axis=0)
         tangents = tangents / np.maximum(np.linalg.norm(tangents, axis=1), SAME)[:, None]
         turned = (tangents[:-1] * tangents[1:]).sum(1) <= np.cos(sharp)
-        changed = (np.diff(self._wheel_mode) != 0) | turned | (np.abs(np.diff(self.steering)) > STEERED)
+        changed = turned | (np.abs(np.diff(self.steering)) > STEERED)
         return 1 + np.flatnonzero(changed & (self.lengths[:-1] > 0) & (self.lengths[1:] > 0))
 
     @cached_property
@@ -103,11 +94,6 @@ class SmoothPath:
         That of a wheel one turning radius ahead of the axle: 45 degrees on the tightest arc.
         """
         return np.full(len(self.base) - 1, np.nan)
-
-    @cached_property
-    def subdividable(self) -> NDArray[np.bool_]:
-        """Segments on which states may be inserted without another path, (n - 1,)."""
-        return np.ones(len(self.base) - 1, dtype=np.bool_)
 
     def states_at(self, segment: NDArray[np.int64], share: Array) -> tuple[Array, Array]:
         """Base (m, 3) and joints (m, dof) of states to insert at shares of segments."""
@@ -200,66 +186,52 @@ class RollingPath(SmoothPath):
     """
 
     @cached_property
-    def _wheel_mode(self) -> NDArray[np.int64]:
-        rolled, turn, swing = self._changes
-        slow = STANDING * swing + SAME
-        turning = np.where(np.abs(turn) > slow, 2 * np.sign(turn), 0.0)
-        return np.where(np.abs(rolled) > slow, np.sign(rolled), turning).astype(np.int64)
+    def _rolled(self) -> Array:
+        """Arc length of each segment, below 0 in reverse, (n - 1,) [m]."""
+        return self.drive.rolled(self.base)
 
     @property
-    def _largest_change(self) -> Array:
-        """Motion of the wheels, or of the joints where these stand."""
-        rolled, turn, swing = (np.abs(change) for change in self._changes)
-        change: Array = np.choose(np.abs(self._wheel_mode), [swing, rolled, turn])
-        return change
+    def _way(self) -> Array:
+        return np.abs(self._rolled)
 
     @cached_property
     def coordinates(self) -> Array:
         """Way rolled, heading and joints, (n, 2 + dof)."""
-        rolled = np.concatenate([[0.0], np.cumsum(self._changes[0])])
+        rolled = np.concatenate([[0.0], np.cumsum(self._rolled)])
         return np.column_stack([rolled, self.base[:, 2], self.joints])
 
     @cached_property
     def steering(self) -> Array:
         """See `SmoothPath.steering`."""
-        rolled, turn, _ = self._changes
+        rolled, turn = self._rolled, np.diff(self.base[:, 2])
         stands = (self.lengths == 0) | (np.abs(rolled) <= SAME)
         angle = np.arctan(self.drive.turning_radius * turn / np.where(stands, 1.0, rolled))
         return np.where(stands, np.nan, angle)
-
-    @cached_property
-    def subdividable(self) -> NDArray[np.bool_]:
-        """Segments that are arcs: of another way between two states a part is no arc."""
-        _, start, second, third = (power[:, 1] for power in self._cubics)
-        secant = start + self.lengths * (second + self.lengths * third)
-        end = start + self.lengths * (2 * second + 3 * self.lengths * third)
-        return np.maximum(np.abs(start - secant), np.abs(end - secant)) <= BENT
-
-    def states_at(self, segment: NDArray[np.int64], share: Array) -> tuple[Array, Array]:
-        """See `SmoothPath.states_at`; the base is on the arc, as every hop of a plan is one."""
-        _, joints = super().states_at(segment, share)
-        return self.drive.between(self.base[segment], self.base[segment + 1], share), joints
 
     @cached_property
     def _rolling(self) -> Array:
         """Coefficients of way rolled and heading by shares of segments, constant first, (5, n - 1, 2).
 
         To the cubics a way of 3 u^2 - 2 u^3 and a heading of u^2 (1 - u)^2 are added, which leave the rates
-        at the ends as they are, so much of both that the base comes to the next state.
+        at the ends as they are, so much of both that the base comes to the next state. What is missing of
+        that by rounding is left, as wheels that hardly roll would have to turn far for it.
         """
         powers = np.stack([*(power[:, :2] for power in self._cubics), np.zeros((len(self.lengths), 2))])
         powers *= self.lengths[:, None] ** np.arange(5)[:, None, None]
-        rolled, turn, _ = self._changes
+        rolled, turn = self._rolled, np.diff(self.base[:, 2])
         middle = self.base[:-1, 2] + turn / 2
         chord = rolled * np.sinc(turn / 2 / np.pi)
         some = np.flatnonzero((np.abs(rolled) > SAME) & (self.lengths > 0))
         share, weight = (_NODES + 1) / 2, _WEIGHTS / 2
-        for _ in range(STEPS):
+        for step in range(STEPS):
             value, slope, _ = _polynomials(powers[:, some], np.tile(share, (len(some), 1)))
             along = np.exp(1j * (value[..., 1] - middle[some, None]))
             by_way = (6 * share * (1 - share) * along) @ weight
             by_heading = (1j * share**2 * (1 - share) ** 2 * slope[..., 0] * along) @ weight
             missing = chord[some] - (slope[..., 0] * along) @ weight
+            if step == 0:
+                left = np.abs(missing) <= LEFT
+            missing[left] = 0.0
             whole = by_way.real * by_heading.imag - by_way.imag * by_heading.real
             way = (missing.real * by_heading.imag - missing.imag * by_heading.real) / whole
             heading = (by_way.real * missing.imag - by_way.imag * missing.real) / whole
@@ -317,14 +289,19 @@ def _polynomials(powers: Array, share: Array) -> tuple[Array, Array, Array]:
     )
 
 
+@dataclass(frozen=True, eq=False)
+class RollingSplinePath(RollingPath, SplinePath):
+    """The same by cubic splines."""
+
+
 def smooth_path(drive: BaseDrive, base: Array, joints: Array) -> SmoothPath:
     """Return the path through states whose headings turn the shorter way from one to the next."""
     return (RollingPath if drive.rolls else SmoothPath)(drive, _unwrapped(base), joints)
 
 
 def spline_path(drive: BaseDrive, base: Array, joints: Array) -> SmoothPath:
-    """Return the same without jumps of curvature, but for a base on wheels, of which its ways are smooth."""
-    return (RollingPath if drive.rolls else SplinePath)(drive, _unwrapped(base), joints)
+    """Return the same without jumps of curvature."""
+    return (RollingSplinePath if drive.rolls else SplinePath)(drive, _unwrapped(base), joints)
 
 
 def _unwrapped(base: Array) -> Array:

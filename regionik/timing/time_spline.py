@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from regionik.timing.smooth_path import SAME, SmoothPath, knot_curvatures
+from regionik.timing.smooth_path import LEFT, SAME, SmoothPath, knot_curvatures
 from regionik.worlds.arrays import Array, Index
 
 CLOSINGS = 12  # steps in which a rolled way is brought to its end
@@ -140,9 +140,11 @@ class RollingSpline(TimeSpline):
         rolled, turn = path.drive.rolled(path.base), np.diff(path.base[:, 2])
         rolling = (np.abs(rolled) > SAME) & (path.lengths > 0)
         middle, chord = path.base[:-1, 2] + turn / 2, rolled * np.sinc(turn / 2 / np.pi)
-        for _ in range(CLOSINGS):
+        for step in range(CLOSINGS):
             went, by_heading = self._ways(added)
-            missed = (chord - went * np.exp(-1j * middle))[rolling]
+            missed = chord - went * np.exp(-1j * middle)
+            rolling &= (step > 0) | (np.abs(missed) > LEFT)
+            missed = missed[rolling]
             added[rolling, 0] += missed.real
             added[rolling, 1] += missed.imag / by_heading[rolling]
         return added

@@ -22,7 +22,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.speeds import Speeds
 
 SAME = 1e-9  # states that differ by less are the same [m], [rad]
-STANDING = 1e-3  # share of the joints' motion below which a base on wheels stands
+LEFT = 1e-8  # of the way to the next state that wheels need not roll [m]
 CLOSINGS = 20  # steps in which a rolled way is brought to its end
 AT_REST = 1e-5  # path velocity at an end of a run, as a share of the largest
 # Polynomials added to a way and to a heading, by the share of time and by that of the way, constant first.
@@ -49,15 +49,11 @@ class TimedSegments:
 
     @cached_property
     def lengths(self) -> Array:
-        """Lengths on the smooth path: of what is rolled, else turned, else what moves most, (segments,)."""
+        """Lengths on the smooth path: of what moves most, (segments,)."""
         one = self.segments
         swing = np.abs(one.joint_change).max(axis=1, initial=0.0)
-        if one.robot.drive.rolls:
-            slow = STANDING * swing + SAME
-            rolled, turn = np.abs(one.rolled), np.abs(one.turn)
-            far = np.where(rolled > slow, rolled, np.where(turn > slow, turn, swing))
-        else:
-            far = np.maximum(np.maximum(np.linalg.norm(one.slide, axis=1), np.abs(one.turn)), swing)
+        way = np.abs(one.rolled) if one.robot.drive.rolls else np.linalg.norm(one.slide, axis=1)
+        far = np.maximum(np.maximum(way, np.abs(one.turn)), swing)
         return np.where(far > SAME, far, 0.0)
 
     @cached_property
@@ -130,13 +126,14 @@ class TimedSegments:
         powers, slopes = np.vander(NODES, order, increasing=True), np.zeros((len(NODES), order))
         slopes[:, 1:] = np.arange(1, order) * powers[:, :-1]
         aside_of = bumps[..., 1] @ powers.T
-        for _ in range(CLOSINGS):
+        for step in range(CLOSINGS):
             way, heading = pieces[..., 0] @ slopes.T, pieces[..., 1] @ powers.T
             ahead, aside, gain = (
                 np.bincount(k, (way * one_of) @ WEIGHTS, count)
                 for one_of in (np.cos(heading), np.sin(heading), aside_of)
             )
             added = np.zeros((count, 2))
+            rolling &= (step > 0) | (np.hypot(chord - ahead, aside) > LEFT)
             added[rolling, 0] = (chord - ahead)[rolling]
             added[rolling, 1] = -aside[rolling] / gain[rolling]
             pieces[..., :2] += bumps * added[k][:, None]
