@@ -132,7 +132,7 @@ class PathSearch:
                 continue
             k = i + len(steps)
             rows = [Row(pose, "step", k - 1) for pose in candidate.way] or None
-            rows = rows or self.follower.follow(k - 1, steps[-1].candidate, candidate)
+            rows = rows or self._followed(k - 1, steps[-1].candidate, candidate)
             tried += 1
             if rows is None or not self.sampler.meets(rows[-1].pose):  # the arm is solved anew on the way
                 continue
@@ -144,6 +144,13 @@ class PathSearch:
                 tell("run", len(best), count)
         tell("run", count, count)
         return best
+
+    def _followed(self, i: int, here: Candidate, goal: Candidate) -> list[Row] | None:
+        """Motion from set-point i to the next; where the base stands in no area, its way is proven free."""
+        rows, resolved = self.follower.follow(i, here, goal), self.sampler.resolved
+        if rows is None or not here.way or resolved is None:
+            return rows
+        return rows if resolved.drives([here.pose, *(row.pose for row in rows)]) else None
 
     def _arrived(self, i: int, candidate: Candidate, pose: Pose) -> Candidate:
         """The candidate as the motion reaches it; iterations stay those of M-FABRIK."""

@@ -66,22 +66,27 @@ class ResolvedMotion:
         count = max(1, math.ceil(math.dist(a.position, b.position) / STRIDE), math.ceil(turn / TURN_STRIDE))
         return [goal_between(a, b, k / count) for k in range(1, count + 1)]
 
+    def drives(self, poses: list[Pose]) -> bool:
+        """Whether the base's way through poses is proven free."""
+        bases, _ = arrays(poses)
+        drive, room = self.world.robot.drive, room_for(self.world)
+        hops = zip(bases[:-1], bases[1:], drive.rolled(bases), np.diff(bases[:, 2]), strict=True)
+        return all(
+            arc_is_free(room, a, float(rolled), float(turn)) if drive.rolls else slide_is_free(room, a, b)
+            for a, b, rolled, turn in hops
+        )
+
     def _holds(self, asked: list[Target], poses: list[Pose]) -> bool:
         """Whether the base's way is free, and the tool led along its path with the arm clear."""
         bases, joints = arrays(poses)
-        drive, room, turns = self.world.robot.drive, room_for(self.world), np.diff(bases[:, 2])
-        hops = zip(bases[:-1], bases[1:], drive.rolled(bases).tolist(), turns.tolist(), strict=True)
         line = np.array([target.position for target in asked])
         sag = SAG_SHARE * self.world.rules.planned_path_tolerance
-        if not all(
-            arc_is_free(room, a, rolled, turn) if drive.rolls else slide_is_free(room, a, b)
-            for a, b, rolled, turn in hops
-        ):
+        if not self.drives(poses):
             return False
-        if self.guard.led(bases, joints, line, LOOKED_AT, sag) < len(turns):
+        if self.guard.led(bases, joints, line, LOOKED_AT, sag) < len(asked) - 1:
             return False
         tools = self.guard.tools(bases, joints, LOOKED_AT)
         hops_asked = zip(asked[:-1], asked[1:], tools, strict=True)
         if not all(turned_as_asked(*hop) for hop in hops_asked):
             return False
-        return self.guard.proven(bases, joints)[0] == len(turns)
+        return self.guard.proven(bases, joints)[0] == len(asked) - 1
