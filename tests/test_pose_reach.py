@@ -184,7 +184,7 @@ def test_one_stop_serves_poses_that_one_place_is_known_for(name: str, turn: Arra
         ("offsets", 2196),
         pytest.param("offsets", 2281, marks=pytest.mark.slow),
         ("offsets", 3646),
-        pytest.param("slides", 30587, marks=pytest.mark.slow),
+        ("slides", 30587),
     ],
 )
 def test_worlds_with_a_witness_that_were_not_planned(kind: str, seed: int) -> None:
