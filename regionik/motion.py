@@ -82,7 +82,8 @@ class _Connection:
         count = min((k for k in self.pruned.breaks if k > i), default=len(self.nominal)) - i
         wheels = search.sampler.layers is not None
         starts = self._starts(i, here) if wheels else ()
-        for first, turning in ((first, turning) for first in starts for turning in TURNING):
+        begun = (first for first in starts if search.sampler.meets(first.pose))
+        for first, turning in ((first, turning) for first in begun for turning in TURNING):
             steps = search.run(i, count, first, partial(self._together, turning))
             whole = len(steps) == count
             arrived = search.arrive(i, here, [first], search.transits.folded, hard=0) if whole else None
