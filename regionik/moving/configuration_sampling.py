@@ -199,8 +199,7 @@ class ConfigurationSampler:
         Areas of set-points far apart need not overlap for that, nor need they show where it stands. See
         `ResolvedMotion.onward`.
         """
-        facing = self.world.rules.heading == "face_target"
-        way = None if self.resolved is None or facing else self.resolved.onward(i - 1, here, turning)
+        way = None if self.resolved is None else self.resolved.onward(i - 1, here, turning)
         if way is None:
             return
         found = Configuration(way[-1].base, way[-1].joints, 0.0, 0, True)  # measured on arrival

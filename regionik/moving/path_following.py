@@ -191,8 +191,6 @@ class PathFollower:
 
     def _led_round(self, segment: PathSegment, at: SegmentPoint, near: Pose) -> Pose | None:
         """State at one place, the arm led round what it would touch; a heading that is free goes along."""
-        if self.world.rules.heading == "face_target":
-            return None
         place = segment.base.places(*_columns([at]))[0]
         bound = not np.isnan(place[2])
         base = place if bound else pose_of(self.world.robot, place[:2], near.base[2])

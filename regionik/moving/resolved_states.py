@@ -63,6 +63,8 @@ class ResolvedStates:
         Some coordinates of the base's motion stay ``still``; no joint goes farther than ``bend``. How lightly
         the base turns is weighed by ``turning``.
         """
+        if self.world.rules.heading == "face_target":  # which no motion of base and joints together keeps
+            return None
         chain, n = self.world.robot.chain, self.base_parts
         motion, rows = np.zeros(len(self._speeds)), self._floor_rows(start)
         low, high = np.full((2, len(motion)), [[-np.inf], [np.inf]])

@@ -116,7 +116,7 @@ def runs_of(plan: Plan, standing: Standing, stride: float) -> Iterator[PathRun]:
     """Runs of a plan; long ones in parts, which begin and end where they did.
 
     The tool moves evenly by at most a ``stride`` from state to state [m]. Where that is infinite, and of a
-    base on wheels, states are the plan's own.
+    car, states are the plan's own.
     """
     layout = _Layout(plan, standing, stride if plan.world.robot.drive.turns_on_the_spot else math.inf)
     working = plan.motion.kind != "transit"

@@ -96,10 +96,16 @@ def _subdivided(limits: MotionLimits, motion: Motion, count: NDArray[np.int64]) 
         return motion
     segment = np.repeat(np.arange(len(count)), count)
     share = np.concatenate([np.arange(1, n + 1) / (n + 1) for n in count[count > 0].tolist()])
-    found = with_states(motion, segment, *path.states_at(segment, share))
-    own = np.zeros(len(found), dtype=bool)
-    own[np.arange(len(motion)) + np.append(0, np.cumsum(count))] = True
-    return replace(found, base=without_slip(limits.robot.drive, found.base, ~own))
+    return with_rolled_states(limits, motion, segment, *path.states_at(segment, share))
+
+
+def with_rolled_states(
+    limits: MotionLimits, motion: Motion, segment: NDArray[np.int64], base: Array, joints: Array
+) -> Motion:
+    """`with_states`, the inserted ones moved to where wheels roll from one to the next."""
+    found = with_states(motion, segment, base, joints)
+    inserted = np.insert(np.zeros(len(motion), dtype=bool), segment + 1, True)
+    return replace(found, base=without_slip(limits.robot.drive, found.base, inserted))
 
 
 def with_states(motion: Motion, segment: NDArray[np.int64], base: Array, joints: Array) -> Motion:

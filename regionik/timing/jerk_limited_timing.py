@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
-from regionik.planners.geometry.rolling import without_slip
-from regionik.timing.inserted_states import with_states
+from regionik.timing.inserted_states import with_rolled_states, with_states
 from regionik.timing.limits import MotionLimits, segments_on_path, tool_velocity
 from regionik.timing.parametrization import fastest_rates, path_of, steering_pauses, timed_path
 from regionik.timing.smooth_path import SmoothPath
@@ -151,11 +150,8 @@ def _resampled(limits: MotionLimits, fine: Motion, law: _TimeLaw, blend: float) 
         segment = np.searchsorted(path.position, position, side="right") - 1
         segment = np.clip(segment, rows[gap], rows[gap + 1] - 1)
         part = np.clip((position - path.position[segment]) / path.lengths[segment], 0.0, 1.0)
-        found = with_states(own, gap, *path.states_at(segment, part))
-        kept = np.zeros(len(found), dtype=bool)
-        kept[np.arange(len(rows)) + np.append(0, np.cumsum(count))] = True
-        base = without_slip(limits.robot.drive, found.base, ~kept)
-        found = replace(found, base=base, time=np.insert(times, gap + 1, between))
+        found = with_rolled_states(limits, own, gap, *path.states_at(segment, part))
+        found = replace(found, time=np.insert(times, gap + 1, between))
         far = np.zeros(len(count), dtype=bool)
         far[np.repeat(np.arange(len(count)), count + 1)[_strayed(limits, found, law) > blend]] = True
         if not left or not (far & moves).any():
