@@ -130,7 +130,9 @@ class RollingSpline(TimeSpline):
     """The same for a base on wheels: way rolled and heading are splines, and it comes to each of its states.
 
     To the way of a segment a part of 10 u^3 - 15 u^4 + 6 u^5 of its time u is added, to the heading one of
-    u^3 (1 - u)^3: rates at the states stay what they are.
+    u^3 (1 - u)^3: rates at the states stay what they are. Wheels that are within rounding of the next state
+    are left alone, as where they hardly roll they would have to turn far; the place takes up the rest as it
+    goes, in parts of the former.
     """
 
     @cached_property
@@ -148,6 +150,13 @@ class RollingSpline(TimeSpline):
             added[rolling, 0] += missed.real
             added[rolling, 1] += missed.imag / by_heading[rolling]
         return added
+
+    @cached_property
+    def _slip(self) -> Array:
+        """What is left of the base's motion on each segment when all is rolled, (n - 1, 2) [m]."""
+        ways, _ = self._ways(self._added)
+        slid: Array = np.diff(self.path.base[:, :2], axis=0) - np.column_stack([ways.real, ways.imag])
+        return np.where(self.path.lengths[:, None] > 0, slid, 0.0)
 
     def _ways(self, added: Array) -> tuple[NDArray[np.complex128], Array]:
         """Ways on the floor over segments, and how much farther aside a unit of added heading leads."""
@@ -211,7 +220,9 @@ class RollingSpline(TimeSpline):
             bend[:, 0] + 1j * v * w,
             jerk[:, 0] - v * w**2 + 1j * (2 * bend[:, 0] * w + v * bend[:, 1]),
         ]
-        place = self._places[piece] + self._gone(times, piece)
+        segment = self.segments[piece]
+        slid = np.polynomial.polynomial.polyval(self._share(times, segment), _WAY)[:, None] * self._slip[segment]
+        place = self._places[piece] + self._gone(times, piece) + slid
         flat = [np.column_stack([one.real, one.imag]) for one in (part * ahead for part in along)]
         rates = zip([place, *flat], (value, slope, bend, jerk), strict=True)
         return MotionRates(*(np.column_stack([xy, rest[:, 1:]]) for xy, rest in rates))
