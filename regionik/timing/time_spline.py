@@ -221,9 +221,9 @@ class RollingSpline(TimeSpline):
             jerk[:, 0] - v * w**2 + 1j * (2 * bend[:, 0] * w + v * bend[:, 1]),
         ]
         segment = self.segments[piece]
-        slid = np.polynomial.polynomial.polyval(self._share(times, segment), _WAY)[:, None] * self._slip[segment]
-        place = self._places[piece] + self._gone(times, piece) + slid
-        flat = [np.column_stack([one.real, one.imag]) for one in (part * ahead for part in along)]
+        part = np.polynomial.polynomial.polyval(self._share(times, segment), _WAY)
+        place = self._places[piece] + self._gone(times, piece) + part[:, None] * self._slip[segment]
+        flat = [np.column_stack([one.real, one.imag]) for one in (row * ahead for row in along)]
         rates = zip([place, *flat], (value, slope, bend, jerk), strict=True)
         return MotionRates(*(np.column_stack([xy, rest[:, 1:]]) for xy, rest in rates))
 
