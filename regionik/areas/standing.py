@@ -20,7 +20,7 @@ from shapely.geometry import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import EVERY, GUARD, Geometries, Side, disjoint, ground_of
-from regionik.planners.driving.footprint import FootprintScene, footprint_scene
+from regionik.planners.driving.footprint import FootprintScene, fits, footprint_scene
 from regionik.planners.driving.heading_slabs import slab_areas, slab_rejections, slabs_along
 from regionik.postures.families import Family
 from regionik.worlds.arrays import Array
@@ -216,6 +216,14 @@ def room_for(world: World) -> FootprintScene:
     """Footprint in the base frame and all it must keep clear of, with a guard against rounding."""
     ground = ground_of(world)
     return footprint_scene(world.robot.footprint, ground.floor, ground.shadows, ground.clearance + GUARD)
+
+
+def stands_about(world: World, base: Array, by: float) -> bool:
+    """True if the base may stand, at its heading, at all places within a distance of a pose (3,) [m]."""
+    ground, outline = ground_of(world), Polygon(world.robot.footprint).buffer(by, join_style="mitre")
+    grown = shapely.get_coordinates(outline.exterior)[:-1]
+    scene = footprint_scene(grown, ground.floor, ground.shadows, ground.clearance + GUARD)
+    return bool(fits(scene, *base.tolist()))
 
 
 @lru_cache(maxsize=8)

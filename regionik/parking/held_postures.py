@@ -72,6 +72,12 @@ class PostureCarrier:
             branched = self.kept(best.base, every[: len(best.joints)], best.joints)
         return best if branched is None else branched
 
+    def led_from(self, pose: Pose) -> Array:
+        """Postures (k, dof) at the first k targets, led on from that of a pose."""
+        return self._carried(
+            self._bound, axis_of(self.world.robot, pose.base), float(pose.base[2]), pose.joints
+        )
+
     def resolved(self, base: Array, most: int) -> Array:
         """Clear postures (k, dof) at the first k targets in a row, `most` of them carried on at once.
 

@@ -11,7 +11,7 @@ import shapely
 from shapely.geometry import Point
 
 from regionik.areas.reachable import model_of
-from regionik.areas.standing import into_span, spread
+from regionik.areas.standing import away, into_span, spread, stands_about
 from regionik.mfabrik import Solver, solver_for
 from regionik.parking.arm_roadmap import ArmRoadmap, HeldPostures
 from regionik.parking.held_postures import PostureCarrier
@@ -27,7 +27,7 @@ from regionik.parking.posture_scores import posture_score
 from regionik.planners.coverage.set_cover import undominated
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.families import Family
-from regionik.postures.poses import pose_of
+from regionik.postures.poses import Pose, axis_of, pose_of
 from regionik.values import Configuration, Stop
 from regionik.worlds.arms import pivot_index
 from regionik.worlds.arrays import Array
@@ -228,6 +228,25 @@ class PlacementSearch:
         chain = self._chain(group, axis, side)
         return None if chain is None else self._along(group, chain, axis, side)
 
+    def standing(self, group: StopGroup, pose: Pose) -> BasePlacement | None:
+        """Placement where the robot stands, of those of a stop's first set-points that its posture is led to.
+
+        It need not be in an area, as those of arms whose posture no place gives are not all that there is.
+        """
+        sides, wanted = self.parking_areas.standing.sides, self.world.rules.stop_tolerance
+        if self._gives_posture(group) or not stands_about(self.world, pose.base, wanted):
+            return None
+        axis, yaw = axis_of(self.world.robot, pose.base), float(pose.base[2])
+        side = min(range(len(sides)), key=lambda s: away(yaw, sides[s].span))
+        carrier = PostureCarrier(
+            self.world, guard_of(self.world), [self.world.task[i] for i in group.setpoints]
+        )
+        chain, joints = self._nearest_chain(group, axis, side), carrier.led_from(pose)
+        count = min(len(chain), len(joints))
+        if count == 0:
+            return None
+        return BasePlacement(group.setpoints[:count], chain[:count], axis, pose.base, joints[:count], wanted)
+
     def _along(
         self, group: StopGroup, chain: tuple[int, ...], axis: Array, side: int, yaw: float | None = None
     ) -> BasePlacement | None:
@@ -343,6 +362,19 @@ class PlacementSearch:
             k = row[k][1]
             chain.append(k)
         return tuple(chain[::-1])
+
+    def _nearest_chain(self, group: StopGroup, axis: Array, side: int) -> tuple[int, ...]:
+        """Components of set-points nearest to a position, each linked to the one before."""
+        areas, chain = self.parking_areas, list[int]()
+        for i in group.setpoints:
+            own = range(int(areas.ladder.rungs[i]), int(areas.ladder.rungs[i + 1]))
+            linked = [
+                k for k in own if areas.ladder.side[k] == side and (not chain or chain[-1] in areas.back[k])
+            ]
+            if not linked:
+                break
+            chain.append(min(linked, key=lambda k: -depth(areas.ladder.component[k], axis)))
+        return tuple(chain)
 
     def _planes(self, group: StopGroup, chain: tuple[int, ...], axis: Array) -> Array:
         """Sum of base yaw and pivot that each set-point asks for, continuous along the path [rad]."""

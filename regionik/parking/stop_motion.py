@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from itertools import chain, islice
 
 import numpy as np
@@ -58,6 +58,7 @@ def connect_stops(sequence: StopSequence, seed: int) -> StopMotion:
 
     The stops are found with the place of the largest circle at each; the criterion of the rules then chooses
     among the places from which the same set-points are done, so that no other number of stops comes of it.
+    Where none are found, the base first does what it can from where it starts.
 
     Raises
     ------
@@ -65,7 +66,15 @@ def connect_stops(sequence: StopSequence, seed: int) -> StopMotion:
         Where the arm touches something in every posture that was looked at, the base finds no way, or
         the tool is lifted more often than the rules allow.
     """
-    found = _connection(sequence.widest(), seed).made()
+    widest = sequence.widest()
+    try:
+        found = _connection(widest, seed).made()
+    except NoPlanFound:
+        staying = _connection(widest, seed)
+        first = staying.from_start()
+        if first is None:
+            raise
+        return staying.made(first)
     if sequence.world.rules.stop_criterion == "tolerance":
         return found
     asked = _connection(sequence.divided([stop.setpoints for stop in found.stops]), seed)
@@ -104,17 +113,32 @@ class _StopConnection:
     def world(self) -> World:
         return self.sequence.world
 
-    def made(self) -> StopMotion:
+    @cached_property
+    def _placements(self) -> PlacementSearch:
+        return PlacementSearch(self.world, self.sequence.parking_areas)
+
+    def from_start(self) -> _Attempt | None:
+        """What is done from the place where the robot starts; None where that is nothing."""
+        rows = self.search.start()
+        if not rows or self.world.rules.order != "given":
+            return None
+        placement = self._placements.standing(self.sequence.groups[0], rows[-1].pose)
+        found = None if placement is None else self._attempt(placement, rows[-1].pose, HARD_TRIES)
+        return found if found is not None and found.candidates else None
+
+    def made(self, first: _Attempt | None = None) -> StopMotion:
         """Stop after stop until all set-points are done."""
         rows, found = self.search.start(), list[Candidate]()
-        placements, sequence, k = PlacementSearch(self.world, self.sequence.parking_areas), self.sequence, 0
+        placements, sequence, k = self._placements, self.sequence, 0
         stops, split, places = list[Stop](), list[int](), list[BaseGeometry]()
         while k < len(sequence.groups):
             group = sequence.groups[k]
             most = self.world.rules.max_lift_offs
             if most is not None and len(stops) > most:
                 raise NoPlanFound(self._one_lift_too_many(group))
-            best = self._best(group, placements, sequence.spots[k], rows[-1].pose if rows else None)
+            best = first if first is not None and not stops else None
+            if best is None:
+                best = self._best(group, placements, sequence.spots[k], rows[-1].pose if rows else None)
             rows += best.rows
             found += best.candidates
             done = best.placement.setpoints[: len(best.candidates)]
