@@ -285,6 +285,20 @@ FAULTS = (
         ("tests/test_steering.py",),
     ),
     Fault(
+        "timing: what wheels slip is no velocity",
+        "regionik/timing/time_spline.py",
+        "np.column_stack([row.real, row.imag]) + slip",
+        "np.column_stack([row.real, row.imag]) + 0.0 * slip",
+        ("tests/test_jerk_limits.py",),
+    ),
+    Fault(
+        "verify: wheels that slip do so the other way",
+        "regionik/verification/timed_segments.py",
+        "return pieces, np.column_stack([missed.real, missed.imag])",
+        "return pieces, -np.column_stack([missed.real, missed.imag])",
+        ("tests/test_jerk_limits.py",),
+    ),
+    Fault(
         "timing: jerks may be twice their limits",
         "regionik/timing/limits.py",
         "np.hypot(*jerk[:, :2].T) / s.base_jerk",

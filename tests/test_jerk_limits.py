@@ -13,6 +13,7 @@ from regionik.output.plan_file import load_plan
 from regionik.timing import retime as stage
 from regionik.timing.limits import motion_limits
 from regionik.timing.retime import BLEND, retime
+from regionik.timing.smooth_path import SLIP
 from regionik.timing.trajectory import SplineTrajectory, trajectory
 from regionik.values import Plan, Report, Violation
 from regionik.verification.motion import MotionSegments
@@ -67,7 +68,7 @@ def test_limits_hold_for_what_is_differentiated_by_numbers(kind: BaseKind, parts
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_rates_are_derivatives_and_no_wheel_slips(kind: BaseKind) -> None:
+def test_rates_are_derivatives_and_wheels_hardly_slip(kind: BaseKind) -> None:
     found = timed(kind)
     moving = trajectory(found)
     assert isinstance(moving, SplineTrajectory)
@@ -78,7 +79,7 @@ def test_rates_are_derivatives_and_no_wheel_slips(kind: BaseKind) -> None:
         assert np.abs(slope - here[order + 1]).max() < 1e-4
     if kind != "omni":
         yaw, (x, y) = here[0][:, 2], here[1][:, :2].T
-        assert np.abs(y * np.cos(yaw) - x * np.sin(yaw)).max() < 1e-9
+        assert np.abs(y * np.cos(yaw) - x * np.sin(yaw)).max() < SLIP * np.hypot(x, y).max()
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -112,23 +113,28 @@ def test_the_polynomials_are_those_of_the_trajectory(kind: BaseKind) -> None:
     again = np.append(False, k[1:] == k[:-1])
     start = found.motion.time[k] + np.where(again, span, 0.0)
     for share in (0.1, 0.5, 0.9):
-        base, joints = course.polynomials()
+        base, joints, slip = course.polynomials()
         times = start + share * span
         sample, jerk = trajectory(found).sample(times), trajectory(found).jerk(times)
         assert jerk is not None
         value = []
         for _ in range(4):
-            by_share = [share ** np.arange(p.shape[1]) for p in (base, joints)]
             value.append(
-                [np.einsum("mnk,n->mk", p, u) for p, u in zip((base, joints), by_share, strict=True)]
+                [np.einsum("mnk,n->mk", p, share ** np.arange(p.shape[1])) for p in (base, joints, slip)]
             )
-            base, joints = (rate(p, span) for p in (base, joints))
+            base, joints, slip = (rate(p, span) for p in (base, joints, slip))
         assert np.abs(value[1][1] - sample.joint_velocity).max() < 1e-6
         assert np.abs(value[2][1] - sample.joint_acceleration).max() < 1e-5
         assert np.abs(value[3][1] - jerk[:, 3:]).max() < 1e-4
         assert np.abs(value[3][0][:, -1] - jerk[:, 2]).max() < 1e-4
-        went = np.hypot(*sample.base_velocity[:, :2].T)
-        assert np.abs(np.linalg.norm(value[1][0][:, :-1], axis=1) - went).max() < 1e-6
+        went = value[1][0][:, :-1]
+        if kind != "omni":
+            went = (
+                went * np.column_stack([np.cos(sample.base[:, 2]), np.sin(sample.base[:, 2])]) + value[1][2]
+            )
+        assert np.abs(np.hypot(*went.T) - np.hypot(*sample.base_velocity[:, :2].T)).max() < 1e-6
+        if kind != "omni":
+            assert np.abs(went - sample.base_velocity[:, :2]).max() < 1e-6
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -37,6 +37,7 @@ NEGLIGIBLE = 0.002  # part by which the whole motion may as well be slower
 LOCAL = 4  # of these, the first, about what is too fast alone, each twice as much as the one before
 SLIGHT = 0.05  # share of a limit by which bounds may exceed it where the motion is slowed, not rested
 ALL = 1_000_000
+APART = 20  # states between two that break a rule for reasons of their own
 BESIDE = 0, 0, 1, 4, ALL, ALL  # states next to one that breaks a rule at which to rest too, try by try
 
 
@@ -97,8 +98,7 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, blend: float = BLEND, ho
                 check_tool_speed(limits, timed.motion)
             figures = {"margins": report.margins, "timing": timing_figures(limits, timed.motion, blend)}
             return replace(timed, stats={**timed.stats, **figures})
-        states = [v.state for v in report.violations if v.state is not None]
-        rests = _nearby_states(limits.robot, motion, timed.motion, states, beside)
+        rests = _nearby_states(limits.robot, motion, timed.motion, _worst(report), beside)
         if not len(rests):
             break
         motion = with_rests(motion, rests)
@@ -196,6 +196,15 @@ def _timed(limits: MotionLimits, motion: Motion, blend: float, room: Array) -> M
             tightened *= np.where(factor > 1.0, factor * (1 + SPARE), 1.0) ** 2 ** (k + 1)
             motion = replace(motion, time=fastest_times(limits, motion, tightened=tightened))
     return motion
+
+
+def _worst(report: Report) -> list[int]:
+    """States that break a rule, but for those near one that does by more: it may be for that one's sake."""
+    found = list[int]()
+    for one in sorted(report.violations, key=lambda one: -one.amount):
+        if one.state is not None and all(abs(one.state - state) > APART for state in found):
+            found.append(one.state)
+    return sorted(found)
 
 
 def _nearby_states(robot: Robot, motion: Motion, timed: Motion, broken: list[int], beside: int) -> Index:

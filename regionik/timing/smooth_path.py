@@ -18,11 +18,14 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.drives import BaseDrive
 
 SAME = 1e-9  # states that differ by less are the same [m], [rad]
-LEFT = 1e-8  # of the way to the next state that wheels need not roll [m]
+# Of the way to the next state that wheels need not roll: as a share of it, and besides [m]
+SLIP, LEFT = 1e-3, 1e-5
 CORNER = np.radians(30)  # at sharper corners the robot stops, others are rounded
 STEERED = 1e-6  # angle of steering that a car need not stop for [rad]
 STEPS = 6  # of Newton's method, which converges from a small deviation
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
+
+Cubics = tuple[Array, Array, Array, Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,14 +104,17 @@ class SmoothPath:
         return q[:, :3], q[:, 3:]
 
     @cached_property
-    def _cubics(self) -> tuple[Array, Array, Array, Array]:
-        """Coefficients of the coordinates on each segment, constant first, (n - 1, k) each.
+    def _cubics(self) -> Cubics:
+        """Of the coordinates."""
+        return self._through(self.coordinates)
+
+    def _through(self, z: Array) -> Cubics:
+        """Coefficients of cubics through values (n, k) at the states, constant first, (n - 1, k) each.
 
         Slopes at states are weighted harmonic means of those of the two segments, and 0 where these have
         opposite signs, so that nothing goes beyond its states (Fritsch and Butland, SIAM J. Sci. Stat.
         Comput. 1984).
         """
-        z = self.coordinates
         far = np.where(self.lengths > 0, self.lengths, np.inf)[:, None]
         secant, width = np.diff(z, axis=0) / far, np.where(self.lengths > 0, self.lengths, 0.0)[:, None]
         before, after = secant[:-1], secant[1:]
@@ -123,8 +129,13 @@ class SmoothPath:
 
     def evaluate(self, position: Array, segment: NDArray[np.int64]) -> tuple[Array, Array, Array]:
         """Base and joints q (m, 3 + dof) at path positions (m,) on segments (m,), with q_s and q_ss."""
+        return self._values(self._cubics, position, segment)
+
+    def _values(
+        self, cubics: Cubics, position: Array, segment: NDArray[np.int64]
+    ) -> tuple[Array, Array, Array]:
         t = (position - self.position[segment])[:, None]
-        a, b, c, d = (power[segment] for power in self._cubics)
+        a, b, c, d = (power[segment] for power in cubics)
         return a + t * (b + t * (c + t * d)), b + t * (2 * c + 3 * t * d), 2 * c + 6 * t * d
 
 
@@ -138,16 +149,15 @@ class SplinePath(SmoothPath):
         far: Array = np.linalg.norm(np.diff(self.coordinates, axis=0), axis=1)
         return far
 
-    @cached_property
-    def _cubics(self) -> tuple[Array, Array, Array, Array]:
-        """See `SmoothPath._cubics`; at the ends of runs the path is straight."""
+    def _through(self, z: Array) -> Cubics:
+        """See `SmoothPath._through`; at the ends of runs the path is straight."""
         moving = self.lengths > 0
-        h, change = np.where(moving, self.lengths, 1.0)[:, None], np.diff(self.coordinates, axis=0)
+        h, change = np.where(moving, self.lengths, 1.0)[:, None], np.diff(z, axis=0)
         bend = knot_curvatures(h[:, 0], change / h, moving, np.zeros((2, len(h)), dtype=np.bool_))
         a, b = bend[:-1], bend[1:]
         rest = (change / h - h * (2 * a + b) / 6, a / 2, (b - a) / (6 * h))
         slope, half, third = (np.where(moving[:, None], one, 0.0) for one in rest)
-        return self.coordinates[:-1], slope, half, third
+        return z[:-1], slope, half, third
 
 
 def knot_curvatures(h: Array, secant: Array, moving: NDArray[np.bool_], halved: NDArray[np.bool_]) -> Array:
@@ -180,9 +190,9 @@ def knot_curvatures(h: Array, secant: Array, moving: NDArray[np.bool_], halved: 
 
 @dataclass(frozen=True, eq=False)
 class RollingPath(SmoothPath):
-    """Smooth path of a robot on wheels: what its base rolls and its heading are smooth, and it never slips.
+    """Smooth path of a robot on wheels: what its base rolls and its heading are smooth.
 
-    A car rests wherever it has to turn its steering.
+    It comes to all states with hardly any slip. A car rests wherever it has to turn its steering.
     """
 
     @cached_property
@@ -213,8 +223,8 @@ class RollingPath(SmoothPath):
         """Coefficients of way rolled and heading by shares of segments, constant first, (5, n - 1, 2).
 
         To the cubics a way of 3 u^2 - 2 u^3 and a heading of u^2 (1 - u)^2 are added, which leave the rates
-        at the ends as they are, so much of both that the base comes to the next state. What is missing of
-        that by rounding is left, as wheels that hardly roll would have to turn far for it.
+        at the ends as they are, so much of both that the base comes to the next state; where it hardly misses
+        it nothing is, as states that are joined by arcs would have it turn to and fro between them.
         """
         powers = np.stack([*(power[:, :2] for power in self._cubics), np.zeros((len(self.lengths), 2))])
         powers *= self.lengths[:, None] ** np.arange(5)[:, None, None]
@@ -230,7 +240,7 @@ class RollingPath(SmoothPath):
             by_heading = (1j * share**2 * (1 - share) ** 2 * slope[..., 0] * along) @ weight
             missing = chord[some] - (slope[..., 0] * along) @ weight
             if step == 0:
-                left = np.abs(missing) <= LEFT
+                left = np.abs(missing) <= LEFT + SLIP * np.abs(rolled[some])
             missing[left] = 0.0
             whole = by_way.real * by_heading.imag - by_way.imag * by_heading.real
             way = (missing.real * by_heading.imag - missing.imag * by_heading.real) / whole
@@ -240,26 +250,26 @@ class RollingPath(SmoothPath):
         return powers
 
     @cached_property
-    def _slip(self) -> Array:
-        """What is left of the base's motion on each segment when all is rolled, (n - 1, 2) [m]."""
-        whole = np.ones(len(self.lengths))
-        rolled: Array = np.diff(self.base[:, :2], axis=0) - _way(self._rolling, whole)
-        return rolled
+    def _slip(self) -> Cubics:
+        """Of what is left of the base's motion to each state when all is rolled [m]."""
+        left = np.diff(self.base[:, :2], axis=0) - _way(self._rolling, np.ones(len(self.lengths)))
+        return self._through(np.concatenate([np.zeros((1, 2)), np.cumsum(left, axis=0)]))
 
     def evaluate(self, position: Array, segment: NDArray[np.int64]) -> tuple[Array, Array, Array]:
         """Return base and joints with derivatives, as `SmoothPath.evaluate` does."""
         q, q_s, q_ss = super().evaluate(position, segment)
         length = np.where(self.lengths > 0, self.lengths, np.inf)[segment, None]
         share = np.clip((position - self.position[segment]) / length[:, 0], 0.0, 1.0)
-        powers, slip = self._rolling[:, segment], self._slip[segment]
+        powers = self._rolling[:, segment]
+        slip, slip_s, slip_ss = self._values(self._slip, position, segment)
         value, slope, bend = (one[:, 0] for one in _polynomials(powers, share[:, None]))
         (roll, turn), (gain, twist) = (slope / length).T, (bend / length**2).T
         yaw = value[:, 1]
         ahead = np.column_stack([np.cos(yaw), np.sin(yaw)])
         left = np.column_stack([-ahead[:, 1], ahead[:, 0]])
-        place = self.base[segment, :2] + _way(powers, share) + share[:, None] * slip
-        flat = roll[:, None] * ahead + slip / length
-        bent = gain[:, None] * ahead + (roll * turn)[:, None] * left
+        place = self.base[segment, :2] + _way(powers, share) + slip - self._slip[0][segment]
+        flat = roll[:, None] * ahead + slip_s
+        bent = gain[:, None] * ahead + (roll * turn)[:, None] * left + slip_ss
         return (
             np.column_stack([place, yaw, q[:, 2:]]),
             np.column_stack([flat, turn, q_s[:, 2:]]),

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from regionik.timing.smooth_path import LEFT, SAME, SmoothPath, knot_curvatures
+from regionik.timing.smooth_path import LEFT, SAME, SLIP, SmoothPath, knot_curvatures
 from regionik.worlds.arrays import Array, Index
 
 CLOSINGS = 12  # steps in which a rolled way is brought to its end
@@ -69,18 +69,15 @@ class TimeSpline:
         moving = np.concatenate([[False], self.path.lengths > 0, [False]])
         return moving[1:-1] & ~moving[:-2], moving[1:-1] & ~moving[2:]
 
-    @cached_property
-    def _accelerations(self) -> Array:
+    def _accelerations(self, z: Array) -> Array:
         """Second derivatives at the states, (n, k), by which first derivatives are continuous."""
         moving = self.path.lengths > 0
         h = np.where(moving, np.diff(self.time), 1.0)
-        secant = np.diff(self.path.coordinates, axis=0) / h[:, None]
-        return knot_curvatures(h, secant, moving, np.stack(self._ends))
+        return knot_curvatures(h, np.diff(z, axis=0) / h[:, None], moving, np.stack(self._ends))
 
-    @cached_property
-    def _knots(self) -> _Knots:
-        """States, and in the first and last segments of runs a knot halfway."""
-        z, time, bend = self.path.coordinates, self.time, self._accelerations
+    def _knots(self, z: Array) -> _Knots:
+        """States with values (n, k), and in the first and last segments of runs a knot halfway."""
+        time, bend = self.time, self._accelerations(z)
         first, last = self._ends
         at = np.flatnonzero(first | last)
         lead, span = first[at][:, None], np.diff(time)[at]
@@ -94,9 +91,16 @@ class TimeSpline:
         )
 
     @cached_property
+    def _laid_out(self) -> _Knots:
+        return self._knots(self.path.coordinates)
+
+    @cached_property
     def _cubics(self) -> Array:
-        """Coefficients of the coordinates by time from each knot on, constant first, (p - 1, 4, k)."""
-        knots = self._knots
+        """Of the coordinates."""
+        return self._through(self._laid_out)
+
+    def _through(self, knots: _Knots) -> Array:
+        """Coefficients by time from each knot on, constant first, (p - 1, 4, k)."""
         moving = (self.path.lengths > 0)[knots.segment[:-1], None]
         h = np.where(moving, np.diff(knots.time)[:, None], 1.0)
         a, b = knots.acceleration[:-1], knots.acceleration[1:]
@@ -107,12 +111,12 @@ class TimeSpline:
     @property
     def instants(self) -> Array:
         """Times of the knots, (p,) [s]."""
-        return self._knots.time
+        return self._laid_out.time
 
     @property
     def segments(self) -> Index:
         """Segment that each knot but the last begins or is on, (p - 1,)."""
-        return self._knots.segment[:-1]
+        return self._laid_out.segment[:-1]
 
     def evaluate(self, times: Array, piece: Index | None = None) -> MotionRates:
         """Base and joints at instants (m,) [s], which may be said to lie in pieces between knots (m,)."""
@@ -130,9 +134,9 @@ class RollingSpline(TimeSpline):
     """The same for a base on wheels: way rolled and heading are splines, and it comes to each of its states.
 
     To the way of a segment a part of 10 u^3 - 15 u^4 + 6 u^5 of its time u is added, to the heading one of
-    u^3 (1 - u)^3: rates at the states stay what they are. Wheels that are within rounding of the next state
-    are left alone, as where they hardly roll they would have to turn far; the place takes up the rest as it
-    goes, in parts of the former.
+    u^3 (1 - u)^3: rates at the states stay what they are. Where it hardly misses the next state nothing is
+    added, as states that are joined by arcs would have it turn to and fro between them; what it misses is
+    slip, by splines like the others.
     """
 
     @cached_property
@@ -145,7 +149,7 @@ class RollingSpline(TimeSpline):
         for step in range(CLOSINGS):
             went, by_heading = self._ways(added)
             missed = chord - went * np.exp(-1j * middle)
-            rolling &= (step > 0) | (np.abs(missed) > LEFT)
+            rolling &= (step > 0) | (np.abs(missed) > LEFT + SLIP * np.abs(rolled))
             missed = missed[rolling]
             added[rolling, 0] += missed.real
             added[rolling, 1] += missed.imag / by_heading[rolling]
@@ -153,10 +157,11 @@ class RollingSpline(TimeSpline):
 
     @cached_property
     def _slip(self) -> Array:
-        """What is left of the base's motion on each segment when all is rolled, (n - 1, 2) [m]."""
+        """Coefficients of what is left of the base's motion when all is rolled, (p - 1, 4, 2) [m]."""
         ways, _ = self._ways(self._added)
-        slid: Array = np.diff(self.path.base[:, :2], axis=0) - np.column_stack([ways.real, ways.imag])
-        return np.where(self.path.lengths[:, None] > 0, slid, 0.0)
+        left = np.diff(self.path.base[:, :2], axis=0) - np.column_stack([ways.real, ways.imag])
+        left[self.path.lengths == 0] = 0.0
+        return self._through(self._knots(np.concatenate([np.zeros((1, 2)), np.cumsum(left, axis=0)])))
 
     def _ways(self, added: Array) -> tuple[NDArray[np.complex128], Array]:
         """Ways on the floor over segments, and how much farther aside a unit of added heading leads."""
@@ -196,10 +201,11 @@ class RollingSpline(TimeSpline):
     @cached_property
     def _places(self) -> Array:
         """Of the base at each knot, (p, 2) [m]: at states their own."""
-        knots, path = self._knots, self.path
-        places = path.base[knots.segment, :2].copy()
+        knots = self._laid_out
+        places = self.path.base[knots.segment, :2].copy()
         between = np.flatnonzero(np.diff(knots.segment, prepend=-1) == 0)
-        places[between] += self._gone(knots.time[between], between - 1)
+        slid = self._slip[between, 0] - self._slip[between - 1, 0]
+        places[between] += self._gone(knots.time[between], between - 1) + slid
         return places
 
     def _gone(self, times: Array, piece: Index) -> Array:
@@ -220,10 +226,12 @@ class RollingSpline(TimeSpline):
             bend[:, 0] + 1j * v * w,
             jerk[:, 0] - v * w**2 + 1j * (2 * bend[:, 0] * w + v * bend[:, 1]),
         ]
-        segment = self.segments[piece]
-        part = np.polynomial.polynomial.polyval(self._share(times, segment), _WAY)
-        place = self._places[piece] + self._gone(times, piece) + part[:, None] * self._slip[segment]
-        flat = [np.column_stack([one.real, one.imag]) for one in (row * ahead for row in along)]
+        slid, *slipping = _derivatives(self._slip[piece], times - self.instants[piece])
+        place = self._places[piece] + self._gone(times, piece) + slid - self._slip[piece, 0]
+        flat = [
+            np.column_stack([row.real, row.imag]) + slip
+            for row, slip in zip((row * ahead for row in along), slipping, strict=True)
+        ]
         rates = zip([place, *flat], (value, slope, bend, jerk), strict=True)
         return MotionRates(*(np.column_stack([xy, rest[:, 1:]]) for xy, rest in rates))
 

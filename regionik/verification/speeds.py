@@ -15,7 +15,14 @@ from scipy.special import comb
 from regionik.values import Violation
 from regionik.verification.motion import Indices, MotionSegments
 from regionik.verification.proofs import Finding, StateNames, finding
-from regionik.verification.timed_segments import SAME, TimedSegments, product, substitution, timed_segments
+from regionik.verification.timed_segments import (
+    SAME,
+    CoursePolynomials,
+    TimedSegments,
+    product,
+    substitution,
+    timed_segments,
+)
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 from regionik.worlds.speeds import Speeds
@@ -40,10 +47,13 @@ def verify_speeds(world: World, segments: MotionSegments, names: StateNames) -> 
         text = f"no motion {course.kind} passes at these times {names.segment(at)}"
         yield finding("speeds", np.inf, [Violation("speeds", at, names.owner(at), 1.0, text)])
         return
-    base, joints = (_derivatives(one, course.piece_span) for one in course.polynomials())
-    yield _held_against("speeds", _shares(world, segments, course, base, joints), names)
+    rates = [
+        CoursePolynomials(*some)
+        for some in zip(*(_derivatives(one, course.piece_span) for one in course.polynomials()), strict=True)
+    ]
+    yield _held_against("speeds", _shares(world, segments, course, rates), names)
     if world.speeds is not None and world.speeds.limit_jerk:
-        yield _held_against("jerk", _jerks(world, course.moving, base, joints), names)
+        yield _held_against("jerk", _jerks(world, course.moving, rates), names)
 
 
 def _held_against(kind: str, shares: Iterable[tuple[str, Array, Indices]], names: StateNames) -> Finding:
@@ -62,11 +72,11 @@ def _shares(
     world: World,
     segments: MotionSegments,
     course: TimedSegments,
-    base: Sequence[Array],
-    joints: Sequence[Array],
+    rates: Sequence[CoursePolynomials],
 ) -> Iterator[tuple[str, Array, Indices]]:
-    """Shares of limits that are used at the most, by segments, from derivatives of base and joints."""
+    """Shares of limits that are used at the most, by segments, from derivatives by time."""
     robot, speeds, k = world.robot, world.speeds or Speeds(), course.moving
+    base, joints, slip = zip(*rates, strict=True)
     fastest, quickest = speeds.joint_limits(robot.chain)
     for j, name in enumerate(robot.chain.names):
         yield f"the speed of {name}", _largest(joints[0][..., j : j + 1]) / fastest[j], k
@@ -79,8 +89,8 @@ def _shares(
         along = np.zeros_like(across)
         along[:, : gain.shape[1]] = gain[..., 0]
         gain = np.stack([along, across], axis=-1)
-    yield "the base's speed", _largest(way) / speeds.base_velocity, k
-    yield "the base's acceleration", _largest(gain) / speeds.base_acceleration, k
+    yield "the base's speed", (_largest(way) + _largest(slip[0])) / speeds.base_velocity, k
+    yield "the base's acceleration", (_largest(gain) + _largest(slip[1])) / speeds.base_acceleration, k
     if speeds.wheel_velocity is not None and robot.gauge > 0:
         turned = base[0][..., -1:] * robot.gauge / 2
         for wheel in (way - turned, way + turned):
@@ -92,17 +102,17 @@ def _shares(
 
 
 def _jerks(
-    world: World, k: Indices, base: Sequence[Array], joints: Sequence[Array]
+    world: World, k: Indices, rates: Sequence[CoursePolynomials]
 ) -> Iterator[tuple[str, Array, Indices]]:
     """Shares of limits of jerk that are used at the most on segments k."""
-    robot, speeds, turned, swung = world.robot, world.speeds or Speeds(), base[2], joints[2]
+    robot, speeds, (turned, swung, slip) = world.robot, world.speeds or Speeds(), rates[2]
     for j, (name, limit) in enumerate(zip(robot.chain.names, speeds.joint_jerks(robot.chain), strict=True)):
         yield f"the jerk of {name}", _largest(swung[..., j : j + 1]) / limit, k
     if speeds.turn_jerk is not None:
         yield "the base's angular jerk", _largest(turned[..., -1:]) / speeds.turn_jerk, k
     if speeds.base_jerk is not None:
-        moved = _rolled_jerk(*base) if robot.drive.rolls else turned[..., :-1]
-        yield "the base's jerk", _largest(moved) / speeds.base_jerk, k
+        moved = _rolled_jerk(*(one.base for one in rates)) if robot.drive.rolls else turned[..., :-1]
+        yield "the base's jerk", (_largest(moved) + _largest(slip)) / speeds.base_jerk, k
 
 
 def _rolled_jerk(first: Array, second: Array, third: Array) -> Array:

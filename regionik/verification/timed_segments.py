@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from math import factorial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss
@@ -22,13 +23,31 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.speeds import Speeds
 
 SAME = 1e-9  # states that differ by less are the same [m], [rad]
-LEFT = 1e-8  # of the way to the next state that wheels need not roll [m]
+# Of the way to the next state that wheels need not roll: as a share of it, and besides [m]
+SLIP, LEFT = 1e-3, 1e-5
 CLOSINGS = 20  # steps in which a rolled way is brought to its end
 AT_REST = 1e-5  # path velocity at an end of a run, as a share of the largest
 # Polynomials added to a way and to a heading, by the share of time and by that of the way, constant first.
 BY_TIME = np.array([(0.0, 0.0, 0.0, 10.0, -15.0, 6.0, 0.0), (0.0, 0.0, 0.0, 1.0, -3.0, 3.0, -1.0)]).T
 BY_SHARE = np.array([(0.0, 0.0, 3.0, -2.0, 0.0), (0.0, 0.0, 1.0, -2.0, 1.0)]).T
 NODES, WEIGHTS = np.array(leggauss(24)) / 2 + [[0.5], [0.0]]  # of a mean from 0 to 1
+
+
+class CoursePolynomials(NamedTuple):
+    """Polynomials of the share of a piece's time, constant first.
+
+    Attributes
+    ----------
+    base : (pieces, n, k) array
+        x, y and yaw, or what a base on wheels rolls, and its heading against that midway.
+    joints : (pieces, n, dof) array
+    slip : (pieces, n, 2) array
+        Of a base on wheels in the world, else (pieces, n, 0).
+    """
+
+    base: Array
+    joints: Array
+    slip: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,19 +106,17 @@ class TimedSegments:
         wrong = (~still & (self.span <= 0)) | (end < -tolerance) | (ends & (np.abs(end) > tolerance))
         return np.flatnonzero(wrong & np.isfinite(start))
 
-    def polynomials(self) -> tuple[Array, Array]:
-        """Coordinates and joints of moving segments, constant first, (moving, 9, k) and (moving, 9, dof).
-
-        Coordinates are x, y and yaw, or what a base on wheels rolls, and its heading against that midway.
-        """
-        one, k, change = self.segments, self.moving, self._change
-        shape = self._by_share(change)[k]
-        if one.robot.drive.rolls:
-            shape = self._closed(shape, np.tile(BY_SHARE, (len(k), 1, 1)))
+    def polynomials(self) -> CoursePolynomials:
+        """Of moving segments; see `CoursePolynomials`."""
+        k = self.moving
+        shape = self._by_share(self._change)[k]
+        if self.segments.robot.drive.rolls:
+            shape, slip = self._closed(shape, np.tile(BY_SHARE, (len(k), 1, 1)))
+            shape = np.concatenate([shape, self._by_share(slip)[k]], axis=2)
         start, end = (np.maximum(rate[k], 0.0) for rate in self._rates)
         first = 2 * start / (start + end)
         share = np.column_stack([np.zeros(len(k)), first, 1 - first])
-        by_time = np.zeros((len(k), 9, change.shape[1]))
+        by_time = np.zeros((len(k), 9, shape.shape[2]))
         power = np.ones((len(k), 1))
         for order in range(5):
             by_time[:, : power.shape[1]] += shape[:, order, None] * power[:, :, None]
@@ -113,12 +130,16 @@ class TimedSegments:
         slid = one.rolled[:, None] if one.robot.drive.rolls else one.slide
         return np.column_stack([slid, one.turn, one.joint_change])
 
-    def _split(self, polynomials: Array) -> tuple[Array, Array]:
-        count = 2 if self.segments.robot.drive.rolls else 3
-        return polynomials[..., :count], polynomials[..., count:]
+    def _split(self, polynomials: Array) -> CoursePolynomials:
+        if not self.segments.robot.drive.rolls:
+            return CoursePolynomials(polynomials[..., :3], polynomials[..., 3:], polynomials[..., :0])
+        return CoursePolynomials(polynomials[..., :2], polynomials[..., 2:-2], polynomials[..., -2:])
 
-    def _closed(self, pieces: Array, bumps: Array) -> Array:
-        """Pieces whose rolled ways and headings, with so much of the bumps, come to the base's next state."""
+    def _closed(self, pieces: Array, bumps: Array) -> tuple[Array, Array]:
+        """Pieces that come to the next state by so much of the bumps, and what they miss, (segments, 2).
+
+        Bumps are added to rolled ways and headings.
+        """
         one, k, order = self.segments, self.moving, pieces.shape[1]
         pieces[:, 0, 1] -= one.turn[k] / 2
         chord = one.rolled * np.sinc(one.turn / 2 / np.pi)
@@ -132,12 +153,12 @@ class TimedSegments:
                 np.bincount(k, (way * one_of) @ WEIGHTS, count)
                 for one_of in (np.cos(heading), np.sin(heading), aside_of)
             )
-            added = np.zeros((count, 2))
-            rolling &= (step > 0) | (np.hypot(chord - ahead, aside) > LEFT)
-            added[rolling, 0] = (chord - ahead)[rolling]
-            added[rolling, 1] = -aside[rolling] / gain[rolling]
-            pieces[..., :2] += bumps * added[k][:, None]
-        return pieces
+            missed = chord - ahead - 1j * aside
+            rolling &= (step > 0) | (np.abs(missed) > LEFT + SLIP * np.abs(one.rolled))
+            added = np.column_stack([missed.real, missed.imag / np.where(rolling, gain, 1.0)])
+            pieces[..., :2] += bumps * np.where(rolling[:, None], added, 0.0)[k][:, None]
+        missed *= (self.lengths > 0) * np.exp(1j * (one.motion.base[:-1, 2] + one.turn / 2))
+        return pieces, np.column_stack([missed.real, missed.imag])
 
     def _by_share(self, change: Array) -> Array:
         """Monotone cubics of the share of the way, constant first, (segments, 5, k), from 0 at the start.
@@ -194,19 +215,26 @@ class SplinedSegments(TimedSegments):
     def piece_span(self) -> Array:
         return self.span[self.moving] / (1 + self._halved[self.moving])
 
-    def polynomials(self) -> tuple[Array, Array]:
-        """Coordinates and joints of pieces, constant first, (moving, 7, k) and (moving, 7, dof)."""
-        k, change = self.moving, self._change
+    def polynomials(self) -> CoursePolynomials:
+        """Of pieces; see `CoursePolynomials`."""
+        k, found = self.moving, self._through(self._change)
+        if not self.segments.robot.drive.rolls:
+            return self._split(found)
+        again = np.append(False, k[1:] == k[:-1])
+        of_segment = substitution(7, np.where(again, 0.5, 0.0), 1 / (1 + self._halved[k]))
+        found, slip = self._closed(found, of_segment @ BY_TIME)
+        return self._split(np.concatenate([found, self._through(slip)], axis=2))
+
+    def _through(self, change: Array) -> Array:
+        """Splines by changes over segments (segments, k), each piece from 0 at its start, (moving, 7, k)."""
+        k = self.moving
         found = np.zeros((len(k), 7, change.shape[1]))
         for first, end in self._runs.tolist():
             rows = (first <= k) & (k < end)
             found[rows, :4] = _spline_pieces(self.span[first:end], change[first:end])
         again = np.append(False, k[1:] == k[:-1])
         found[:, 0] = np.where(again[:, None], found[:, 0] - found[np.arange(len(k)) - 1, 0], 0.0)
-        if not self.segments.robot.drive.rolls:
-            return self._split(found)
-        of_segment = substitution(7, np.where(again, 0.5, 0.0), 1 / (1 + self._halved[k]))
-        return self._split(self._closed(found, of_segment @ BY_TIME))
+        return found
 
 
 def timed_segments(segments: MotionSegments, speeds: Speeds | None) -> TimedSegments:
