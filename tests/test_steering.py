@@ -13,8 +13,11 @@ from shapely.geometry import box
 
 from regionik.planners.driving.arcs import arc_end
 from regionik.timing.retime import BLEND, retime
+from regionik.timing.smooth_path import SLIP, SLIPPED
 from regionik.timing.trajectory import trajectory
 from regionik.values import Plan
+from regionik.verification import speeds
+from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.drives import BaseKind
 from regionik.worlds.scene import Floor, Rules
@@ -68,7 +71,7 @@ def test_limits_hold_for_what_is_differentiated_by_numbers(kind: BaseKind, parts
 @pytest.mark.parametrize("kind", ["car", "differential"])
 @settings(max_examples=examples(4))
 @given(ARCS)
-def test_no_wheel_slips_between_states_and_all_stay_next_to_the_arcs(
+def test_wheels_hardly_slip_between_states_and_all_stay_next_to_the_arcs(
     kind: BaseKind, parts: list[Arc]
 ) -> None:
     plan = driven(kind, parts)
@@ -76,11 +79,40 @@ def test_no_wheel_slips_between_states_and_all_stay_next_to_the_arcs(
     moving = trajectory(found)
     sample = moving.sample(np.linspace(0.0, moving.duration, 500))
     yaw, (x, y) = sample.base[:, 2], sample.base_velocity[:, :2].T
-    assert np.abs(y * np.cos(yaw) - x * np.sin(yaw)).max() < 1e-6
+    assert np.abs(y * np.cos(yaw) - x * np.sin(yaw)).max() < SLIP * np.hypot(x, y).max()
     shares = np.linspace(0, 1, 400)
     ways = [plan.world.robot.drive.between(a, b, s) for a, b in pairwise(plan.motion.base) for s in shares]
     off = np.linalg.norm(np.array(ways)[:, None, :2] - sample.base[::10, :2], axis=2).min(axis=0)
     assert off.max() < 2 * BLEND + 0.25 / 400
+
+
+WINDING = [(0.29, False, bend) for bend in (0.05, 0.25, 0.45, 0.65, 0.85)]
+
+
+@pytest.mark.parametrize("jerk", [None, 5.0])
+def test_wheels_hardly_slip_however_far_the_motion_may_leave_its_arcs(jerk: float | None) -> None:
+    limits = replace(SPEEDS, base_jerk=jerk, turn_jerk=jerk, joint_jerk=jerk)
+    found = retime(driven("differential", WINDING), limits, blend=1.0)
+    assert verify(found).ok
+    assert np.abs(np.diff(found.motion.base, axis=0)).max(axis=1).min() > 0  # it rests nowhere
+    moving, time = trajectory(found), found.motion.time
+    for k in np.flatnonzero(np.diff(time) > 0).tolist():
+        times = np.linspace(time[k], time[k + 1], 200)
+        sample = moving.sample(times)
+        yaw, (x, y) = sample.base[:, 2], sample.base_velocity[:, :2].T
+        aside = abs(np.trapezoid(y * np.cos(yaw) - x * np.sin(yaw), times))
+        assert aside <= SLIPPED + SLIP * np.trapezoid(np.hypot(x, y), times) + 1e-9
+
+
+@pytest.mark.parametrize("jerk", [None, 5.0])
+def test_wheels_that_slip_farther_are_named(jerk: float | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    limits = replace(SPEEDS, base_jerk=jerk, turn_jerk=jerk, joint_jerk=jerk)
+    found = retime(driven("differential", WINDING), limits)
+    monkeypatch.setattr(speeds, "SLIP", 0.0)
+    monkeypatch.setattr(speeds, "SLIPPED", 1e-7)
+    report = verify(replace(found, stats={}))
+    assert {one.kind for one in report.violations} == {"speeds"}
+    assert "the slip of the wheels" in report.violations[0].text
 
 
 def test_a_car_stands_while_it_steers_and_its_arcs_stay_as_tight_as_they_are() -> None:

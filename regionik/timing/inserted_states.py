@@ -72,7 +72,10 @@ def blended(limits: MotionLimits, motion: Motion, blend: float) -> Motion:
 
 
 def _deviation(limits: MotionLimits, motion: Motion) -> Array:
-    """Upper bound for any point's distance on the smooth path from each segment, (n - 1,) [m]."""
+    """Upper bound for any point's distance on the smooth path from each segment, (n - 1,) [m].
+
+    Infinite where wheels slip too far.
+    """
     off = np.zeros(len(motion) - 1)
     path, segment = timed_path(limits, motion), np.arange(len(off))
     for share in COMPARED_SHARES:
@@ -80,7 +83,7 @@ def _deviation(limits: MotionLimits, motion: Motion) -> Array:
         base = limits.robot.drive.between(path.base[:-1], path.base[1:], np.full(len(off), share))
         joints = path.joints[:-1] + share * np.diff(path.joints, axis=0)
         off = np.maximum(off, limits.displacement(q, np.column_stack([base, joints])))
-    return off
+    return np.where(path.slipping, np.inf, off)
 
 
 def with_rests(motion: Motion, states: NDArray[np.int64]) -> Motion:

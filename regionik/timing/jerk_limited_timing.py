@@ -177,7 +177,10 @@ def _kept(fine: Motion, path: SmoothPath) -> NDArray[np.bool_]:
 
 
 def _strayed(limits: MotionLimits, timed: Motion, law: _TimeLaw) -> Array:
-    """Upper bound for any point's distance on the splines from the path, (n - 1,) [m]."""
+    """Upper bound for any point's distance on the splines from the path, (n - 1,) [m].
+
+    Infinite where wheels slip too far.
+    """
     spline, off = time_spline(path_of(limits.robot, timed), timed.time), np.zeros(len(timed) - 1)
     segment = np.flatnonzero(spline.path.lengths > 0)
     for share in CHECKED_SHARES[1:-1]:
@@ -188,7 +191,7 @@ def _strayed(limits: MotionLimits, timed: Motion, law: _TimeLaw) -> Array:
         apart = spline.evaluate(times).q - q
         apart -= ((apart * ahead).sum(1) / (ahead**2).sum(1))[:, None] * ahead  # sooner or later is no matter
         off[segment] = np.maximum(off[segment], limits.displacement(q, q + apart))
-    return off
+    return np.where(spline.slipping, np.inf, off)
 
 
 def _densely(limits: MotionLimits, timed: Motion, blend: float) -> Motion:

@@ -18,11 +18,9 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.drives import BaseDrive
 
 SAME = 1e-9  # states that differ by less are the same [m], [rad]
-# Of the way to the next state that wheels need not roll: as a share of it, and besides [m]
-SLIP, LEFT = 1e-3, 1e-5
+SLIP, SLIPPED = 1e-3, 1e-5  # that wheels may slip from state to state: as a share of the way, and besides [m]
 CORNER = np.radians(30)  # at sharper corners the robot stops, others are rounded
 STEERED = 1e-6  # angle of steering that a car need not stop for [rad]
-STEPS = 6  # of Newton's method, which converges from a small deviation
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 
 Cubics = tuple[Array, Array, Array, Array]
@@ -97,6 +95,11 @@ class SmoothPath:
         That of a wheel one turning radius ahead of the axle: 45 degrees on the tightest arc.
         """
         return np.full(len(self.base) - 1, np.nan)
+
+    @property
+    def slipping(self) -> NDArray[np.bool_]:
+        """Segments on which wheels slip more than they may, (n - 1,)."""
+        return np.zeros(len(self.lengths), dtype=np.bool_)
 
     def states_at(self, segment: NDArray[np.int64], share: Array) -> tuple[Array, Array]:
         """Base (m, 3) and joints (m, dof) of states to insert at shares of segments."""
@@ -219,84 +222,49 @@ class RollingPath(SmoothPath):
         return np.where(stands, np.nan, angle)
 
     @cached_property
-    def _rolling(self) -> Array:
-        """Coefficients of way rolled and heading by shares of segments, constant first, (5, n - 1, 2).
+    def _left(self) -> Array:
+        """What is left of the base's motion on each segment when all is rolled, (n - 1, 2) [m]."""
+        rolled = self._gone(self.position[1:], np.arange(len(self.lengths)))
+        left: Array = np.diff(self.base[:, :2], axis=0) - rolled
+        return left
 
-        To the cubics a way of 3 u^2 - 2 u^3 and a heading of u^2 (1 - u)^2 are added, which leave the rates
-        at the ends as they are, so much of both that the base comes to the next state; where it hardly misses
-        it nothing is, as states that are joined by arcs would have it turn to and fro between them.
-        """
-        powers = np.stack([*(power[:, :2] for power in self._cubics), np.zeros((len(self.lengths), 2))])
-        powers *= self.lengths[:, None] ** np.arange(5)[:, None, None]
-        rolled, turn = self._rolled, np.diff(self.base[:, 2])
-        middle = self.base[:-1, 2] + turn / 2
-        chord = rolled * np.sinc(turn / 2 / np.pi)
-        some = np.flatnonzero((np.abs(rolled) > SAME) & (self.lengths > 0))
-        share, weight = (_NODES + 1) / 2, _WEIGHTS / 2
-        for step in range(STEPS):
-            value, slope, _ = _polynomials(powers[:, some], np.tile(share, (len(some), 1)))
-            along = np.exp(1j * (value[..., 1] - middle[some, None]))
-            by_way = (6 * share * (1 - share) * along) @ weight
-            by_heading = (1j * share**2 * (1 - share) ** 2 * slope[..., 0] * along) @ weight
-            missing = chord[some] - (slope[..., 0] * along) @ weight
-            if step == 0:
-                left = np.abs(missing) <= LEFT + SLIP * np.abs(rolled[some])
-            missing[left] = 0.0
-            whole = by_way.real * by_heading.imag - by_way.imag * by_heading.real
-            way = (missing.real * by_heading.imag - missing.imag * by_heading.real) / whole
-            heading = (by_way.real * missing.imag - by_way.imag * missing.real) / whole
-            powers[2:4, some, 0] += np.outer([3.0, -2.0], way)
-            powers[2:5, some, 1] += np.outer([1.0, -2.0, 1.0], heading)
-        return powers
+    @property
+    def slipping(self) -> NDArray[np.bool_]:
+        found: NDArray[np.bool_] = np.hypot(*self._left.T) > SLIPPED + SLIP * np.abs(self._rolled)
+        return found & (self.lengths > 0)
 
     @cached_property
     def _slip(self) -> Cubics:
-        """Of what is left of the base's motion to each state when all is rolled [m]."""
-        left = np.diff(self.base[:, :2], axis=0) - _way(self._rolling, np.ones(len(self.lengths)))
-        return self._through(np.concatenate([np.zeros((1, 2)), np.cumsum(left, axis=0)]))
+        """Of the place, besides what is rolled [m]."""
+        return self._through(np.concatenate([np.zeros((1, 2)), np.cumsum(self._left, axis=0)]))
+
+    def _gone(self, position: Array, segment: NDArray[np.int64]) -> Array:
+        """Way rolled on the floor from the starts of segments (m,) to path positions (m,), (m, 2) [m].
+
+        By Gauss and Legendre's quadrature of the heading's cosine and sine.
+        """
+        start, far = self.position[segment, None], (position - self.position[segment])[:, None]
+        nodes, each = start + far * (_NODES + 1) / 2, np.repeat(segment, len(_NODES))
+        z, rate, _ = self._values(self._cubics, nodes.ravel(), each)
+        way = far * _WEIGHTS / 2 * rate[:, 0].reshape(nodes.shape)
+        yaw = z[:, 1].reshape(nodes.shape)
+        return np.column_stack([(way * np.cos(yaw)).sum(1), (way * np.sin(yaw)).sum(1)])
 
     def evaluate(self, position: Array, segment: NDArray[np.int64]) -> tuple[Array, Array, Array]:
         """Return base and joints with derivatives, as `SmoothPath.evaluate` does."""
-        q, q_s, q_ss = super().evaluate(position, segment)
-        length = np.where(self.lengths > 0, self.lengths, np.inf)[segment, None]
-        share = np.clip((position - self.position[segment]) / length[:, 0], 0.0, 1.0)
-        powers = self._rolling[:, segment]
+        z, z_s, z_ss = super().evaluate(position, segment)
         slip, slip_s, slip_ss = self._values(self._slip, position, segment)
-        value, slope, bend = (one[:, 0] for one in _polynomials(powers, share[:, None]))
-        (roll, turn), (gain, twist) = (slope / length).T, (bend / length**2).T
-        yaw = value[:, 1]
+        (roll, turn), gain, yaw = z_s[:, :2].T, z_ss[:, :1], z[:, 1]
         ahead = np.column_stack([np.cos(yaw), np.sin(yaw)])
         left = np.column_stack([-ahead[:, 1], ahead[:, 0]])
-        place = self.base[segment, :2] + _way(powers, share) + slip - self._slip[0][segment]
+        place = self.base[segment, :2] + self._gone(position, segment) + slip - self._slip[0][segment]
         flat = roll[:, None] * ahead + slip_s
-        bent = gain[:, None] * ahead + (roll * turn)[:, None] * left + slip_ss
+        bent = gain * ahead + (roll * turn)[:, None] * left + slip_ss
         return (
-            np.column_stack([place, yaw, q[:, 2:]]),
-            np.column_stack([flat, turn, q_s[:, 2:]]),
-            np.column_stack([bent, twist, q_ss[:, 2:]]),
+            np.column_stack([place, z[:, 1:]]),
+            np.column_stack([flat, z_s[:, 1:]]),
+            np.column_stack([bent, z_ss[:, 1:]]),
         )
-
-
-def _way(powers: Array, share: Array) -> Array:
-    """Way rolled on the floor from the starts of m segments to shares of them, (m, 2) [m].
-
-    By Gauss and Legendre's quadrature of the heading's cosine and sine.
-    """
-    value, slope, _ = _polynomials(powers, share[:, None] * (_NODES + 1) / 2)
-    weight = share[:, None] * _WEIGHTS / 2 * slope[..., 0]
-    yaw = value[..., 1]
-    return np.column_stack([(weight * np.cos(yaw)).sum(1), (weight * np.sin(yaw)).sum(1)])
-
-
-def _polynomials(powers: Array, share: Array) -> tuple[Array, Array, Array]:
-    """Values of polynomials (5, m, 2) at shares (m, k), with first and second derivatives, (m, k, 2) each."""
-    a, b, c, d, e = powers[:, :, None]
-    u = share[..., None]
-    return (
-        a + u * (b + u * (c + u * (d + u * e))),
-        b + u * (2 * c + u * (3 * d + u * 4 * e)),
-        2 * c + u * (6 * d + u * 12 * e),
-    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,8 +1,7 @@
 """Cubic splines of time through the states of a motion: accelerations have no jumps, jerk is bounded.
 
 At both ends of a run velocity and acceleration are zero. For that the first and the last of its segments have
-one more knot, halfway in time. Between knots jerk is constant, but for what leads a base on wheels to its
-states.
+one more knot, halfway in time. Between knots jerk is constant.
 Source: Biagiotti and Melchiorri, Trajectory Planning for Automatic Machines and Robots (2008), section 4.4.4.
 """
 
@@ -15,13 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from regionik.timing.smooth_path import LEFT, SAME, SLIP, SmoothPath, knot_curvatures
+from regionik.timing.smooth_path import SLIP, SLIPPED, SmoothPath, knot_curvatures
 from regionik.worlds.arrays import Array, Index
 
-CLOSINGS = 12  # steps in which a rolled way is brought to its end
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
-_WAY = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0, 0.0])  # from 0 to 1, first and second rate 0 at both ends
-_HEADING = np.array([0.0, 0.0, 0.0, 1.0, -3.0, 3.0, -1.0])  # 0 at both ends, and so are both rates
 
 
 class MotionRates(NamedTuple):
@@ -118,6 +114,11 @@ class TimeSpline:
         """Segment that each knot but the last begins or is on, (p - 1,)."""
         return self._laid_out.segment[:-1]
 
+    @property
+    def slipping(self) -> NDArray[np.bool_]:
+        """Segments on which wheels slip more than they may, (n - 1,)."""
+        return np.zeros(len(self.time) - 1, dtype=np.bool_)
+
     def evaluate(self, times: Array, piece: Index | None = None) -> MotionRates:
         """Base and joints at instants (m,) [s], which may be said to lie in pieces between knots (m,)."""
         if piece is None:
@@ -131,72 +132,30 @@ class TimeSpline:
 
 @dataclass(frozen=True, eq=False)
 class RollingSpline(TimeSpline):
-    """The same for a base on wheels: way rolled and heading are splines, and it comes to each of its states.
+    """The same for a base on wheels: way rolled, heading, and what wheels slip on the way to each state.
 
-    To the way of a segment a part of 10 u^3 - 15 u^4 + 6 u^5 of its time u is added, to the heading one of
-    u^3 (1 - u)^3: rates at the states stay what they are. Where it hardly misses the next state nothing is
-    added, as states that are joined by arcs would have it turn to and fro between them; what it misses is
-    slip, by splines like the others.
+    A smooth way that slips nowhere would have to turn to and fro between states that are joined by arcs.
     """
 
     @cached_property
-    def _added(self) -> Array:
-        """Way and heading that are added on each segment, (n - 1, 2)."""
-        path, added = self.path, np.zeros((len(self.time) - 1, 2))
-        rolled, turn = path.drive.rolled(path.base), np.diff(path.base[:, 2])
-        rolling = (np.abs(rolled) > SAME) & (path.lengths > 0)
-        middle, chord = path.base[:-1, 2] + turn / 2, rolled * np.sinc(turn / 2 / np.pi)
-        for step in range(CLOSINGS):
-            went, by_heading = self._ways(added)
-            missed = chord - went * np.exp(-1j * middle)
-            rolling &= (step > 0) | (np.abs(missed) > LEFT + SLIP * np.abs(rolled))
-            missed = missed[rolling]
-            added[rolling, 0] += missed.real
-            added[rolling, 1] += missed.imag / by_heading[rolling]
-        return added
+    def _left(self) -> Array:
+        """What is left of the base's motion on each segment when all is rolled, (n - 1, 2) [m]."""
+        pieces, count = np.arange(len(self.segments)), len(self.time) - 1
+        gone = self._gone(self.instants[1:], pieces)
+        rolled = np.column_stack([np.bincount(self.segments, one, count) for one in gone.T])
+        left = np.diff(self.path.base[:, :2], axis=0) - rolled
+        return np.where(self.path.lengths[:, None] > 0, left, 0.0)
+
+    @property
+    def slipping(self) -> NDArray[np.bool_]:
+        way = np.abs(self.path.drive.rolled(self.path.base))
+        found: NDArray[np.bool_] = np.hypot(*self._left.T) > SLIPPED + SLIP * way
+        return found
 
     @cached_property
     def _slip(self) -> Array:
-        """Coefficients of what is left of the base's motion when all is rolled, (p - 1, 4, 2) [m]."""
-        ways, _ = self._ways(self._added)
-        left = np.diff(self.path.base[:, :2], axis=0) - np.column_stack([ways.real, ways.imag])
-        left[self.path.lengths == 0] = 0.0
-        return self._through(self._knots(np.concatenate([np.zeros((1, 2)), np.cumsum(left, axis=0)])))
-
-    def _ways(self, added: Array) -> tuple[NDArray[np.complex128], Array]:
-        """Ways on the floor over segments, and how much farther aside a unit of added heading leads."""
-        piece = np.repeat(np.arange(len(self.segments)), len(_NODES))
-        start, span = self.instants[:-1], np.diff(self.instants)
-        times = (start[:, None] + span[:, None] * (_NODES + 1) / 2).ravel()
-        weight = (span[:, None] * _WEIGHTS / 2).ravel()
-        value, slope, *_ = self._rolled(times, piece, added)
-        segment, count = self.segments[piece], len(self.time) - 1
-        rate, heading = (
-            weight * slope[:, 0],
-            np.polynomial.polynomial.polyval(self._share(times, segment), _HEADING),
-        )
-        step = rate * np.exp(1j * value[:, 1])
-        ways = np.bincount(segment, step.real, count) + 1j * np.bincount(segment, step.imag, count)
-        by_heading: Array = np.bincount(segment, rate * heading, count).astype(np.float64)
-        return ways, by_heading
-
-    def _share(self, times: Array, segment: Index) -> Array:
-        span = np.diff(self.time)[segment]
-        share: Array = (times - self.time[segment]) / np.where(span > 0, span, 1.0)
-        return share
-
-    def _rolled(self, times: Array, piece: Index, added: Array) -> list[Array]:
-        """Way rolled, heading and joints, and their derivatives, (m, 2 + dof) each."""
-        found = _derivatives(self._cubics[piece], times - self.instants[piece])
-        segment = self.segments[piece]
-        span = np.diff(self.time)[segment]
-        share, rate = self._share(times, segment), 1 / np.where(span > 0, span, np.inf)
-        for column, bump in enumerate((_WAY, _HEADING)):
-            for order, values in enumerate(found):
-                by_share = np.polynomial.polynomial.polyder(bump, order)
-                bent = np.polynomial.polynomial.polyval(share, by_share) * rate**order
-                values[:, column] += added[segment, column] * bent
-        return found
+        """Coefficients of the place, besides what is rolled, (p - 1, 4, 2) [m]."""
+        return self._through(self._knots(np.concatenate([np.zeros((1, 2)), np.cumsum(self._left, axis=0)])))
 
     @cached_property
     def _places(self) -> Array:
@@ -209,16 +168,16 @@ class RollingSpline(TimeSpline):
         return places
 
     def _gone(self, times: Array, piece: Index) -> Array:
-        """Way on the floor from the knot before to instants in pieces, (m, 2) [m]."""
-        since = times - self.instants[piece]
-        nodes = self.instants[piece, None] + since[:, None] * (_NODES + 1) / 2
-        value, slope, *_ = self._rolled(nodes.ravel(), np.repeat(piece, len(_NODES)), self._added)
-        rate = slope[:, 0].reshape(nodes.shape) * since[:, None] * _WEIGHTS / 2
+        """Way rolled on the floor from the knot before to instants in pieces, (m, 2) [m]."""
+        since = (times - self.instants[piece])[:, None]
+        nodes = since * (_NODES + 1) / 2
+        value, slope, *_ = _derivatives(self._cubics[np.repeat(piece, len(_NODES))], nodes.ravel())
+        way = since * _WEIGHTS / 2 * slope[:, 0].reshape(nodes.shape)
         yaw = value[:, 1].reshape(nodes.shape)
-        return np.column_stack([(rate * np.cos(yaw)).sum(1), (rate * np.sin(yaw)).sum(1)])
+        return np.column_stack([(way * np.cos(yaw)).sum(1), (way * np.sin(yaw)).sum(1)])
 
     def _world(self, times: Array, piece: Index) -> MotionRates:
-        value, slope, bend, jerk = self._rolled(times, piece, self._added)
+        value, slope, bend, jerk = _derivatives(self._cubics[piece], times - self.instants[piece])
         ahead = np.exp(1j * value[:, 1])
         v, w = slope[:, 0], slope[:, 1]
         along = [

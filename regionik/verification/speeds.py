@@ -17,6 +17,8 @@ from regionik.verification.motion import Indices, MotionSegments
 from regionik.verification.proofs import Finding, StateNames, finding
 from regionik.verification.timed_segments import (
     SAME,
+    SLIP,
+    SLIPPED,
     CoursePolynomials,
     TimedSegments,
     product,
@@ -97,6 +99,9 @@ def _shares(
             yield "the speed of a wheel", _largest(wheel) / speeds.wheel_velocity, k
     if speeds.tool_velocity is not None:
         yield "the tool's mean speed", _tool_speeds(segments)[k] / course.span[k] / speeds.tool_velocity, k
+    if robot.drive.rolls:
+        most = SLIPPED + SLIP * np.abs(segments.rolled)
+        yield "the slip of the wheels", (np.hypot(*course.slip.T) / most)[k], k
     if robot.turning_radius > 0:
         yield from _steering(segments, course, speeds.steering_velocity)
 

@@ -23,13 +23,8 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.speeds import Speeds
 
 SAME = 1e-9  # states that differ by less are the same [m], [rad]
-# Of the way to the next state that wheels need not roll: as a share of it, and besides [m]
-SLIP, LEFT = 1e-3, 1e-5
-CLOSINGS = 20  # steps in which a rolled way is brought to its end
+SLIP, SLIPPED = 1e-3, 1e-5  # that wheels may slip from state to state: as a share of the way, and besides [m]
 AT_REST = 1e-5  # path velocity at an end of a run, as a share of the largest
-# Polynomials added to a way and to a heading, by the share of time and by that of the way, constant first.
-BY_TIME = np.array([(0.0, 0.0, 0.0, 10.0, -15.0, 6.0, 0.0), (0.0, 0.0, 0.0, 1.0, -3.0, 3.0, -1.0)]).T
-BY_SHARE = np.array([(0.0, 0.0, 3.0, -2.0, 0.0), (0.0, 0.0, 1.0, -2.0, 1.0)]).T
 NODES, WEIGHTS = np.array(leggauss(24)) / 2 + [[0.5], [0.0]]  # of a mean from 0 to 1
 
 
@@ -39,7 +34,7 @@ class CoursePolynomials(NamedTuple):
     Attributes
     ----------
     base : (pieces, n, k) array
-        x, y and yaw, or what a base on wheels rolls, and its heading against that midway.
+        x, y and yaw, or what a base on wheels rolls, and its heading against that at the start.
     joints : (pieces, n, dof) array
     slip : (pieces, n, 2) array
         Of a base on wheels in the world, else (pieces, n, 0).
@@ -108,20 +103,31 @@ class TimedSegments:
 
     def polynomials(self) -> CoursePolynomials:
         """Of moving segments; see `CoursePolynomials`."""
-        k = self.moving
-        shape = self._by_share(self._change)[k]
+        k, shape = self.moving, self._through(self._change)
         if self.segments.robot.drive.rolls:
-            shape, slip = self._closed(shape, np.tile(BY_SHARE, (len(k), 1, 1)))
-            shape = np.concatenate([shape, self._by_share(slip)[k]], axis=2)
+            shape = np.concatenate([shape, self._through(self.slip)], axis=2)
         start, end = (np.maximum(rate[k], 0.0) for rate in self._rates)
         first = 2 * start / (start + end)
         share = np.column_stack([np.zeros(len(k)), first, 1 - first])
-        by_time = np.zeros((len(k), 9, shape.shape[2]))
+        by_time = np.zeros((len(k), 7, shape.shape[2]))
         power = np.ones((len(k), 1))
-        for order in range(5):
+        for order in range(4):
             by_time[:, : power.shape[1]] += shape[:, order, None] * power[:, :, None]
             power = product(power, share)
         return self._split(by_time)
+
+    @cached_property
+    def slip(self) -> Array:
+        """What is left of each segment's motion of a base on wheels when all is rolled, (segments, 2) [m]."""
+        one, k = self.segments, self.moving
+        pieces = self._through(self._change)
+        order = pieces.shape[1]
+        powers, slopes = np.vander(NODES, order, increasing=True), np.zeros((len(NODES), order))
+        slopes[:, 1:] = np.arange(1, order) * powers[:, :-1]
+        way, yaw = pieces[..., 0] @ slopes.T, pieces[..., 1] @ powers.T + one.motion.base[k, None, 2]
+        rolled = (np.bincount(k, (way * turned) @ WEIGHTS, len(one)) for turned in (np.cos(yaw), np.sin(yaw)))
+        left = np.diff(one.motion.base[:, :2], axis=0) - np.column_stack(list(rolled))
+        return np.where(self.lengths[:, None] > 0, left, 0.0)
 
     @property
     def _change(self) -> Array:
@@ -135,33 +141,8 @@ class TimedSegments:
             return CoursePolynomials(polynomials[..., :3], polynomials[..., 3:], polynomials[..., :0])
         return CoursePolynomials(polynomials[..., :2], polynomials[..., 2:-2], polynomials[..., -2:])
 
-    def _closed(self, pieces: Array, bumps: Array) -> tuple[Array, Array]:
-        """Pieces that come to the next state by so much of the bumps, and what they miss, (segments, 2).
-
-        Bumps are added to rolled ways and headings.
-        """
-        one, k, order = self.segments, self.moving, pieces.shape[1]
-        pieces[:, 0, 1] -= one.turn[k] / 2
-        chord = one.rolled * np.sinc(one.turn / 2 / np.pi)
-        rolling, count = np.abs(chord) > SAME, len(one)
-        powers, slopes = np.vander(NODES, order, increasing=True), np.zeros((len(NODES), order))
-        slopes[:, 1:] = np.arange(1, order) * powers[:, :-1]
-        aside_of = bumps[..., 1] @ powers.T
-        for step in range(CLOSINGS):
-            way, heading = pieces[..., 0] @ slopes.T, pieces[..., 1] @ powers.T
-            ahead, aside, gain = (
-                np.bincount(k, (way * one_of) @ WEIGHTS, count)
-                for one_of in (np.cos(heading), np.sin(heading), aside_of)
-            )
-            missed = chord - ahead - 1j * aside
-            rolling &= (step > 0) | (np.abs(missed) > LEFT + SLIP * np.abs(one.rolled))
-            added = np.column_stack([missed.real, missed.imag / np.where(rolling, gain, 1.0)])
-            pieces[..., :2] += bumps * np.where(rolling[:, None], added, 0.0)[k][:, None]
-        missed *= (self.lengths > 0) * np.exp(1j * (one.motion.base[:-1, 2] + one.turn / 2))
-        return pieces, np.column_stack([missed.real, missed.imag])
-
-    def _by_share(self, change: Array) -> Array:
-        """Monotone cubics of the share of the way, constant first, (segments, 5, k), from 0 at the start.
+    def _through(self, change: Array) -> Array:
+        """Monotone cubics of the share of the way, constant first, (moving, 4, k), from 0 at the start.
 
         Source: Fritsch and Butland, SIAM J. Sci. Stat. Comput. 1984, eq. 5.
         """
@@ -175,8 +156,8 @@ class TimedSegments:
         mean = np.where(before == 0, other, np.where(after == 0, one, mean))
         ends = np.concatenate([slope[:1], mean, slope[-1:]])
         left, right = ends[:-1] * far, ends[1:] * far
-        zero = np.zeros_like(change)
-        return np.stack([zero, left, 3 * change - 2 * left - right, left + right - 2 * change, zero], axis=1)
+        rest = left, 3 * change - 2 * left - right, left + right - 2 * change
+        return np.stack([np.zeros_like(change), *rest], axis=1)[self.moving]
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,21 +198,18 @@ class SplinedSegments(TimedSegments):
 
     def polynomials(self) -> CoursePolynomials:
         """Of pieces; see `CoursePolynomials`."""
-        k, found = self.moving, self._through(self._change)
-        if not self.segments.robot.drive.rolls:
-            return self._split(found)
-        again = np.append(False, k[1:] == k[:-1])
-        of_segment = substitution(7, np.where(again, 0.5, 0.0), 1 / (1 + self._halved[k]))
-        found, slip = self._closed(found, of_segment @ BY_TIME)
-        return self._split(np.concatenate([found, self._through(slip)], axis=2))
+        found = self._through(self._change)
+        if self.segments.robot.drive.rolls:
+            found = np.concatenate([found, self._through(self.slip)], axis=2)
+        return self._split(found)
 
     def _through(self, change: Array) -> Array:
-        """Splines by changes over segments (segments, k), each piece from 0 at its start, (moving, 7, k)."""
+        """Splines by changes over segments (segments, k), from 0 at the start of each, (moving, 4, k)."""
         k = self.moving
-        found = np.zeros((len(k), 7, change.shape[1]))
+        found = np.zeros((len(k), 4, change.shape[1]))
         for first, end in self._runs.tolist():
             rows = (first <= k) & (k < end)
-            found[rows, :4] = _spline_pieces(self.span[first:end], change[first:end])
+            found[rows] = _spline_pieces(self.span[first:end], change[first:end])
         again = np.append(False, k[1:] == k[:-1])
         found[:, 0] = np.where(again[:, None], found[:, 0] - found[np.arange(len(k)) - 1, 0], 0.0)
         return found
