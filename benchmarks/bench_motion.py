@@ -1,7 +1,8 @@
 """Motion worth driving: bundled worlds timed with the tool at an asked speed, as found and smoothed.
 
-Printed for each: the time with the tool at 0.2 m/s against that of the path at this speed, the share of time
-on the path at which the tool has it (to 2 in 100), and the same away from the path's ends and sharp corners;
+Printed for each: the time with the tool at 0.2 m/s, what of it is on the path (drives to it and with the tool
+lifted left out) against the path's length at this speed, the share of that at which the tool has it (to 2 in
+100), and the same away from the path's ends and sharp corners;
 all again with limits of jerk, and with jerk and corners cut by 1 mm; the time without a tool speed, and its
 ratio to a time that nothing can beat; how much the base's path turns and where by more than 20 degrees, how
 often it does so without nearly resting there, how much the joints move, the least spare clearance, and the
@@ -31,7 +32,7 @@ from regionik import pipeline
 from regionik.postures.poses import axis_of
 from regionik.regions import admissible_area
 from regionik.timing import timing_figures
-from regionik.timing.limits import motion_limits
+from regionik.timing.limits import motion_limits, segments_on_path
 from regionik.timing.retime import retime
 from regionik.values import Plan
 from regionik.worlds.arrays import Array
@@ -124,9 +125,10 @@ def least_time(plan: Plan) -> float:
 
 
 def held(timed: Plan, ideal: float) -> str:
-    """Time against the ideal one, and the shares of time at which the tool has its speed."""
-    tool = timed.stats["timing"]["tool"]
-    return f"{timed.motion.time[-1] / ideal:6.2f} {tool['held']:5.0%} {tool['held_elsewhere']:5.0%}"
+    """Time on the path against the ideal one, and the shares of it at which the tool has its speed."""
+    tool, on_path = timed.stats["timing"]["tool"], segments_on_path(timed.motion)
+    spent = float(np.diff(timed.motion.time)[on_path].sum())
+    return f"{spent / ideal:6.2f} {tool['held']:5.0%} {tool['held_elsewhere']:5.0%}"
 
 
 def slow_places(timed: Plan) -> list[str]:

@@ -7,6 +7,7 @@ nothing.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -46,6 +47,9 @@ from regionik.worlds.scene import Target, World
 
 FINEST = 6  # halvings of the segment between two set-points at most
 SAME = 1e-9  # [rad] or [m]
+# That the pivot, which may stand there for long, keeps off its limits: smooth motions overshoot [rad]
+OFF_LIMITS = 1e-3
+LARGEST_SWING = math.radians(1.0)  # by which the base turns more or less than in the step before
 DRAWN = 0.005  # half the drawn width of the curves that the axis may stand on [m]
 
 
@@ -60,8 +64,10 @@ def tracking_robot(robot: Robot) -> TrackingRobot | None:
     x, y, lift, yaw = robot.mount.tolist()
     if not isinstance(robot.drive, DifferentialDrive) or x <= 0 or y != 0 or yaw != 0:
         return None
-    arm = pitch_arm(robot.chain)
-    return None if arm is None else TrackingRobot(arm, x, lift, robot.chain.lower, robot.chain.upper)
+    arm, off = pitch_arm(robot.chain), OFF_LIMITS * (np.arange(robot.chain.dof) == 0)
+    return (
+        None if arm is None else TrackingRobot(arm, x, lift, robot.chain.lower + off, robot.chain.upper - off)
+    )
 
 
 def plan_tracked(world: World, seed: int) -> Plan:
@@ -335,8 +341,11 @@ def _coarse_poses(world: World, path: PosePath, runs: tuple[TrackedRun, ...]) ->
     poses = np.array(path.poses)
     bend, move = np.diff(joints, axis=0), np.diff(poses, axis=0)
     cone = min(target.cone for target in world.task)
-    arc = np.concatenate([run.length for run in runs])[1:]
+    arc, turn = (np.concatenate([getattr(run, part) for run in runs])[1:] for part in ("length", "turn"))
     coarse = (np.abs(arc) > rules.step) | (np.abs(bend) > LARGEST_BEND).any(1)
+    swung = np.abs(np.diff(turn)) > LARGEST_SWING
+    coarse[:-1] |= swung
+    coarse[1:] |= swung
     for s in (0.25, 0.5, 0.75):
         tool = robot.tool(robot.drive.between(base[:-1], base[1:], s), joints[:-1] + s * bend)
         off = np.linalg.norm(tool - poses[:-1] - s * move, axis=1)
