@@ -278,6 +278,20 @@ FAULTS = (
         ("tests/test_steering.py",),
     ),
     Fault(
+        "stops: none is looked for where the base starts",
+        "regionik/parking/stop_motion.py",
+        "first = staying.from_start()",
+        "first = None",
+        ("tests/test_pose_reach.py",),
+    ),
+    Fault(
+        "drives: one begins where only its heading is free, unproven",
+        "regionik/moving/transit.py",
+        "lead = self.driver.onto(here, piece)\n                route",
+        "lead = [here]\n                route",
+        ("tests/test_pose_reach.py",),
+    ),
+    Fault(
         "timing: wheels may slip far",
         "regionik/timing/inserted_states.py",
         "np.where(path.slipping, np.inf, off)",

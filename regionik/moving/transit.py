@@ -211,9 +211,11 @@ class TransitPlanner:
         """States strictly between two poses: a still arm, given the widest berth needed."""
         for berth in BERTHS:
             try:
-                drive = self.driver.states(here, there, self.driver.route(here, there, piece, berth))
+                lead = self.driver.onto(here, piece)
+                route = self.driver.route(lead[-1], there, piece, berth)
             except NoPathError:
                 return None
+            drive = [*lead[1:], *self.driver.states(lead[-1], there, route)]
             if self.interpolator.clear([here, *drive, there]):
                 return drive
         return None
