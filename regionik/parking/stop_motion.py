@@ -137,8 +137,11 @@ class _StopConnection:
             if most is not None and len(stops) > most:
                 raise NoPlanFound(self._one_lift_too_many(group))
             best = first if first is not None and not stops else None
+            here = rows[-1].pose if rows else None
             if best is None:
-                best = self._best(group, placements, sequence.spots[k], rows[-1].pose if rows else None)
+                best = self._best(group, placements, sequence.spots[k], here)
+            if k + 1 < len(sequence.groups):
+                best = self._farther(best, [*group.setpoints, *sequence.groups[k + 1].setpoints], here)
             rows += best.rows
             found += best.candidates
             done = best.placement.setpoints[: len(best.candidates)]
@@ -147,10 +150,23 @@ class _StopConnection:
             places += [shapely.union_all(list(group.places.values()))] * len(done)
             tell("motion", len(found), len(self.world.task))
             k += 1
-            if len(done) < len(group.setpoints):
-                split.append(len(found))
+            if len(found) == len(self.world.task):
+                break
+            if len(done) != len(group.setpoints):
+                split += [len(found)] if len(done) < len(group.setpoints) else []
                 sequence, k = sequence.after(k - 1, len(found)), 0
         return StopMotion(self.search.joined(rows, found), tuple(stops), tuple(split), tuple(places))
+
+    def _farther(self, done: _Attempt, setpoints: list[int], here: Pose | None) -> _Attempt:
+        """More of some set-points than were done from a place: areas need not know that it serves them."""
+        if self.world.rules.order != "given":
+            return done
+        group = StopGroup(tuple(setpoints), {})
+        placement = self._placements.standing(group, done.candidates[0].pose)
+        if placement is None or len(placement.setpoints) <= len(done.candidates):
+            return done
+        tried = self._attempt(placement, here, HARD_TRIES)
+        return tried if len(tried.candidates) > len(done.candidates) else done
 
     def _best(
         self, group: StopGroup, placements: PlacementSearch, spot: Array | None, here: Pose | None
