@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from benchmarks.tables.goals import confirm
 from regionik.areas.reach_model import ReachQuery
 from regionik.areas.reachable import PosedReach, model_of, rows_of
+from regionik.parking.fewest_stops import park
+from regionik.parking.stop_motion import connect_stops
+from regionik.parking.stops import in_sequence
 from regionik.pipeline import plan
 from regionik.planners.reach import pose_reach as sampled
 from regionik.planners.reach.inverse_reachability import Tolerances, aim_at, posture_samples, posture_seeds
@@ -171,6 +174,19 @@ def test_one_stop_serves_poses_that_one_place_is_known_for(name: str, turn: Arra
     found = plan(World("poses", robot, FLOOR, (), posed_task(robot, 3, 8), rules))
     assert len(found.stops) == 1
     assert verify(found).ok
+
+
+def test_a_stop_goes_on_to_set_points_that_areas_leave_to_the_next() -> None:
+    robot = robot_on("ur", np.eye(4), 0.9)
+    rules = Rules(mode="stops", avoidance=False, tolerance=1e-4)
+    world = World("poses", robot, FLOOR, (), posed_task(robot, 3, 8), rules)
+    whole = in_sequence(world, park(world))
+    group = whole.groups[0]
+    assert len(group.setpoints) == 8
+    halves = tuple(group.of(some) for some in (group.setpoints[:5], group.setpoints[5:]))
+    found = connect_stops(replace(whole, groups=halves, spots=(None, None)), 0)
+    assert [stop.setpoints for stop in found.stops] == [group.setpoints]
+    assert found.split == ()
 
 
 @pytest.mark.parametrize(

@@ -21,8 +21,10 @@ from regionik.areas.standing import (
     by_heading,
     into_span,
     outer_by_heading,
+    stands_about,
     turns_matter,
 )
+from regionik.postures.poses import pose_of
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.obstacles import Box, Cylinder, Solid
 from regionik.worlds.scene import Floor, Heading, Rules, Start, Target, World
@@ -40,7 +42,7 @@ def world_of(*solids: Solid, heading: Heading = "free", robot: str = "youbot-rea
 
 def room_left(world: World, axis: np.ndarray, yaw: float) -> float:
     """By how much the footprint keeps inside the floor and its clearance; negative where it does not."""
-    outline = shapely.Polygon(world.robot.footprint - world.robot.mount[:2])
+    outline = shapely.convex_hull(shapely.multipoints(world.robot.footprint - world.robot.mount[:2]))
     body = affinity.translate(affinity.rotate(outline, yaw, origin=(0, 0), use_radians=True), *axis)
     floor, ground = world.floor.polygon, ground_of(world)
     inside = floor.boundary.distance(body) if floor.covers(body) else -floor.boundary.distance(body) - 1e-9
@@ -75,6 +77,20 @@ def test_inner_slabs_hold_at_every_heading_and_outer_ones_at_no_other() -> None:
         beyond = shapely.box(-0.5, -0.5, 7, 2.5) - side.floor
         for axis in points_in(beyond, 40, rng):
             assert room_left(world, axis, rng.uniform(*side.span)) < 1e-9
+
+
+@pytest.mark.parametrize("pointed", [False, True])
+def test_a_base_stands_about_a_pose_where_it_has_as_much_room(pointed: bool) -> None:
+    world, rng, found = world_of(POST, CRATE), np.random.default_rng(0), set[bool]()
+    if pointed:
+        world = replace(world, robot=replace(world.robot, footprint=np.zeros((1, 2))))
+    for axis in points_in(world.floor.polygon, 150, rng):
+        yaw, by = rng.uniform(-np.pi, np.pi), rng.choice([0.0, 0.01, 0.1])
+        room = room_left(world, axis, yaw) - by
+        stands = stands_about(world, pose_of(world.robot, axis, yaw), by)
+        assert stands == (room > 0) or abs(room) < GUARD + 0.01 * by
+        found.add(stands)
+    assert found == {True, False}
 
 
 def test_slabs_go_round_the_full_turn_and_hold_all_that_holds_at_every_heading() -> None:

@@ -22,6 +22,7 @@ from shapely.geometry.base import BaseGeometry
 from regionik.areas.ground import EVERY, GUARD, Geometries, Side, disjoint, ground_of
 from regionik.planners.driving.footprint import FootprintScene, fits, footprint_scene
 from regionik.planners.driving.heading_slabs import slab_areas, slab_rejections, slabs_along
+from regionik.planners.geometry.offsets import grown
 from regionik.postures.families import Family
 from regionik.worlds.arrays import Array
 from regionik.worlds.obstacles import Shadow
@@ -220,9 +221,11 @@ def room_for(world: World) -> FootprintScene:
 
 def stands_about(world: World, base: Array, by: float) -> bool:
     """True if the base may stand, at its heading, at all places within a distance of a pose (3,) [m]."""
-    ground, outline = ground_of(world), Polygon(world.robot.footprint).buffer(by, join_style="mitre")
-    grown = shapely.get_coordinates(outline.exterior)[:-1]
-    scene = footprint_scene(grown, ground.floor, ground.shadows, ground.clearance + GUARD)
+    ground, outline = ground_of(world), world.robot.footprint
+    if by > 0:  # of a point, too
+        whole = grown(shapely.convex_hull(shapely.multipoints(outline)), by, outside=True)
+        outline = shapely.get_coordinates(shapely.convex_hull(whole).exterior)[:-1]
+    scene = footprint_scene(outline, ground.floor, ground.shadows, ground.clearance + GUARD)
     return bool(fits(scene, *base.tolist()))
 
 
