@@ -294,8 +294,8 @@ FAULTS = (
     Fault(
         "drives: one begins where only its heading is free, unproven",
         "regionik/moving/transit.py",
-        "lead = self.driver.onto(here, piece)\n                route",
-        "lead = [here]\n                route",
+        "lead = self.driver.onto(here, piece)\n            for berth",
+        "lead = [here]\n            for berth",
         ("tests/test_pose_reach.py",),
     ),
     Fault(

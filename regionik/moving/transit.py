@@ -209,15 +209,15 @@ class TransitPlanner:
 
     def carried(self, here: Pose, there: Pose, piece: int) -> list[Pose] | None:
         """States strictly between two poses: a still arm, given the widest berth needed."""
-        for berth in BERTHS:
-            try:
-                lead = self.driver.onto(here, piece)
+        try:
+            lead = self.driver.onto(here, piece)
+            for berth in BERTHS:
                 route = self.driver.route(lead[-1], there, piece, berth)
-            except NoPathError:
-                return None
-            drive = [*lead[1:], *self.driver.states(lead[-1], there, route)]
-            if self.interpolator.clear([here, *drive, there]):
-                return drive
+                drive = [*lead[1:], *self.driver.states(lead[-1], there, route)]
+                if self.interpolator.clear([here, *drive, there]):
+                    return drive
+        except NoPathError:
+            pass
         return None
 
     def _withdrawals(self, here: Pose, piece: int) -> Iterator[list[Pose]]:

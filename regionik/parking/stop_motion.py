@@ -129,7 +129,7 @@ class _StopConnection:
     def made(self, first: _Attempt | None = None) -> StopMotion:
         """Stop after stop until all set-points are done."""
         rows, found = self.search.start(), list[Candidate]()
-        placements, sequence, k = self._placements, self.sequence, 0
+        sequence, k = self.sequence, 0
         stops, split, places = list[Stop](), list[int](), list[BaseGeometry]()
         while k < len(sequence.groups):
             group = sequence.groups[k]
@@ -139,7 +139,7 @@ class _StopConnection:
             best = first if first is not None and not stops else None
             here = rows[-1].pose if rows else None
             if best is None:
-                best = self._best(group, placements, sequence.spots[k], here)
+                best = self._best(group, sequence.spots[k], here)
             if k + 1 < len(sequence.groups):
                 best = self._farther(best, [*group.setpoints, *sequence.groups[k + 1].setpoints], here)
             rows += best.rows
@@ -168,12 +168,10 @@ class _StopConnection:
         tried = self._attempt(placement, here, HARD_TRIES)
         return tried if len(tried.candidates) > len(done.candidates) else done
 
-    def _best(
-        self, group: StopGroup, placements: PlacementSearch, spot: Array | None, here: Pose | None
-    ) -> _Attempt:
+    def _best(self, group: StopGroup, spot: Array | None, here: Pose | None) -> _Attempt:
         """The place from which most of a stop is done; places of parts of it where none does all of it."""
         best: _Attempt | None = None
-        count = len(group.setpoints)
+        placements, count = self._placements, len(group.setpoints)
         while count > (len(best.candidates) if best else 0):
             part = group
             if count < len(group.setpoints):

@@ -163,6 +163,12 @@ class SplinePath(SmoothPath):
         return z[:-1], slope, half, third
 
 
+def slips_far(left: Array, rolled: Array) -> NDArray[np.bool_]:
+    """Whether wheels slip farther than they may by ways left (n, 2) beside ways rolled (n,), (n,)."""
+    found: NDArray[np.bool_] = np.hypot(*left.T) > SLIPPED + SLIP * np.abs(rolled)
+    return found
+
+
 def knot_curvatures(h: Array, secant: Array, moving: NDArray[np.bool_], halved: NDArray[np.bool_]) -> Array:
     """Second derivatives of cubic splines at states (n, k), zero where they rest.
 
@@ -230,8 +236,7 @@ class RollingPath(SmoothPath):
 
     @property
     def slipping(self) -> NDArray[np.bool_]:
-        found: NDArray[np.bool_] = np.hypot(*self._left.T) > SLIPPED + SLIP * np.abs(self._rolled)
-        return found & (self.lengths > 0)
+        return slips_far(self._left, self._rolled) & (self.lengths > 0)
 
     @cached_property
     def _slip(self) -> Cubics:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from regionik.timing.smooth_path import SLIP, SLIPPED, SmoothPath, knot_curvatures
+from regionik.timing.smooth_path import SmoothPath, knot_curvatures, slips_far
 from regionik.worlds.arrays import Array, Index
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
@@ -148,9 +148,7 @@ class RollingSpline(TimeSpline):
 
     @property
     def slipping(self) -> NDArray[np.bool_]:
-        way = np.abs(self.path.drive.rolled(self.path.base))
-        found: NDArray[np.bool_] = np.hypot(*self._left.T) > SLIPPED + SLIP * way
-        return found
+        return slips_far(self._left, self.path.drive.rolled(self.path.base))
 
     @cached_property
     def _slip(self) -> Array:
