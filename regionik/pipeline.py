@@ -74,7 +74,7 @@ def plan(world: World, *, seed: int = 0, say: Say | None = None, progress: Progr
     0
     """
     with listening(progress):
-        return _timed_where_asked(_found_or_explained(world, seed, say or unsaid))
+        return _verified(_timed_where_asked(_found_or_explained(world, seed, say or unsaid)))
 
 
 def _found_or_explained(world: World, seed: int, say: Say) -> Plan:
@@ -91,7 +91,11 @@ def _timed_where_asked(found: Plan) -> Plan:
         return found
     from regionik.timing.retime import retime  # takes long to load
 
-    return retime(found)
+    try:
+        return retime(found)
+    except InputError:
+        _verified(found)  # of a plan that does not hold its violations are told
+        raise
 
 
 def why(
@@ -196,14 +200,14 @@ def _explained_arm(world: World, i: int, quick: Explanation, say: Say) -> Explan
 
 def _can_be_planned(world: World, seed: int) -> bool:
     try:
-        search(world, seed)
+        _verified(search(world, seed))
     except NoPlanFound:
         return False
     return True
 
 
 def search(world: World, seed: int = 0) -> Plan:
-    """Return a verified plan, not timed; raise `NoPlanFound` with a quick explanation where there is none."""
+    """Return a plan, not timed; raise `NoPlanFound` with a quick explanation where there is none."""
     check_world(world)
     _refuse(arm_failures.target_in_solid(world))
     return strategy_of(world).plan(world, seed)
@@ -211,7 +215,7 @@ def search(world: World, seed: int = 0) -> Plan:
 
 @dataclass(frozen=True)
 class Strategy:
-    """A way to plan a world's task: its check of the world, and its stages up to a verified plan."""
+    """A way to plan a world's task: its check of the world, and its stages up to a plan."""
 
     check: Callable[[World], None]
     plan: Callable[[World, int], Plan]
@@ -251,7 +255,7 @@ def _plan_stops(world: World, seed: int) -> Plan:
     stats: dict[str, Any] = {"stops": stops}
     if world.rules.order == "any":
         stats |= {"order": list(work.order), "tour": dict(work.tours)}
-    return _verified(_finished(work.world, seed, done.joined, shown, done.stops, stats))
+    return _finished(work.world, seed, done.joined, shown, done.stops, stats)
 
 
 def _not_converged(world: World, goals: tuple[Configuration, ...]) -> Explanation | None:
@@ -264,7 +268,9 @@ def _not_converged(world: World, goals: tuple[Configuration, ...]) -> Explanatio
 
 
 def _verified(found: Plan) -> Plan:
-    """Return the plan with its margins, if it holds."""
+    """Return the plan with its margins, if it holds; one that has them was verified by the last stage."""
+    if "margins" in found.stats:
+        return found
     report = verify(found)
     if not report.ok:
         raise NoPlanFound(failures.invalid_plan(found.world, report.violations))

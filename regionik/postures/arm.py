@@ -20,6 +20,7 @@ from regionik.worlds.scene import Target
 Goal = Literal["point", "direction", "orientation"]
 
 CONE_SHARE = 0.5  # of a cone that arms are solved to; the rest is left for the way between two states
+LED_SHARE = 0.75  # of a cone that is used between two states; the rest is left for their smooth path
 MOST_PASSES = 100  # of a solver, from each start
 ANGLE_SLACK = 1e-9  # rounding allowed at the edge of a cone [rad]
 _ANY_TURN = np.zeros((3, 3))  # for kernels that do not read it
@@ -88,23 +89,31 @@ def deviation(target: Target, turn: Array) -> float:
 
 
 def goal_between(a: Target, b: Target, share: float) -> Target:
-    """Goal at a share of the way: the tool goes straight, its axis or its frame turns evenly.
+    """Goal at a share of the way; see `goals_between`."""
+    if share <= 0.0:
+        return a
+    return b if share >= 1.0 else goals_between(a, b, np.array([share]))[0]
+
+
+def goals_between(a: Target, b: Target, shares: Array) -> list[Target]:
+    """Goals at shares (n,) of the way: the tool goes straight, its axis or its frame turns evenly.
 
     A direction goes along the shorter arc, an orientation the shorter way; what only one end asks for is not
     asked on the way. The cone goes evenly from one to the other.
     """
-    if a is b or share <= 0.0:
-        return a
-    if share >= 1.0:
-        return b
-    position, cone = a.position + share * (b.position - a.position), a.cone + share * (b.cone - a.cone)
+    if a is b:
+        return [a] * len(shares)
+    asked: list[dict[str, Array]] = [{}] * len(shares)
     if a.orientation is not None and b.orientation is not None:
         way = Rotation.from_matrix(a.orientation.T @ b.orientation).as_rotvec()
-        turn = a.orientation @ Rotation.from_rotvec(share * way).as_matrix()
-        return Target(position, cone=cone, orientation=turn)
-    if a.direction is not None and b.direction is not None:
-        return Target(position, _along_arc(a.direction, b.direction, share), cone)
-    return Target(position)
+        turns = a.orientation @ Rotation.from_rotvec(shares[:, None] * way).as_matrix()
+        asked = [{"orientation": turn} for turn in turns]
+    elif a.direction is not None and b.direction is not None:
+        asked = [{"direction": _along_arc(a.direction, b.direction, share)} for share in shares.tolist()]
+    positions = a.position + shares[:, None] * (b.position - a.position)
+    cones = a.cone + shares * (b.cone - a.cone)
+    rows = zip(positions, cones.tolist(), asked, strict=True)
+    return [Target(position, cone=cone, **axes) for position, cone, axes in rows]
 
 
 def _along_arc(a: Array, b: Array, share: float) -> Array:

@@ -43,6 +43,8 @@ class MotionLimits:
         Upper bounds for the motion of any point behind a joint per unit of the joint [m].
     reach : float
         Of any point from the base's origin [m].
+    pointer : float
+        Length of a line along each axis of the tool that counts as part of it [m].
     """
 
     robot: Robot
@@ -52,6 +54,7 @@ class MotionLimits:
     joint_jerk: Array
     levers: Array
     reach: float
+    pointer: float = 0.0
 
     def limited_derivatives(self, q_s: Array, q_ss: Array) -> tuple[Array, Array, Array]:
         """Path derivatives (m, k) of coordinates whose accelerations are limited, and their limits (k,)."""
@@ -164,19 +167,21 @@ class MotionLimits:
     def displacement(self, q: Array, other: Array) -> Array:
         """Upper bound for any point's distance between states q and others (n, 3 + dof), (n,) [m].
 
-        Points of the arm are those within `THICKNESS` of straight lines from joint to joint, and to the tool.
+        Points of the arm are those within `THICKNESS` of straight lines from joint to joint, and to the tool,
+        and the ends of its pointers.
         """
         here, there = (self.robot.frames(one[:, :3], one[:, 3:])[..., :3, :] for one in (q, other))
         moved = np.linalg.norm((there - here)[..., 3], axis=2)
         turned = np.linalg.norm((there - here)[..., :3], axis=(2, 3)) / np.sqrt(2)
         arm = np.maximum(moved[:, :-1], moved[:, 1:]) + THICKNESS * turned[:, :-1]
+        arm[:, -1] = np.maximum(arm[:, -1], moved[:, -1] + self.pointer * turned[:, -1])
         base, corners = other[:, :3] - q[:, :3], float(np.hypot(*self.robot.footprint.T).max())
         found: Array = np.maximum(arm.max(1), np.hypot(*base[:, :2].T) + corners * np.abs(base[:, 2]))
         return found
 
 
-def motion_limits(robot: Robot, speeds: Speeds) -> MotionLimits:
-    """Limits of a robot within given speeds."""
+def motion_limits(robot: Robot, speeds: Speeds, pointer: float = 0.0) -> MotionLimits:
+    """Limits of a robot within given speeds; a long pointer keeps the tool from turning."""
     velocity, acceleration = speeds.joint_limits(robot.chain)
     chain = robot.chain
     levers, reach = longest_levers(chain, len(chain.joints) - 1, chain.T_last_tool[:3, 3])
@@ -184,7 +189,7 @@ def motion_limits(robot: Robot, speeds: Speeds) -> MotionLimits:
     corners = float(np.hypot(*robot.footprint.T).max())
     jerks = speeds.joint_jerks(robot.chain)
     levers, far = np.abs(chain.coupling).T @ levers, max(from_axis, corners)
-    return MotionLimits(robot, speeds, velocity, acceleration, jerks, levers, far)
+    return MotionLimits(robot, speeds, velocity, acceleration, jerks, levers, far, pointer)
 
 
 def segments_on_path(motion: Motion) -> Mask:

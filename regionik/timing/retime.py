@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from regionik.planners.progress import track
-from regionik.postures.arm import deviation
+from regionik.postures.arm import LED_SHARE, deviation
 from regionik.timing.corner_rounding import rounded
 from regionik.timing.inserted_states import blended, refined, with_rests
 from regionik.timing.jerk_limited_timing import jerk_limited_motion, stretched
@@ -27,9 +27,11 @@ from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.errors import InputError
 from regionik.worlds.robot import Robot
+from regionik.worlds.scene import World
 from regionik.worlds.speeds import Speeds
 
 ROUNDED_CORNER = np.radians(60)  # where corners are rounded first, the robot stops at sharper ones
+TURN_SHARE = 1 - LED_SHARE  # of a cone that the smooth path may use
 SPARE_CONE = 0.02  # of a set-point, without which its state stays where it is [rad]
 BLEND = 2e-4  # by which any point of the robot may leave the plan's motion on the smooth path [m]
 SLOWDOWNS, SPARE = 5, 1e-4  # of the motion, and by how much more
@@ -86,7 +88,7 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, blend: float = BLEND, ho
     if not 0 < blend < np.inf:
         raise InputError(f"blend: must be above 0, got {blend:g}")
     asked = speeds or plan.world.speeds or Speeds()
-    limits = motion_limits(plan.world.robot, asked)
+    limits = motion_limits(plan.world.robot, asked, blend / (TURN_SHARE * _narrowest(plan.world)))
     motion = with_rests(plan.motion, _rests(limits, plan.motion))
     stats = {key: value for key, value in plan.stats.items() if key not in ("margins", "timing")}
     plan = replace(plan, world=replace(plan.world, speeds=asked))
@@ -105,6 +107,11 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, blend: float = BLEND, ho
     raise InputError(
         "plan: its motion breaks its own rules, so no smooth motion next to it keeps them; verify it"
     )
+
+
+def _narrowest(world: World) -> float:
+    """The narrowest cone of a world's task, infinite where the tool may be turned as it will [rad]."""
+    return min((target.cone for target in world.task if target.direction is not None), default=np.inf)
 
 
 def _rests(limits: MotionLimits, motion: Motion) -> Index:

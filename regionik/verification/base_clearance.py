@@ -38,6 +38,13 @@ class _SweptFootprint:
         return _hulls(np.concatenate(ends, axis=1)), chord_deviation(self._acceleration[segment], high - low)
 
     @property
+    def moving(self) -> Mask:
+        """Segments on which the base moves."""
+        base = self.segments.motion.base
+        found: Mask = (base[1:] != base[:-1]).any(axis=1)
+        return found
+
+    @property
     def exact(self) -> Mask:
         """Segments on which the hull is what the footprint sweeps: no turn, or a point that goes straight."""
         return np.abs(self.segments.turn) * (self._radius + np.abs(self.segments.rolled)) < 1e-12
@@ -95,7 +102,7 @@ def verify_floor(world: World, segments: MotionSegments, names: StateNames) -> F
     inside = shapely.covers(grown[EXACT], shapes)
     off = np.flatnonzero(~inside).tolist()
     violations = [_off_floor(names, k, names.state(k), shapes[k], ground) for k in off]
-    candidates = np.flatnonzero(inside[:-1] & inside[1:])
+    candidates = np.flatnonzero(inside[:-1] & inside[1:] & sweep.moving)
     exact = sweep.exact
 
     def examine(intervals: Intervals) -> IntervalVerdicts:
