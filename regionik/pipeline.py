@@ -79,7 +79,7 @@ def plan(world: World, *, seed: int = 0, say: Say | None = None, progress: Progr
 
 def _found_or_explained(world: World, seed: int, say: Say) -> Plan:
     try:
-        return search(world, seed)
+        return _staged(world, seed)
     except NoPlanFound as no:
         raise NoPlanFound(_explained(world, no.explanation, seed, say)) from None
 
@@ -200,14 +200,19 @@ def _explained_arm(world: World, i: int, quick: Explanation, say: Say) -> Explan
 
 def _can_be_planned(world: World, seed: int) -> bool:
     try:
-        _verified(search(world, seed))
+        search(world, seed)
     except NoPlanFound:
         return False
     return True
 
 
 def search(world: World, seed: int = 0) -> Plan:
-    """Return a plan, not timed; raise `NoPlanFound` with a quick explanation where there is none."""
+    """Return a verified plan, not timed; raise `NoPlanFound` with a quick explanation where there is none."""
+    return _verified(_staged(world, seed))
+
+
+def _staged(world: World, seed: int) -> Plan:
+    """Return what the stages make of a world, which the last of them may have verified."""
     check_world(world)
     _refuse(arm_failures.target_in_solid(world))
     return strategy_of(world).plan(world, seed)
@@ -268,8 +273,8 @@ def _not_converged(world: World, goals: tuple[Configuration, ...]) -> Explanatio
 
 
 def _verified(found: Plan) -> Plan:
-    """Return the plan with its margins, if it holds; one that has them was verified by the last stage."""
-    if "margins" in found.stats:
+    """Return the plan with its margins, if it holds."""
+    if "margins" in found.stats:  # the stage that made it has verified it
         return found
     report = verify(found)
     if not report.ok:

@@ -320,6 +320,13 @@ FAULTS = (
         ("tests/test_jerk_limits.py",),
     ),
     Fault(
+        "timing: the tool may turn as it will between two states",
+        "regionik/timing/limits.py",
+        "moved[:, -1] + self.pointer * turned[:, -1]",
+        "moved[:, -1]",
+        ("tests/test_retime.py",),
+    ),
+    Fault(
         "timing: jerks may be twice their limits",
         "regionik/timing/limits.py",
         "np.hypot(*jerk[:, :2].T) / s.base_jerk",

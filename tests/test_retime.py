@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 import shapely
+from scipy.spatial.transform import Rotation
 
 from regionik.output.plan_file import load_plan
 from regionik.pipeline import plan, search
@@ -307,3 +308,14 @@ def test_a_path_on_which_the_engine_stumbles_is_timed() -> None:
     timed = retime(search(soaked_world("made", 197)))
     assert verify(timed).ok
     assert 0 < timed.motion.time[-1] < np.inf
+
+
+def test_a_pointer_in_the_tool_keeps_it_from_turning() -> None:
+    robot, rng = robot_named("youbot-real"), np.random.default_rng(1)
+    q = rng.normal(size=(20, 8))
+    other = q + 1e-3 * rng.normal(size=q.shape)
+    turns = [robot.tool(one[:, :3], one[:, 3:])[:, :3, :3] for one in (q, other)]
+    angle = Rotation.from_matrix(turns[0].swapaxes(1, 2) @ turns[1]).magnitude()
+    bare, pointed = (motion_limits(robot, Speeds(), length).displacement(q, other) for length in (0.0, 2.0))
+    assert (pointed >= bare).all()
+    assert (pointed >= 2.0 * angle * (1 - 1e-6)).all()
