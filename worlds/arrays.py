@@ -14,7 +14,14 @@ from regionik.worlds.errors import InputError
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
+_YZX, _ZXY = [1, 2, 0], [2, 0, 1]
 _SHOWN = 6  # numbers of an array, or items of a tuple, that fit on a line
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Cross products of rows (..., 3), without what `numpy.cross` takes to look at their shapes."""
+    product: Array = a[..., _YZX] * b[..., _ZXY] - a[..., _ZXY] * b[..., _YZX]
+    return product
 
 
 def frozen(values: ArrayLike, shape: Sequence[int | None], what: str) -> Array:

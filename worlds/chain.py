@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from regionik.worlds.arrays import Array, frozen, one_line
+from regionik.worlds.arrays import Array, cross, frozen, one_line
 from regionik.worlds.errors import InputError, located
 from regionik.worlds.joints import Joint
 
@@ -189,14 +189,36 @@ class Chain:
         q = np.asarray(joints, dtype=np.float64)
         if q.shape[-1:] != (self.dof,):
             raise InputError(f"joints: expected {self.dof} values, got shape {q.shape}")
-        values = self.joint_values(q)
-        T = np.broadcast_to(np.eye(4), (*q.shape[:-1], 4, 4))
-        frames = np.empty((*q.shape[:-1], len(self.joints) + 1, 4, 4))
-        for k, joint in enumerate(self.joints):
-            T = T @ joint.T_parent_joint @ joint.transform(values[..., k])
+        values = np.moveaxis(self.joint_values(q), -1, 0)[..., None, None]
+        still, sine, versine, slide = self._motions.reshape(4, -1, *(1,) * (q.ndim - 1), 4, 4)
+        steps = still + np.sin(values) * sine + (1 - np.cos(values)) * versine + values * slide
+        frames, T = np.empty((*q.shape[:-1], len(self.joints) + 1, 4, 4)), np.eye(4)
+        for k in range(len(self.joints)):
+            T = T @ steps[k]
             frames[..., k, :, :] = T
         frames[..., -1, :, :] = T @ self.T_last_tool
         return frames
+
+    @cached_property
+    def _motions(self) -> Array:
+        """Parts (4, n, 4, 4) of all joints' transforms from link to link, by Rodrigues' formula.
+
+        Those of the joint at zero, of its sine, of one less its cosine, and of its value where it slides.
+        """
+        crosses, slides = np.zeros((2, len(self.joints), 4, 4))
+        crosses[self.revolute, :3, :3] = np.cross(self._axes[self.revolute, None], -np.eye(3))
+        slides[~self.revolute, :3, 3] = self._axes[~self.revolute]
+        T = np.array([joint.T_parent_joint for joint in self.joints])
+        return np.array([T, T @ crosses, T @ crosses @ crosses, T @ slides])
+
+    @cached_property
+    def revolute(self) -> NDArray[np.bool_]:
+        """Mask (n,) of all joints that turn."""
+        return np.array([joint.kind == "revolute" for joint in self.joints])
+
+    @cached_property
+    def _axes(self) -> Array:
+        return np.array([joint.axis for joint in self.joints])
 
     def forward(self, joints: ArrayLike) -> Array:
         """Return the tool frame in the arm's base frame, (..., 4, 4)."""
@@ -209,20 +231,21 @@ class Chain:
         Link and tool frames (..., n + 1, 4, 4) and point (..., 3) are in one frame [m]; the first ``moving``
         of all joints move the point.
         """
-        columns = np.zeros((*point.shape[:-1], len(self.joints), 3))
-        for k, joint in enumerate(self.joints[:moving]):
-            axis = frames[..., k, :3, :3] @ joint.axis
-            revolute = joint.kind == "revolute"
-            columns[..., k, :] = np.cross(axis, point - frames[..., k, :3, 3]) if revolute else axis
+        axes = self._turned_axes(frames)
+        turned = cross(axes, point[..., None, :] - frames[..., :-1, :3, 3])
+        columns = np.where(self.revolute[:, None], turned, axes)
+        columns[..., moving:, :] = 0.0
         return np.asarray(self.coupling.T @ columns)
 
     def turn_jacobian(self, frames: Array) -> Array:
         """Angular velocities of the tool per unit speed of each active joint, (..., dof, 3)."""
-        columns = np.zeros((*frames.shape[:-3], len(self.joints), 3))
-        for k, joint in enumerate(self.joints):
-            if joint.kind == "revolute":
-                columns[..., k, :] = frames[..., k, :3, :3] @ joint.axis
+        columns = np.where(self.revolute[:, None], self._turned_axes(frames), 0.0)
         return np.asarray(self.coupling.T @ columns)
+
+    def _turned_axes(self, frames: Array) -> Array:
+        """Axes of all joints where link and tool frames (..., n + 1, 4, 4) are, (..., n, 3)."""
+        axes: Array = (frames[..., :-1, :3, :3] @ self._axes[:, :, None])[..., 0]
+        return axes
 
     @property
     def link_vectors(self) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, Aim
-from regionik.worlds.arrays import Array, Index
+from regionik.worlds.arrays import Array, Index, cross
 from regionik.worlds.robot import Robot
 
 ANGLE_LENGTH = 0.3  # weighs angles of the tool against lengths [m/rad]
@@ -81,7 +81,7 @@ def _turn_left(aims: Aims, turned: Array) -> Array:
         left[whole] = Rotation.from_matrix(way).as_rotvec()
     if pointed.any():
         axis, asked = turned[pointed, :, 2], aims.turn[pointed, :, 2]
-        normal = np.cross(axis, asked)
+        normal = cross(axis, asked)
         sine = np.linalg.norm(normal, axis=1)
         angle = np.arctan2(sine, np.einsum("ni,ni->n", axis, asked))
         left[pointed] = normal * (angle / np.maximum(sine, 1e-300))[:, None]
@@ -96,7 +96,7 @@ def tool_jacobians(robot: Robot, states: Array) -> tuple[Array, Array]:
     J = np.zeros((len(states), 6, states.shape[1]))
     J[:, 0, 0] = J[:, 1, 1] = 1.0
     up, origin = np.array([0.0, 0.0, 1.0]), np.column_stack([base[:, :2], np.zeros(len(base))])
-    J[:, :3, 2], J[:, 3:, 2] = np.cross(up, tool - origin), up
+    J[:, :3, 2], J[:, 3:, 2] = cross(up, tool - origin), up
     chain = robot.chain
     J[:, :3, 3:] = chain.point_jacobian(frames, tool, len(chain.joints)).swapaxes(1, 2)
     J[:, 3:, 3:] = chain.turn_jacobian(frames).swapaxes(1, 2)
