@@ -25,10 +25,10 @@ from regionik.planners.collision.robot_scene import RobotScene
 from regionik.planners.driving.footprint import FootprintScene, fits
 from regionik.planners.geometry.angles import fit, wrap
 from regionik.planners.kernels import compiled
-from regionik.planners.reach.planar_cells import Stance
+from regionik.planners.reach.planar_cells import ArmMount
 from regionik.planners.solvers.planar_kinematics import two_link_angles
 from regionik.postures.arm_guard import contact_for, guard_of
-from regionik.reachability.any_base import prepared, stance_of, writable
+from regionik.reachability.any_base import prepared, writable
 from regionik.reachability.reach import reach
 from regionik.verification.verifier import verify_answers
 from regionik.worlds.arrays import Array
@@ -52,12 +52,12 @@ class Question(NamedTuple):
 
 
 @compiled
-def placed(stance: Stance, asked: Question, at: Array, base: Array, q: Array) -> float:
+def placed(mount: ArmMount, asked: Question, at: Array, base: Array, q: Array) -> float:
     """Base and joints with the tool on the target; how far joints and tool are beyond what they may [rad].
 
     ``at`` holds the plane's yaw, the last link's pitch, the axis' distance, the pivot's turn, and the elbow.
     """
-    plane = stance.plane
+    plane = mount.plane
     x = at[2] - plane.shoulder_r - plane.lengths[2] * np.cos(at[1])
     z = asked.target[2] - plane.shoulder_z - plane.lengths[2] * np.sin(at[1])
     lead, root, tip, ok = two_link_angles(plane.lengths[0], plane.lengths[1], x, z)
@@ -68,14 +68,14 @@ def placed(stance: Stance, asked: Question, at: Array, base: Array, q: Array) ->
     over, before = 0.0, 0.0
     for k in range(3):
         bend, beyond = fit(angles[k] - before, plane.lower[k], plane.upper[k])
-        q[k + 1] = stance.sign[k] * (bend - stance.offset[k])
+        q[k + 1] = mount.sign[k] * (bend - mount.offset[k])
         over, before = max(over, beyond), angles[k]
-    q[0] = wrap(at[0] - stance.yaw - stance.zero) if asked.fixed else at[3]
+    q[0] = wrap(at[0] - mount.yaw - mount.zero) if asked.fixed else at[3]
     over = max(over, asked.lower[0] - q[0], q[0] - asked.upper[0])
-    base[2] = stance.yaw if asked.fixed else wrap(at[0] - stance.zero - q[0])
+    base[2] = mount.yaw if asked.fixed else wrap(at[0] - mount.zero - q[0])
     c, s = np.cos(base[2]), np.sin(base[2])
-    base[0] = asked.target[0] - at[2] * np.cos(at[0]) - (c * stance.mount[0] - s * stance.mount[1])
-    base[1] = asked.target[1] - at[2] * np.sin(at[0]) - (s * stance.mount[0] + c * stance.mount[1])
+    base[0] = asked.target[0] - at[2] * np.cos(at[0]) - (c * mount.mount[0] - s * mount.mount[1])
+    base[1] = asked.target[1] - at[2] * np.sin(at[0]) - (s * mount.mount[0] + c * mount.mount[1])
     level, d = np.cos(at[1]), asked.direction
     along = d[0] * level * np.cos(at[0]) + d[1] * level * np.sin(at[0]) + d[2] * np.sin(at[1])
     return float(max(over, np.arccos(min(1.0, max(-1.0, along))) - asked.cone))
@@ -83,7 +83,7 @@ def placed(stance: Stance, asked: Question, at: Array, base: Array, q: Array) ->
 
 @compiled
 def screened(
-    stance: Stance,
+    mount: ArmMount,
     scene: RobotScene,
     avoids: bool,
     room: FootprintScene,
@@ -95,7 +95,7 @@ def screened(
     """Row of a sample that is an answer, -1 for none; and how each falls short."""
     short = np.empty(len(samples))
     for i in range(len(samples)):
-        over = placed(stance, asked, samples[i], base, q)
+        over = placed(mount, asked, samples[i], base, q)
         short[i] = 10.0 + over
         if over <= 0.0:
             short[i] = 5.0
@@ -108,7 +108,7 @@ def screened(
 
 def refuted(world: World, target: Target, starts: int, rng: np.random.Generator) -> bool:
     """Whether brute force finds a configuration."""
-    stance, room, robot = stance_of(world), room_for(world), world.robot
+    mount, room, robot = prepared(world).mount, room_for(world), world.robot
     scene, avoids = prepared(world).scene, world.rules.avoidance
     contact = contact_for(world, [target])
     free = target.direction is None
@@ -118,9 +118,9 @@ def refuted(world: World, target: Target, starts: int, rng: np.random.Generator)
         int(contact.owner[0]) if len(contact.owner) else -1,
         writable(robot.chain.lower), writable(robot.chain.upper),
     )  # fmt: skip
-    reach = float(stance.plane.lengths.sum() + abs(stance.plane.shoulder_r))
-    low = np.array([-np.pi, -np.pi, -reach, stance.low, -1.0])
-    high = np.array([np.pi, np.pi, reach, stance.high, 1.0])
+    reach = float(mount.plane.lengths.sum() + abs(mount.plane.shoulder_r))
+    low = np.array([-np.pi, -np.pi, -reach, mount.low, -1.0])
+    high = np.array([np.pi, np.pi, reach, mount.high, 1.0])
     if not free and target.cone < np.pi / 2:
         pitch = np.arctan2(direction[2], np.hypot(*direction[:2]))
         back = rng.random(starts) < 0.5
@@ -134,24 +134,24 @@ def refuted(world: World, target: Target, starts: int, rng: np.random.Generator)
             samples[narrow, 0] = azimuth + rng.uniform(-2, 2, int(narrow.sum())) * target.cone
         samples[back, 1], samples[back, 0] = np.pi - samples[back, 1], samples[back, 0] + np.pi
     base, q = np.empty(3), writable(robot.carry)
-    row, short = screened(stance, scene, avoids, room, asked, samples, base, q)
+    row, short = screened(mount, scene, avoids, room, asked, samples, base, q)
     if row >= 0:
         return True
     return any(
-        _climbs(world, stance, room, asked, samples[i], (base, q), rng)
+        _climbs(world, mount, room, asked, samples[i], (base, q), rng)
         for i in np.argsort(short, kind="stable")[:BEST].tolist()
     )
 
 
 def _climbs(
-    world: World, stance: Stance, room: FootprintScene, asked: Question, at: Array, out: tuple[Array, Array],
+    world: World, mount: ArmMount, room: FootprintScene, asked: Question, at: Array, out: tuple[Array, Array],
     rng: np.random.Generator,
 ) -> bool:  # fmt: skip
     """Whether small random moves turn a sample into an answer."""
     best, step = -np.inf, 0.3
     for _ in range(STEPS):
         tried = at + step * rng.normal(size=5) * [1, 1, 0.3, 1, 0]
-        over = placed(stance, asked, tried, *out)
+        over = placed(mount, asked, tried, *out)
         value = -10.0 - over
         if over <= 0.0:
             value = -5.0

@@ -40,7 +40,7 @@ from regionik.postures.poses import (
 from regionik.values import Configuration, Motion, Plan, PlannedArea, Report
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
-from regionik.worlds.drives import DifferentialDrive
+from regionik.worlds.drives import DifferentialDrive, wheel_travel
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 from regionik.worlds.robot import Robot, with_joint_margin
 from regionik.worlds.scene import Target, World
@@ -273,7 +273,7 @@ def _cost(world: World, found: TrackedPath) -> tuple[int, float]:
     """Number of drives with the tool lifted, and travel of the faster wheel besides [m]."""
     start, first = world.start, found.runs[0]
     away = start is not None and not same(start.base, start.joints, first.base[0], first.joints[0])
-    ways = (np.abs(run.wheels(world.robot.gauge)).max(1).sum() for run in found.runs)
+    ways = (np.abs(wheel_travel(run.base, world.robot.gauge)).max(1).sum() for run in found.runs)
     return len(found.runs) + away, float(sum(ways))
 
 
@@ -341,7 +341,10 @@ def _coarse_poses(world: World, path: PosePath, runs: tuple[TrackedRun, ...]) ->
     poses = np.array(path.poses)
     bend, move = np.diff(joints, axis=0), np.diff(poses, axis=0)
     cone = min(target.cone for target in world.task)
-    arc, turn = (np.concatenate([getattr(run, part) for run in runs])[1:] for part in ("length", "turn"))
+    lifted = np.cumsum([len(run.base) for run in runs])[:-1] - 1  # steps from one run to the next
+    slide, arc = robot.drive.parts(base[:-1], base[1:])
+    turn = slide[:, 2]
+    turn[lifted] = 0.0
     coarse = (np.abs(arc) > rules.step) | (np.abs(bend) > LARGEST_BEND).any(1)
     swung = np.abs(np.diff(turn)) > LARGEST_SWING
     coarse[:-1] |= swung
@@ -350,5 +353,5 @@ def _coarse_poses(world: World, path: PosePath, runs: tuple[TrackedRun, ...]) ->
         tool = robot.tool(robot.drive.between(base[:-1], base[1:], s), joints[:-1] + s * bend)
         off = np.linalg.norm(tool - poses[:-1] - s * move, axis=1)
         coarse |= (off[:, 3] > rules.planned_path_tolerance / 2) | (off[:, 2] > cone / 2)
-    coarse[np.cumsum([len(run.base) for run in runs])[:-1] - 1] = False  # there the tool is lifted
+    coarse[lifted] = False
     return np.flatnonzero(coarse).tolist()

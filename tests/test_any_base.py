@@ -21,7 +21,7 @@ from regionik.planners.reach.planar_cells import AWAY, PITCH, TURN, YAW
 from regionik.planners.search.box_search import Verdict
 from regionik.planners.solvers.planar_kinematics import two_link_angles
 from regionik.postures.arm_guard import contact_for, guard_of
-from regionik.reachability.any_base import any_base_of, prepared, search_any_base, stance_of, writable
+from regionik.reachability.any_base import any_base_of, prepared, search_any_base
 from regionik.reachability.reach import reach
 from regionik.verification.verifier import verify_answers
 from regionik.worlds.arms import planar_arm
@@ -200,8 +200,9 @@ def test_a_footprint_that_is_surely_out_fits_at_no_pose_nearby(seed: int) -> Non
             assert not fits(room, x + off * np.cos(angle), y + off * np.sin(angle), yaw + swing)
 
 
-def test_stances_are_those_of_the_world() -> None:
+def test_a_base_keeps_the_heading_that_its_rules_fix_alone() -> None:
     world = World("own", robot_named("youbot-real"), HALL)
-    stance, mount = stance_of(world), prepared(world).mount
-    assert writable(mount.mount).tolist() == stance.mount.tolist()
+    mount = prepared(world).mount
+    assert mount.mount.tolist() == world.robot.mount[:2].tolist()
     assert np.isnan(mount.yaw)
+    assert prepared(replace(world, rules=replace(world.rules, heading="fixed"))).mount.yaw == 0.0

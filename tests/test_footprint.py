@@ -34,7 +34,6 @@ from regionik.planners.driving.heading_slabs import (
     rotation_core,
     rotation_hull,
     slab_areas,
-    slab_free,
     slabs,
     slabs_along,
 )
@@ -104,7 +103,7 @@ def holds(
 @pytest.mark.parametrize(("low", "high"), [(0.7, 0.7), (0.1, 0.2), (-0.3, 0.1), (1.0, 3.0), (0.0, 2 * np.pi)])
 def test_inner_in_truth_in_outer(footprint: Array, low: float, high: float) -> None:
     clearance = 0.05
-    slab = slab_free(footprint, FLOOR, OBSTACLES, clearance, low, high)
+    (slab,) = slab_areas(footprint, FLOOR, OBSTACLES, clearance, [[low, high]])
     assert slab.inner.difference(slab.outer.buffer(1e-8)).is_empty
     room = footprint_scene(footprint, FLOOR, OBSTACLES, clearance)
     spots = np.random.default_rng(4).uniform((-1, -1), (8, 7), (400, 2))
@@ -124,7 +123,7 @@ def test_inner_in_truth_in_outer(footprint: Array, low: float, high: float) -> N
 @pytest.mark.parametrize(("low", "high"), [(0.1, 0.2), (1.0, 3.0), (0.0, 2 * np.pi)])
 def test_a_window_shows_a_part_of_the_same_areas(footprint: Array, low: float, high: float) -> None:
     window = shapely.Point(2.0, 2.0).buffer(1.5)
-    whole = slab_free(footprint, FLOOR, OBSTACLES, 0.05, low, high)
+    (whole,) = slab_areas(footprint, FLOOR, OBSTACLES, 0.05, [[low, high]])
     part = convex_scene(footprint, FLOOR, OBSTACLES, 0.05, window=window)
     assert free_at_all(part, low, high).symmetric_difference(whole.inner & window).area < 1e-9
     assert free_at_some(part, low, high).symmetric_difference(whole.outer & window).area < 1e-9
@@ -132,7 +131,8 @@ def test_a_window_shows_a_part_of_the_same_areas(footprint: Array, low: float, h
 
 @pytest.mark.parametrize("footprint", [YOUBOT, OFFSET])
 def test_the_gap_between_inner_and_outer_falls_with_the_slab(footprint: Array) -> None:
-    areas = [slab_free(footprint, FLOOR, OBSTACLES, 0.05, 0.4 - w, 0.4 + w) for w in (0.1, 0.05, 0.025, 0.0)]
+    bounds = [[0.4 - w, 0.4 + w] for w in (0.1, 0.05, 0.025, 0.0)]
+    areas = slab_areas(footprint, FLOOR, OBSTACLES, 0.05, bounds)
     gaps = [slab.outer.area - slab.inner.area for slab in areas]
     assert gaps[3] < 0.01
     assert gaps[1] < 0.6 * gaps[0]
@@ -359,14 +359,14 @@ def test_widths() -> None:
         ({"footprint": [[0, 0], [1, 0], [0, 1], [1, 1]]}, "footprint: expected a convex outline"),
         ({"clearance": -0.1}, "clearance: expected 0 or above, got -0.1"),
         ({"floor": Polygon()}, "polygon: expected a Polygon or MultiPolygon that is not empty"),
-        ({"low": 2.0}, "slab: expected two rising headings, got 2.0 and 1.0"),
-        ({"high": np.nan}, "slab: expected two rising headings"),
+        ({"bounds": [[2.0, 1.0]]}, "slab: expected two rising headings, got 2.0 and 1.0"),
+        ({"bounds": [[0.0, np.nan]]}, "slabs: every number must be finite"),
     ],
 )
 def test_bad_slabs(change: dict[str, object], words: str) -> None:
-    given = {"footprint": YOUBOT, "floor": FLOOR, "obstacles": (), "clearance": 0.0, "low": 0.0, "high": 1.0}
+    given = {"footprint": YOUBOT, "floor": FLOOR, "obstacles": (), "clearance": 0.0, "bounds": [[0.0, 1.0]]}
     with pytest.raises(InputError, match=words):
-        slab_free(**{**given, **change})
+        slab_areas(**{**given, **change})
 
 
 def test_bad_drives() -> None:

@@ -112,5 +112,5 @@ def test_many_heights_have_the_reach_of_each(pitches: tuple[float, float], seed:
     owner, spans = reach_spans(arm, 0.1, heights, pitches, front=sides[0], back=sides[1])
     assert (np.diff(owner) >= 0).all()
     for k, z in enumerate(heights.tolist()):
-        alone = reach_intervals(arm, 0.1, np.array([z]), pitches, front=sides[0], back=sides[1])[0]
+        _, alone = reach_spans(arm, 0.1, np.array([z]), pitches, front=sides[0], back=sides[1])
         np.testing.assert_allclose(spans[owner == k], alone, rtol=0, atol=1e-9)

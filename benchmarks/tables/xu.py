@@ -20,6 +20,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, planar_pose
 from regionik.worlds.documents.world_file import load_world
+from regionik.worlds.drives import wheel_travel
 
 ROBOT = robot_named("pioneer-parm")
 SPEED = 0.5  # of a wheel at most, as printed [m/s]
@@ -116,7 +117,7 @@ def simulation(poses: list[Array], pivot: float) -> Simulation:
         for base, joints in zip(found.base, found.joints, strict=True)
     ]
     apart = np.abs(np.array(tools) - np.array(poses))
-    wheels = np.abs(found.wheels(ROBOT.gauge)).max(axis=1)
+    wheels = np.abs(wheel_travel(found.base, ROBOT.gauge)).max(axis=1)
     return Simulation(
         float(apart[:, :3, 3].max()),
         float(apart[:, :3, :3].max()),

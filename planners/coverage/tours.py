@@ -59,7 +59,7 @@ def shortest_order(
         length = _open_length(order, far, first, last)
         return VisitingOrder(tuple(order), length, length)
     closed = _closed(far, first, last)
-    tour = improved_tour(closed, 0)
+    tour = improved_tour(closed)
     tour = np.roll(tour, -int(np.flatnonzero(tour == 0)[0]))
     way = (tour[:1:-1] if tour[1] == 1 else tour[1:-1]) - 2
     length = _open_length(way, far, first, last)

@@ -126,12 +126,6 @@ class WheeledPath:
         """Sum of all changes of heading, left and right [rad]."""
         return float(sum(abs(segment.turn) for segment in self.segments))
 
-    @property
-    def reversals(self) -> int:
-        """Number of changes between driving forwards and backwards."""
-        signs = [segment.length > 0 for segment in self.segments if segment.length != 0]
-        return sum(a != b for a, b in zip(signs[:-1], signs[1:], strict=True))
-
     def sample(self, step: float) -> Array:
         """Poses along the path, (n, 3): x, y [m], yaw [rad], headings continuous.
 

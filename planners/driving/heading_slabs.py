@@ -118,43 +118,30 @@ def slab_areas(
     clearance: float,
     bounds: ArrayLike,
 ) -> tuple[Slab, ...]:
-    """`slab_free` for many slabs, (n, 2) lowest and highest headings [rad]."""
-    scene = convex_scene(footprint, floor, obstacles, clearance)
-    return tuple(_slab(scene, low, high) for low, high in frozen(bounds, (None, 2), "slabs").tolist())
-
-
-def slab_free(
-    footprint: ArrayLike,
-    floor: Polygon | MultiPolygon,
-    obstacles: Sequence[Shadow],
-    clearance: float,
-    low: float,
-    high: float,
-) -> Slab:
-    """Free area of a footprint while its heading is between two bounds.
+    """Free areas of a footprint while its heading is between two bounds, one for each slab.
 
     Parameters
     ----------
     footprint, floor, obstacles, clearance
         As for `footprint_scene`.
-    low, high : float
-        Headings, the same or rising [rad].
+    bounds : (n, 2) array_like
+        Lowest and highest heading of each slab, the same or rising [rad].
 
     Examples
     --------
     >>> from shapely import box
     >>> long = [[0.3, -0.1], [0.3, 0.1], [-0.3, 0.1], [-0.3, -0.1]]
-    >>> slab = slab_free(long, box(0, 0, 2, 0.3), [], 0.0, -0.1, 0.1)
+    >>> (slab,) = slab_areas(long, box(0, 0, 2, 0.3), [], 0.0, [[-0.1, 0.1]])
     >>> [round(area.area, 3) for area in (slab.inner, slab.outer)]
     [0.057, 0.142]
     """
-    return _slab(convex_scene(footprint, floor, obstacles, clearance), low, high)
-
-
-def _slab(scene: ConvexScene, low: float, high: float) -> Slab:
-    if not -np.inf < low <= high < np.inf:
-        raise InputError(f"slab: expected two rising headings, got {low} and {high}")
-    return Slab(low, high, free_at_all(scene, low, high), free_at_some(scene, low, high))
+    scene = convex_scene(footprint, floor, obstacles, clearance)
+    found = []
+    for low, high in frozen(bounds, (None, 2), "slabs").tolist():
+        if low > high:
+            raise InputError(f"slab: expected two rising headings, got {low} and {high}")
+        found.append(Slab(low, high, free_at_all(scene, low, high), free_at_some(scene, low, high)))
+    return tuple(found)
 
 
 def free_at_all(scene: ConvexScene, low: float, high: float) -> BaseGeometry:
@@ -200,7 +187,7 @@ def convex_scene(
     sides: int = SIDES,
     window: BaseGeometry | None = None,
 ) -> ConvexScene:
-    """Return footprint and surroundings for `free_at_all` and `free_at_some`; see `slab_free`.
+    """Return footprint and surroundings for `free_at_all` and `free_at_some`; see `slab_areas`.
 
     Parameters
     ----------

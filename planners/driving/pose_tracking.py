@@ -13,7 +13,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -57,26 +56,13 @@ class TrackingRobot:
 
 @dataclass(frozen=True, eq=False)
 class TrackedRun:
-    """States that follow tool poses; the step of a row leads to its pose."""
+    """States that follow tool poses."""
 
     base: Array  # (n, 3) x, y [m], yaw [rad]
     joints: Array  # (n, 5)
-    turn: Array  # (n,) turn of the base over the step [rad]
-    length: Array  # (n,) length of the base's arc over the step, 0 in the first row [m]
-
-    def wheels(self, gauge: float) -> Array:
-        """Travel of the left and right wheel over each step, (n, 2), for wheels ``gauge`` apart [m]."""
-        half = self.turn * gauge / 2
-        return np.column_stack([self.length - half, self.length + half])
 
 
-class _Row(NamedTuple):
-    """One row of a `TrackedRun`."""
-
-    base: Array
-    joints: Array
-    turn: float
-    length: float
+_Row = tuple[Array, Array]  # of a `TrackedRun`: base and joints
 
 
 def track_poses(
@@ -116,22 +102,19 @@ def _rows(robot: TrackingRobot, poses: Sequence[Array], heading: float | None, e
         yaw = float(turn - np.clip(turn - yaw, -limit, limit))
     pivot = float(np.clip(turn - yaw, -limit, limit))
     base = np.array([*(poses[0][:2, 3] - _lever(robot.ahead, share.out, pivot, yaw)), yaw])
-    yield _Row(base, _joints(share, pivot, turn - yaw), 0.0, 0.0)
+    yield base, _joints(share, pivot, turn - yaw)
     for k in range(1, len(poses)):
         share = arm_share(arm, poses[k], lift, k, elbow=elbow, facing=facing)
         turn += wrap(share.turn - turn)
         step, length, pivot = _step(robot, share, turn, poses[k][:2, 3], base, k)
         base = np.array(arc_end(base[0], base[1], base[2], length, step))
-        yield _Row(base, _joints(share, pivot, turn - base[2]), step, length)
+        yield base, _joints(share, pivot, turn - base[2])
 
 
 def _run_of(rows: Iterable[_Row]) -> TrackedRun:
     """Columns of rows, which may be none."""
-    found = list(rows)
-    base, joints, turn, length = zip(*found, strict=True) if found else ((),) * 4
-    return TrackedRun(
-        np.array(base).reshape(-1, 3), np.array(joints).reshape(-1, 5), np.array(turn), np.array(length)
-    )
+    base, joints = zip(*found, strict=True) if (found := list(rows)) else ((), ())
+    return TrackedRun(np.array(base).reshape(-1, 3), np.array(joints).reshape(-1, 5))
 
 
 def track_runs(
@@ -173,10 +156,10 @@ def track_runs(
 def _within_limits(robot: TrackingRobot, rows: Iterator[_Row]) -> Iterator[_Row]:
     """Rows up to the first that leaves the joint limits."""
     with suppress(SaturationError):
-        for row in rows:
-            if (row.joints < robot.lower - SLACK).any() or (row.joints > robot.upper + SLACK).any():
+        for base, joints in rows:
+            if (joints < robot.lower - SLACK).any() or (joints > robot.upper + SLACK).any():
                 return
-            yield row
+            yield base, joints
 
 
 def start_headings(robot: TrackingRobot, pose: Array, elbow: int = 1) -> tuple[float | None, ...]:

@@ -82,8 +82,6 @@ class AnyBase(NamedTuple):
 
     capsules: PlaneCapsules
     mount: ArmMount
-    signs: Array  # (3,) bend = sign * joint + offset
-    offsets: Array  # (3,) [rad]
     floor: BaseFloor
     around: NearObstacles
     demand: ToolDemand
@@ -272,7 +270,7 @@ def _take_middle(task: AnyBase) -> bool:
     before = 0.0
     for k in range(3):
         bend = fit(task.cell.bends[k] - before, plane.lower[k], plane.upper[k])[0]
-        q[k + 1] = task.signs[k] * (bend - task.offsets[k])
+        q[k + 1] = mount.sign[k] * (bend - mount.offset[k])
         before = task.cell.bends[k]
     yaw = wrap(mid[YAW] - mount.zero - turn) if np.isnan(mount.yaw) else mount.yaw
     c, s, target = math.cos(yaw), math.sin(yaw), task.demand.target

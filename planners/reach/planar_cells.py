@@ -22,42 +22,16 @@ from regionik.planners.solvers.planar_kinematics import LIMIT_SLACK, PlanarLinka
 from regionik.worlds.arrays import Array
 
 SLACK = 1e-10  # rounding that no proof may rest on [m] or [rad]
-MOST_RINGS = 16  # intervals of reach at one height
 YAW, PITCH, AWAY, TURN, ELBOW = range(5)  # the sides of a cell; the elbow is -1 or 1
-
-
-class Stance(NamedTuple):
-    """Joints and base of an arm in one plane, as its bends and the place of its axis give them.
-
-    Attributes
-    ----------
-    plane : PlanarLinkage
-    sign, offset : (3,) array
-        ``bend = sign * joint + offset`` [rad].
-    zero : float
-        Direction of the arm's plane, seen from the base, with the pivot at zero [rad].
-    low, high : float
-        What the pivot may turn; the base turns the rest [rad].
-    mount : (2,) array
-        The arm axis in the base frame [m].
-    yaw : float
-        Heading of the base at the start [rad].
-    """
-
-    plane: PlanarLinkage
-    sign: Array
-    offset: Array
-    zero: float
-    low: float
-    high: float
-    mount: Array
-    yaw: float
 
 
 class ArmMount(NamedTuple):
     """The arm as it stands on its base."""
 
     plane: PlanarLinkage
+    # sign, offset: (3,) ``bend = sign * joint + offset`` [rad]
+    sign: Array
+    offset: Array
     mount: Array  # (2,) the pivot axis in the base's frame [m]
     zero: float  # direction of the plane, seen from the base, with the pivot at zero [rad]
     low: float  # limits of the pivot [rad]

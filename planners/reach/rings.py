@@ -12,7 +12,7 @@ from regionik.planners.solvers.planar_kinematics import Pair, PlanarLinkage, int
 from regionik.worlds.arms import PlanarArm
 from regionik.worlds.arrays import Array
 
-_MOST_INTERVALS = 16
+MOST_INTERVALS = 16  # at one height
 APART = 1e-7  # ends that are nearer to each other than this may be taken for each other [m]
 NEAR = 1e-6  # of a turning height: ends at heights this near to one are searched anew [m]
 
@@ -77,7 +77,13 @@ def _pitched_circles(
     return circles
 
 
-def reach_intervals(
+def reach_intervals(arm: PlanarArm, shoulder_z: float, heights: Array, pitches: Pair = FREE) -> list[Array]:
+    """Intervals of signed r within reach for every height, (k, 2) each; see `reach_spans`."""
+    owner, spans = reach_spans(arm, shoulder_z, heights, pitches)
+    return np.split(spans, np.searchsorted(owner, np.arange(1, len(heights))))
+
+
+def reach_spans(
     arm: PlanarArm,
     shoulder_z: float,
     heights: Array,
@@ -85,8 +91,8 @@ def reach_intervals(
     *,
     front: bool = True,
     back: bool = True,
-) -> list[Array]:
-    """Intervals of signed r within reach, for every height.
+) -> tuple[NDArray[np.intp], Array]:
+    """Intervals of signed r within reach at all heights in one table.
 
     Parameters
     ----------
@@ -102,30 +108,18 @@ def reach_intervals(
 
     Returns
     -------
-    list of (k, 2) arrays
-        Ascending; none crosses r = 0, so that each lies in front of the axis or behind it.
+    owner : (m,) array of int
+        Index of the height of each interval, ascending.
+    spans : (m, 2) array
+        Ascending for each height; none crosses r = 0, so that each lies in front of the axis or behind it.
     """
-    owner, spans = reach_spans(arm, shoulder_z, heights, pitches, front=front, back=back)
-    return np.split(spans, np.searchsorted(owner, np.arange(1, len(heights))))
-
-
-def reach_spans(
-    arm: PlanarArm,
-    shoulder_z: float,
-    heights: Array,
-    pitches: Pair = FREE,
-    *,
-    front: bool = True,
-    back: bool = True,
-) -> tuple[NDArray[np.intp], Array]:
-    """`reach_intervals` in one table: index of the height of each interval, ascending, (m,), and (m, 2)."""
     circles, turns = _boundary(arm, shoulder_z, pitches)
     plane = PlanarLinkage(float(arm.shoulder[0]), shoulder_z, arm.lengths, arm.lower, arm.upper)
-    out, counts = np.empty((len(heights), _MOST_INTERVALS, 2)), np.empty(len(heights), dtype=np.int64)
+    out, counts = np.empty((len(heights), MOST_INTERVALS, 2)), np.empty(len(heights), dtype=np.int64)
     order = np.argsort(heights, kind="stable")
     _spans(plane, pitches, (circles, turns), np.asarray(heights)[order], (front, back), out, counts)
     out[order], counts[order] = out.copy(), counts.copy()
-    real = np.arange(_MOST_INTERVALS) < counts[:, None]
+    real = np.arange(MOST_INTERVALS) < counts[:, None]
     return np.repeat(np.arange(len(heights)), counts), out[real]
 
 
@@ -171,7 +165,7 @@ def _spans(
     Ends are searched once between two turning heights; there they stay on their circles.
     """
     circles, turns = boundary
-    ends = np.empty((_MOST_INTERVALS, 2), np.int64)
+    ends = np.empty((MOST_INTERVALS, 2), np.int64)
     between, known, turn = -1, False, 0
     for i, z in enumerate(heights):
         while turn < len(turns) and turns[turn] < z:

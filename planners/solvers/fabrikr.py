@@ -52,15 +52,9 @@ def posture_of(bodies: RigidBodies, joints: Array) -> Posture:
     """Posture with the joints at ``joints``, which are copied."""
     n = len(bodies.slide)
     posture = Posture(joints[:n].copy(), np.empty((n, 3, 3)), np.empty((n + 1, 3)), np.empty((n + 1, 3)))
-    forward_kinematics(bodies, posture)
-    return posture
-
-
-@compiled
-def forward_kinematics(bodies: RigidBodies, posture: Posture) -> None:
-    """Place every body from the joints: forward kinematics."""
-    for k in range(len(posture.joints)):
+    for k in range(n):
         backward_place(bodies, k, posture.joints[k], posture)
+    return posture
 
 
 @compiled
@@ -79,19 +73,15 @@ def forward_pass(bodies: RigidBodies, target: Array, posture: Posture) -> None:
 
 
 @compiled
-def backward_step(bodies: RigidBodies, k: int, posture: Posture) -> float:
-    """Choose joint k and place body k; returns the joint's value."""
-    value = backward_choice(bodies, k, posture)
-    backward_place(bodies, k, value, posture)
-    return value
+def backward_step(bodies: RigidBodies, k: int, posture: Posture) -> None:
+    """Choose joint k and place body k."""
+    backward_place(bodies, k, backward_choice(bodies, k, posture), posture)
 
 
 @compiled
-def forward_step(bodies: RigidBodies, k: int, posture: Posture) -> float:
-    """Choose joint k from the far side and place body k - 1 (k > 0); returns the joint's value."""
-    value = forward_choice(bodies, k, posture)
-    forward_place(bodies, k, value, posture)
-    return value
+def forward_step(bodies: RigidBodies, k: int, posture: Posture) -> None:
+    """Choose joint k from the far side and place body k - 1 (k > 0)."""
+    forward_place(bodies, k, forward_choice(bodies, k, posture), posture)
 
 
 @compiled

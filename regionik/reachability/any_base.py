@@ -19,10 +19,9 @@ from regionik.planners.collision.upright_solids import Uprights, inradii, uprigh
 from regionik.planners.reach.any_base import AnyBase, BaseFloor, ToolDemand, near_solids, search_cells
 from regionik.planners.reach.floor_distances import FloorParts, parts_of
 from regionik.planners.reach.planar_capsules import NearObstacles, PlaneCapsules, plane_capsules
-from regionik.planners.reach.planar_cells import MOST_RINGS, ArmMount, Stance, cell_for
-from regionik.planners.reach.rings import FREE, boundary_circles
+from regionik.planners.reach.planar_cells import ArmMount, cell_for
+from regionik.planners.reach.rings import reach_intervals
 from regionik.planners.search.box_search import Verdict
-from regionik.planners.solvers.planar_kinematics import intervals_at_height
 from regionik.postures.arm_guard import SPARE, contact_for, guard_of
 from regionik.postures.poses import Pose
 from regionik.worlds.arrays import Array, Index
@@ -71,10 +70,9 @@ def search_any_base(world: World, target: Target, most: int) -> AnyBaseResult:
     bodies, contact = guard_of(world).bodies, contact_for(world, [target])
     if name := solid_at_target(bodies, target.position, world.rules.tolerance, 0.0, contact):
         return AnyBaseResult(Verdict.RULED_OUT, None, 0.0, (name,))
-    task, rings = any_base_of(world, target), np.empty((MOST_RINGS, 2))
-    circles = prepared(world).circles
-    found = intervals_at_height(task.mount.plane, FREE, circles, target.position[2], True, True, rings)
-    verdict, gap = search_cells(task, rings[:found], max(most, FEWEST))
+    task, model = any_base_of(world, target), planar_reach(world.robot)
+    (rings,) = reach_intervals(model.arm, model.plane.shoulder_z, target.position[2:])
+    verdict, gap = search_cells(task, rings, max(most, FEWEST))
     if verdict == Verdict.PROVEN:
         return AnyBaseResult(verdict, Pose(task.base, task.joints), 0.0, ())
     near = np.unique(task.around.owner[task.around.near]).tolist()
@@ -83,11 +81,11 @@ def search_any_base(world: World, target: Target, most: int) -> AnyBaseResult:
 
 def any_base_of(world: World, target: Target) -> AnyBase:
     """Return a target in a world as the search takes it."""
-    arm, stance, capsules = prepared(world), stance_of(world), prepared(world).capsules
+    arm = prepared(world)
     return AnyBase(
-        capsules, arm.mount, stance.sign, stance.offset, arm.floor, _around(world, target),
-        _demand(world, target), arm.scene, SPARE, cell_for(len(capsules.rank)),
-        np.empty(3), writable(world.robot.carry), np.zeros(2, dtype=np.int64),
+        arm.capsules, arm.mount, arm.floor, _around(world, target), _demand(world, target), arm.scene, SPARE,
+        cell_for(len(arm.capsules.rank)), np.empty(3), writable(world.robot.carry),
+        np.zeros(2, dtype=np.int64),
     )  # fmt: skip
 
 
@@ -101,33 +99,27 @@ class PreparedWorld(NamedTuple):
     deep: Array
     owner: Index
     far: float  # from a target, beyond which a solid touches no link [m]
-    circles: Array  # (n, 3) on which the arm's reach can begin or end
     scene: RobotScene  # the robot among the solids that it keeps away from
 
 
 @lru_cache(maxsize=8)
 def prepared(world: World) -> PreparedWorld:
     """Return what is the same for all targets of a world."""
-    stance, model, guard = stance_of(world), planar_reach(world.robot), guard_of(world)
+    model, guard = planar_reach(world.robot), guard_of(world)
     capsules = plane_capsules(world.robot, model.arm)
-    fixed = world.rules.heading == "fixed"
-    mount = ArmMount(
-        stance.plane, stance.mount, stance.zero, stance.low, stance.high, stance.yaw if fixed else np.nan
-    )
     obstacles = obstacles_from(world.arm_solids)
     whole = [k for k, piece in enumerate(obstacles.pieces) if piece.mesh is None]
     solids = uprights_from([obstacles.pieces[k] for k in whole])
     levers = np.linalg.norm(capsules.ends, axis=2).max(initial=0.0) + capsules.radius.max(initial=0.0)
-    far = stance.plane.lengths.sum() + abs(stance.plane.shoulder_r) + levers + world.arm_clearance
+    far = model.plane.lengths.sum() + abs(model.plane.shoulder_r) + levers + world.arm_clearance
     return PreparedWorld(
         capsules,
-        mount,
+        _mount(world),
         _floor(world),
         solids,
         inradii(solids),
         np.array(obstacles.owner, dtype=np.int64)[whole],
         float(far + world.rules.tolerance),
-        boundary_circles(model.arm, model.plane.shoulder_z),
         guard.bodies.scene(guard.contact),
     )
 
@@ -164,15 +156,15 @@ def _demand(world: World, target: Target) -> ToolDemand:
     return ToolDemand(position, writable(target.direction), float(target.cone), seek)
 
 
-@lru_cache(maxsize=8)
-def stance_of(world: World) -> Stance:
-    """Stance of the robot, at the heading of the world's start."""
+def _mount(world: World) -> ArmMount:
+    """The arm on its base, at the heading of the world's start where the rules keep that."""
     robot, model = world.robot, planar_reach(world.robot)
     arm, (low, high) = model.arm, model.pivot(world.rules)
     zero = float(arm.pivot_zero + robot.mount[3])
-    yaw = 0.0 if world.start is None else float(world.start.base[2])
+    start = 0.0 if world.start is None else float(world.start.base[2])
+    yaw = start if world.rules.heading == "fixed" else np.nan
     sign, offset, mount = map(writable, (arm.sign, arm.offset, robot.mount[:2]))
-    return Stance(model.plane, sign, offset, zero, low, high, mount, yaw)
+    return ArmMount(model.plane, sign, offset, mount, zero, low, high, yaw)
 
 
 @lru_cache(maxsize=256)

@@ -68,7 +68,6 @@ class CsvTable:
     row: int
     columns: int
     size: int  # lines of a block
-    lines: int  # of the file
     ends: tuple[int, ...]  # offset of the end of each block; the first begins at 0 [bytes]
 
     def __len__(self) -> int:
@@ -127,7 +126,7 @@ def index_csv(path: Path, size: int) -> CsvTable:
         raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
     if place > after[-1]:
         after.append(place)
-    return CsvTable(path, digest.hexdigest(), row, columns, size, count, tuple(after[1:]))
+    return CsvTable(path, digest.hexdigest(), row, columns, size, tuple(after[1:]))
 
 
 def _text(data: bytes, where: str) -> str:

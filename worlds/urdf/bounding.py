@@ -18,6 +18,7 @@ from regionik.worlds.chain import rot_x, rot_y, rot_z
 from regionik.worlds.links import LinkBox, LinkCapsule, LinkHull, LinkSolid
 
 _FLAT = 1e-4  # thickness [m], or share of the width where that is more than a metre
+_PLANES = 400  # of an outer hull
 _HULL_FLAT = 1e-7  # as _FLAT: of a cloud much thinner Qhull loses corners without an error
 _CHUNK = 10_000  # points projected at once
 _MANY = 500  # points, above which trimesh's oriented box takes too long
@@ -45,16 +46,16 @@ def hull_triangles(points: Array) -> Array:
     return faces
 
 
-def outer_hull(points: Array, faces: int = 400) -> Array:
-    """Return the corners (m, 3) of a polytope around points (n, 3), of at most ``faces`` supporting planes.
+def outer_hull(points: Array) -> Array:
+    """Return the corners (m, 3) of a polytope around points (n, 3), of at most `_PLANES` supporting planes.
 
     A flat cloud has no such polytope: the corners of its hull are returned.
     """
     widths, axes = _principal_axes(points)
     if _is_flat(widths):
         return convex_hull(points)
-    k = np.arange(faces) + 0.5  # directions evenly over the sphere, on a spiral
-    z, turn = 1 - 2 * k / faces, np.pi * (1 + np.sqrt(5)) * k
+    k = np.arange(_PLANES) + 0.5  # directions evenly over the sphere, on a spiral
+    z, turn = 1 - 2 * k / _PLANES, np.pi * (1 + np.sqrt(5)) * k
     normals = np.column_stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn), z])
     middle, stretch = points.mean(0), axes * (widths / np.sqrt(len(points)))
     local = (points - middle) @ np.linalg.inv(stretch).T  # as wide one way as another
