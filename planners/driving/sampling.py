@@ -57,23 +57,17 @@ def connect(
         From start to goal; None when the iterations are used up.
     """
     count = len(problem.lower)
+
+    def write(state: State, point: Array) -> None:
+        for i, value in enumerate(point.tolist()):
+            state[i] = value
+
+    def read(state: State) -> Array:
+        return np.array([state[i] for i in range(count)])
+
     with _ompl(seed) as (base, geometric):
         space = base.RealVectorStateSpace(count)
-        space.setBounds(_bounds(base, problem))
-        ends = [_point_state(space, point) for point in (problem.start, problem.goal)]
-        setup = _setup(
-            base,
-            geometric,
-            space,
-            ends,
-            lambda p: problem.state_is_free(_point(p, count)),
-            lambda p, q: problem.motion_is_free(_point(p, count), _point(q, count)),
-        )
-        planner = geometric.RRTConnect(setup.getSpaceInformation())
-        if stride is not None:
-            planner.setRange(stride)
-        states = _solved(base, setup, planner, iterations)
-        return None if states is None else _path(problem, [_point(p, count) for p in states])
+        return _connected(base, geometric, space, problem, write, read, iterations, stride)
 
 
 def connect_poses(
@@ -96,21 +90,56 @@ def connect_poses(
     (k, 3) array or None
         From start to goal, headings from -pi to pi; None when the iterations are used up.
     """
+
+    def write(state: State, pose: Array) -> None:
+        state.setXY(float(pose[0]), float(pose[1]))
+        state.setYaw(float(pose[2]))
+        space.enforceBounds(state)  # the heading within a turn
+
+    def read(state: State) -> Array:
+        return np.array([state.getX(), state.getY(), state.getYaw()])
+
     with _ompl(seed) as (base, geometric):
         space = base.ReedsSheppStateSpace(turning_radius) if turning_radius else base.SE2StateSpace()
-        space.setBounds(_bounds(base, problem))
-        ends = [_pose_state(space, pose) for pose in (problem.start, problem.goal)]
-        setup = _setup(
-            base,
-            geometric,
-            space,
-            ends,
-            lambda p: problem.state_is_free(_pose(p)),
-            lambda p, q: problem.motion_is_free(_pose(p), _pose(q)),
-        )
-        planner = geometric.RRTConnect(setup.getSpaceInformation())
-        states = _solved(base, setup, planner, iterations)
-        return None if states is None else _path(problem, [_pose(p) for p in states])
+        return _connected(base, geometric, space, problem, write, read, iterations)
+
+
+def _connected(
+    base: Any,
+    geometric: Any,
+    space: Any,
+    problem: PlanningProblem,
+    write: Callable[[State, Array], None],
+    read: Callable[[State], Array],
+    iterations: int,
+    stride: float | None = None,
+) -> Array | None:
+    """Path in a space whose states are rows, written and read; a motion is checked as a whole in one call."""
+
+    class Motions(base.MotionValidator):  # type: ignore[misc]
+        def checkMotion(self, p: State, q: State) -> bool:
+            return bool(problem.motion_is_free(read(p), read(q)))
+
+    space.setBounds(_bounds(base, problem))
+    ends = [space.allocState(), space.allocState()]
+    for state, row in zip(ends, (problem.start, problem.goal), strict=True):
+        write(state, row)
+    setup = geometric.SimpleSetup(space)
+    information = setup.getSpaceInformation()
+    setup.setStateValidityChecker(lambda p: bool(problem.state_is_free(read(p))))
+    information.setMotionValidator(Motions(information))
+    setup.setStartAndGoalStates(*ends)
+    planner = geometric.RRTConnect(information)
+    if stride is not None:
+        planner.setRange(stride)
+    setup.setPlanner(planner)
+    left = iter(range(iterations))
+    status = setup.solve(base.PlannerTerminationCondition(lambda: next(left, None) is None))
+    if status != base.PlannerStatus.EXACT_SOLUTION:
+        return None
+    path = np.array([read(p) for p in setup.getSolutionPath().getStates()])
+    path[0], path[-1] = problem.start, problem.goal  # as they were given
+    return path
 
 
 def _bounds(base: Any, problem: PlanningProblem) -> Any:
@@ -120,73 +149,6 @@ def _bounds(base: Any, problem: PlanningProblem) -> Any:
         bounds.setLow(axis, float(low))
         bounds.setHigh(axis, float(max(high, low + 1e-6)))
     return bounds
-
-
-def _setup(
-    base: Any,
-    geometric: Any,
-    space: Any,
-    ends: list[State],
-    state_is_free: Callable[[State], bool],
-    motion_is_free: Callable[[State, State], bool],
-) -> Any:
-    """Problem of connecting two states; a motion is checked as a whole in one call."""
-
-    class Motions(base.MotionValidator):  # type: ignore[misc]
-        def checkMotion(self, p: State, q: State) -> bool:
-            return bool(motion_is_free(p, q))
-
-    setup = geometric.SimpleSetup(space)
-    information = setup.getSpaceInformation()
-    setup.setStateValidityChecker(lambda p: bool(state_is_free(p)))
-    information.setMotionValidator(Motions(information))
-    setup.setStartAndGoalStates(*ends)
-    return setup
-
-
-def _solved(base: Any, setup: Any, planner: Any, iterations: int) -> list[State] | None:
-    """States of the path that a planner finds; None when the iterations are used up."""
-    setup.setPlanner(planner)
-    left = iter(range(iterations))
-    status = setup.solve(base.PlannerTerminationCondition(lambda: next(left, None) is None))
-    if status != base.PlannerStatus.EXACT_SOLUTION:
-        return None
-    states: list[State] = setup.getSolutionPath().getStates()
-    return states
-
-
-def _path(problem: PlanningProblem, rows: list[Any]) -> Array:
-    """States as rows, both ends as they were given."""
-    path = np.array(rows)
-    path[0], path[-1] = problem.start, problem.goal
-    return path
-
-
-def _point_state(space: Any, point: Array) -> State:
-    """State at a point of the box."""
-    state = space.allocState()
-    for i, value in enumerate(point.tolist()):
-        state[i] = value
-    return state
-
-
-def _point(state: State, count: int) -> Array:
-    """Point (n,) of a state."""
-    return np.array([state[i] for i in range(count)])
-
-
-def _pose_state(space: Any, pose: Array) -> State:
-    """State at a pose (3,), its heading within a turn."""
-    state = space.allocState()
-    state.setXY(float(pose[0]), float(pose[1]))
-    state.setYaw(float(pose[2]))
-    space.enforceBounds(state)
-    return state
-
-
-def _pose(state: State) -> Array:
-    """Pose (3,) of a state."""
-    return np.array([state.getX(), state.getY(), state.getYaw()])
 
 
 @contextmanager
