@@ -27,9 +27,8 @@ from scipy.spatial.transform import Rotation
 import regionik as rik
 from benchmarks.tables.goals import aim_at, solve_goal
 from regionik.planners.solvers.multistart_ik import ArmSolver, solve_ik
-from regionik.planners.solvers.serial_chain import spread_postures
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain
+from regionik.worlds.chain import Chain, spread_postures
 
 POSITION, ANGLE = 1e-4, 1e-3  # [m], [rad]
 SLACK = 1e-6  # beyond limits that a peer may round

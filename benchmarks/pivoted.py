@@ -16,7 +16,7 @@ from regionik.postures.poses import pose_of
 from regionik.regions import Area, admissible_area, path_areas
 from regionik.worlds.arms import pivot_index, reach_bound, with_pivot
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, rot_x, rot_y, rot_z, translation
+from regionik.worlds.chain import Chain, rot_x, rot_y, rot_z, translation, within_half_turns
 from regionik.worlds.joints import Joint
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Target, World
@@ -97,9 +97,7 @@ def _limits(rng: np.random.Generator) -> tuple[float, float]:
 
 
 def _postures(chain: Chain, rng: np.random.Generator, count: int) -> Array:
-    low = np.where(np.isfinite(chain.lower), chain.lower, -np.pi)
-    high = np.where(np.isfinite(chain.upper), chain.upper, np.pi)
-    return rng.uniform(low, high, (count, chain.dof))
+    return rng.uniform(*within_half_turns(chain.lower, chain.upper), (count, chain.dof))
 
 
 def points_in(area: BaseGeometry, rng: np.random.Generator, count: int) -> Array:

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from benchmarks.pivoted import EXACT, KINDS, case, points_in, searched, solved
 from regionik.planners.reach.level_reach import (
-    finite_limits,
     inner_reach,
     likely_reach,
     merged,
@@ -39,7 +38,7 @@ from regionik.planners.reach.rings import reach_intervals
 from regionik.worlds.arms import pivot_index, planar_arm, reach_bound
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, rot_x, translation
+from regionik.worlds.chain import Chain, rot_x, translation, within_half_turns
 from regionik.worlds.joints import Joint
 from tests import examples
 from tests.bodies import on_lift, with_lift
@@ -60,7 +59,7 @@ def meridian(chain: Chain) -> Meridian:
 
 
 def posture(found: Meridian, rng: np.random.Generator) -> Array:
-    return rng.uniform(*finite_limits(found))
+    return rng.uniform(*within_half_turns(found.lower, found.upper))
 
 
 def tool_at(chain: Chain, rng: np.random.Generator) -> tuple[float, float]:
@@ -143,7 +142,7 @@ def test_bounds_meet_where_the_arm_is_simple() -> None:
 def test_a_box_bounds_all_of_its_postures(seed: int, width: float) -> None:
     rng = np.random.default_rng(seed)
     one = meridian(chain_of(seed))
-    low, high = finite_limits(one)
+    low, high = within_half_turns(one.lower, one.upper)
     centre, half = posture(one, rng), width * rng.uniform(0, 1, len(low))
     low, high = np.maximum(low, centre - half), np.minimum(high, centre + half)
     box, tool = bounds_for(one), tool_for(one)
@@ -198,7 +197,7 @@ def test_a_hop_that_holds_can_be_put_right_all_along(seed: int) -> None:
     here = posture(one, rng)
     tool_motion(one, here, tool)
     z = float(tool.at[1])
-    there = np.clip(here + rng.uniform(-0.2, 0.2, len(here)), *finite_limits(one))
+    there = np.clip(here + rng.uniform(-0.2, 0.2, len(here)), *within_half_turns(one.lower, one.upper))
     if not to_level(one, z, there, tool, free, spare) or hop_stray(one, here, there, tool, free) < 0:
         return
     for share in np.linspace(0, 1, 11):

@@ -20,10 +20,9 @@ from regionik.planners.rivals.iterative import (
 from regionik.planners.rivals.method import ArmMethod, Fabrik, FabrikPolished
 from regionik.planners.rivals.network import Network
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, POSITION, Aim
-from regionik.planners.solvers.serial_chain import spread_postures
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain
+from regionik.worlds.chain import Chain, spread_postures
 from regionik.worlds.errors import InputError
 
 COMPILED = (Fabrik, FabrikPolished, PseudoInverse, DampedLeastSquares, Transpose, CyclicDescent)

@@ -19,8 +19,8 @@ from regionik import pipeline
 from regionik.areas.standing import room_for, turns_matter
 from regionik.moving.state_keeper import AREA_MARGIN, NEAR, StateKeeper
 from regionik.planners.smoothing.quadratic_program import minimize_quadratic
-from regionik.planners.solvers.aims import Aims, missed_by, tool_jacobians
-from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION
+from regionik.planners.solvers.aims import missed_by, tool_jacobians
+from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, Aims
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import axis_of
 from regionik.pruning import whole_path
@@ -261,7 +261,8 @@ def test_of_a_turn_within_a_cone_only_its_angle_counts(kind: int) -> None:
     states = rng.uniform(-1, 1, (20, 3 + robot.chain.dof))
     turns = Rotation.from_rotvec(rng.normal(0.0, 0.5, (20, 3))).as_matrix()
     tools = robot.tool(states[:, :3], states[:, 3:])
-    aims = Aims(tools[:, :3, 3], np.full(20, kind), turns @ tools[:, :3, :3], np.full(20, 0.05))
+    wished = turns @ tools[:, :3, :3]
+    aims = Aims(tools[:, :3, 3], np.full(20, kind), wished, np.full(20, 0.05), np.zeros(20))
     miss, J = missed_by(robot, aims, states)
     h, step = 1e-6, rng.normal(size=states.shape)
     ahead, behind = (

@@ -338,6 +338,20 @@ def pose(position: Sequence[float], rpy: Sequence[float]) -> Array:
     return translation(*position) @ rot_z(yaw) @ rot_y(pitch) @ rot_x(roll)
 
 
+def spread_postures(chain: Chain, reach: float, count: int, seed: int) -> Array:
+    """Return postures (count, dof) drawn evenly within the limits; without any, within a turn or a reach."""
+    width = np.array([2 * np.pi if joint.kind == "revolute" else reach for joint in chain.active_joints])
+    lower = np.where(np.isfinite(chain.lower), chain.lower, chain.upper - width)
+    lower = np.where(np.isfinite(lower), lower, -0.5 * width)
+    upper = np.where(np.isfinite(chain.upper), chain.upper, lower + width)
+    return np.random.default_rng(seed).uniform(lower, upper, (count, chain.dof))
+
+
+def within_half_turns(lower: Array, upper: Array) -> tuple[Array, Array]:
+    """Return limits with half a turn to either side in place of those that are infinite."""
+    return np.where(np.isfinite(lower), lower, -np.pi), np.where(np.isfinite(upper), upper, np.pi)
+
+
 def check_rotation(matrix: Array) -> Array:
     """Return a matrix (3, 3) itself, once it is known to be a rotation."""
     if np.abs(matrix @ matrix.T - np.eye(3)).max() > _RIGID or np.linalg.det(matrix) < 0:

@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionik.worlds.arrays import Array
+from regionik.worlds.chain import spread_postures
 from regionik.worlds.robot import Robot
-from regionik.worlds.self_collision import postures_clear, postures_off_floor, seeded_postures, solid_frames
+from regionik.worlds.self_collision import SLIDE, postures_clear, postures_off_floor, solid_frames
 
 CLEAR = (0.01, 0.003, 0.0)  # kept between solids, the first that can be had [m]
 NEAR_ENOUGH = 0.02  # by which zeros may be worse than the best posture that was found [m]
@@ -28,7 +29,8 @@ def rest_posture(robot: Robot) -> Array | None:
     dof = robot.chain.dof
     zeros = np.clip(np.zeros((1, dof)), robot.chain.lower, robot.chain.upper)
     for margin in CLEAR:
-        found = _best(robot, np.concatenate([zeros, seeded_postures(robot.chain, _POSTURES)]), margin)
+        drawn = spread_postures(robot.chain, SLIDE, _POSTURES, _SEED)
+        found = _best(robot, np.concatenate([zeros, drawn]), margin)
         if found is None:
             continue
         rng = np.random.default_rng(_SEED)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from shapely.geometry import Polygon
 
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain
+from regionik.worlds.chain import Chain, spread_postures
 from regionik.worlds.links import BASE
 from regionik.worlds.obstacles import Prism
 from regionik.worlds.robot import Robot
@@ -26,7 +26,7 @@ BODY = -1  # the base's own body, among indices of solids
 STEPS = 60  # bodies some hundredths of their size apart need a few; after all, they count as touching
 POSTURES, MANY_POSTURES = 64, 2000  # sampled: to find pairs, and to disable some
 OFTEN, MOSTLY, NEARLY_ALWAYS = 0.1, 0.75, 0.95  # of the postures
-_SEED = 0
+SLIDE = 2.0  # travel of a joint without limits in these postures [m]
 _PARALLEL = 1e-6
 _LEVEL = 1e-9  # change of a height that is rounding [m]
 
@@ -95,7 +95,7 @@ def self_collision_pairs(robot: Robot) -> tuple[tuple[int, int], ...]:
         Indices into ``robot.all_solids``, the smaller first; -1 is the base's own body.
     """
     solids, body = robot.all_solids, base_body(robot)
-    frames = solid_frames(robot, seeded_postures(robot.chain, POSTURES))
+    frames = solid_frames(robot, spread_postures(robot.chain, SLIDE, POSTURES, 0))
     order = [solid.link for solid in solids]
     first = min((link for link in order if link > BASE), default=BASE)  # it stands on the base
     bodies = [ConvexBody(solid.corners, solid.radius) for solid in solids]
@@ -128,7 +128,7 @@ def off_floor(robot: Robot) -> tuple[bool, ...]:
     tuple of bool
         One for each of ``robot.all_solids``.
     """
-    heights = _heights(robot, seeded_postures(robot.chain, POSTURES))
+    heights = _heights(robot, spread_postures(robot.chain, SLIDE, POSTURES, 0))
     return tuple(bool(np.ptp(one, axis=0).max() > _LEVEL and one.min(axis=1).max() > 0.0) for one in heights)
 
 
@@ -196,7 +196,7 @@ def disabled_pairs(
     notes : list of str
         One for each of these pairs whose bodies may touch.
     """
-    postures = _SolidPairs(robot, points, seeded_postures(robot.chain, MANY_POSTURES))
+    postures = _SolidPairs(robot, points, spread_postures(robot.chain, SLIDE, MANY_POSTURES, 0))
     at_rest = _SolidPairs(robot, points, np.zeros((0, robot.chain.dof)) if rest is None else rest[None])
     pairs: list[tuple[str, str]] = []
     notes: list[str] = []
@@ -294,13 +294,3 @@ def _solid_of(robot: Robot, index: int, margin: float = 0.0) -> tuple[ConvexBody
 def _block(body: Prism) -> ConvexBody:
     outline = np.asarray(body.polygon.exterior.coords)[:-1]
     return ConvexBody(np.concatenate([np.c_[outline, np.full(len(outline), z)] for z in body.z_range]))
-
-
-def seeded_postures(chain: Chain, count: int) -> Array:
-    """Return postures within the limits, (count, dof); without limits, half a turn or a metre each way."""
-    span = np.array([np.pi if joint.kind == "revolute" else 1.0 for joint in chain.active_joints])
-    lower, upper = chain.lower, chain.upper
-    ends = np.isfinite(lower), np.isfinite(upper)
-    low = np.where(ends[0], lower, np.where(ends[1], upper - 2 * span, -span))
-    high = np.where(ends[1], upper, np.where(ends[0], lower + 2 * span, span))
-    return low + (high - low) * np.random.default_rng(_SEED).random((count, chain.dof))

@@ -41,9 +41,8 @@ from regionik.planners.solvers.damped_least_squares import POSITION, Aim, polish
 from regionik.planners.solvers.mfabrik_serial import in_arm_frame
 from regionik.planners.solvers.multistart_ik import ArmSolver, Effort, solve_ik
 from regionik.planners.solvers.rigid_bodies import posing_bodies
-from regionik.planners.solvers.serial_chain import spread_postures
 from regionik.worlds.arrays import Array, frozen
-from regionik.worlds.chain import Chain
+from regionik.worlds.chain import Chain, spread_postures
 from regionik.worlds.errors import InputError
 
 SAMPLES = 300  # postures drawn at random for a target

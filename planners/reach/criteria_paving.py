@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.planners.kernels import compiled
+from regionik.planners.reach.level_reach import merged
 from regionik.planners.search.box_search import (
     WHOLE,
     Boxes,
@@ -96,14 +97,9 @@ def distances_within_thresholds(
     boxes = _pave(HeightThresholds(arm, asked, z, low, high), known[:, :1].copy(), known[:, 1:].copy())
     inner = proven(boxes)
     rows = np.column_stack([boxes.low, boxes.high])
-    return _joined(rows[inner]), _joined(rows[np.concatenate([inner, left_open(boxes)])])
-
-
-def _joined(rows: Array) -> Array:
-    """Intervals (k, 2) in ascending order, joined where one ends as the next begins."""
-    rows = rows[np.argsort(rows[:, 0])]
-    apart = np.flatnonzero(rows[1:, 0] > rows[:-1, 1]) + 1
-    return np.array([[part[0, 0], part[-1, 1]] for part in np.split(rows, apart) if len(part)]).reshape(-1, 2)
+    both = rows[inner], rows[np.concatenate([inner, left_open(boxes)])]
+    first, second = (np.array(merged(some.tolist())).reshape(-1, 2) for some in both)
+    return first, second
 
 
 @compiled

@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 
 from regionik.planners.kernels import compiled
 from regionik.planners.solvers.damped_least_squares import DIRECTION, Aim, polish
-from regionik.planners.solvers.serial_chain import SerialArm, serial_arm, spread_postures
+from regionik.planners.solvers.serial_chain import SerialArm, serial_arm
 from regionik.worlds.arms import pivot_index
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain
+from regionik.worlds.chain import Chain, spread_postures
 from regionik.worlds.joints import Joint
 
 SAMPLES = 4096

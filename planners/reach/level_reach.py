@@ -21,7 +21,7 @@ from regionik.planners.reach.meridian_walks import walk_both_ways, walk_to_postu
 from regionik.planners.reach.outer_bounds import outer_distances
 from regionik.worlds.arms import pivot_index, reach_bound
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain
+from regionik.worlds.chain import Chain, within_half_turns
 
 Intervals = tuple[tuple[float, float], ...]
 
@@ -152,7 +152,8 @@ def _outer_range(chain: Chain, low: float, high: float, most: int) -> Intervals:
     if meridian is None:
         return ((0.0, cap),)
     known = np.array(merged([ring for z in {low, high} for ring in inner_reach(chain, z)])).reshape(-1, 2)
-    left = outer_distances(meridian, (low, high), finite_limits(meridian), known, cap, ENOUGH, most)
+    limits = within_half_turns(meridian.lower, meridian.upper)
+    left = outer_distances(meridian, (low, high), limits, known, cap, ENOUGH, most)
     return merged([*known.tolist(), *left.tolist()])
 
 
@@ -204,9 +205,7 @@ def _level_posture(chain: Chain, distance: float) -> Array:
 
 def _drawn(chain: Chain, rng: np.random.Generator, count: int) -> Array:
     """Random postures within limits, (count, dof)."""
-    low = np.where(np.isfinite(chain.lower), chain.lower, -np.pi)
-    high = np.where(np.isfinite(chain.upper), chain.upper, np.pi)
-    return rng.uniform(low, high, (count, chain.dof))
+    return rng.uniform(*within_half_turns(chain.lower, chain.upper), (count, chain.dof))
 
 
 def posture_at(chain: Chain, point: ArrayLike, joints: ArrayLike) -> Array:
@@ -248,16 +247,8 @@ def _unwind(chain: Chain, q: Array) -> None:
 
 def _starts(meridian: Meridian) -> Array:
     """Postures that walks start from, drawn evenly from the limits."""
-    low, high = finite_limits(meridian)
+    low, high = within_half_turns(meridian.lower, meridian.upper)
     return np.random.default_rng(0).uniform(low, high, (BATCH * MOST_BATCHES, len(low)))
-
-
-def finite_limits(meridian: Meridian) -> tuple[Array, Array]:
-    """The limits, with one turn for joints that turn all round."""
-    return (
-        np.where(np.isfinite(meridian.lower), meridian.lower, -np.pi),
-        np.where(np.isfinite(meridian.upper), meridian.upper, np.pi),
-    )
 
 
 def merged(intervals: list[list[float]] | list[tuple[float, float]]) -> Intervals:

@@ -31,10 +31,9 @@ from regionik.planners.solvers.serial_chain import (
     chain_frames,
     chain_jacobian,
     serial_arm,
-    spread_postures,
 )
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain
+from regionik.worlds.chain import Chain, spread_postures
 
 MAX_ITERATIONS = 300  # from each start
 TRACE = 1e-12  # of the squared reach, in place of a decision on the rank of the pseudo-inverse

@@ -10,9 +10,8 @@ from regionik.planners.rivals.iterative import DampedLeastSquares
 from regionik.planners.rivals.method import ArmMethod, SearchResult, arm_length, position_error
 from regionik.planners.solvers.damped_least_squares import POSITION, Aim
 from regionik.planners.solvers.fabrikr import held
-from regionik.planners.solvers.serial_chain import spread_postures
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain
+from regionik.worlds.chain import Chain, spread_postures
 from regionik.worlds.errors import InputError
 
 HIDDEN = (50, 50)  # one layer of a hundred, as in paper 004, has about 1.5 times the error

@@ -20,7 +20,8 @@ from scipy.sparse.linalg import splu
 from regionik.planners.geometry.rolling import slips
 from regionik.planners.progress import track
 from regionik.planners.smoothing.quadratic_program import minimize_quadratic
-from regionik.planners.solvers.aims import Aims, missed_by
+from regionik.planners.solvers.aims import missed_by
+from regionik.planners.solvers.damped_least_squares import Aims
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.robot import Robot
 
@@ -177,7 +178,7 @@ def _led_back(problem: PathProblem, states: Array) -> tuple[Array, _Equations]:
 
 def _equations(problem: PathProblem, states: Array) -> _Equations:
     miss, J = missed_by(problem.robot, problem.aims, states)
-    if not problem.aims.kind.any():
+    if not problem.aims.kinds.any():
         miss, J = miss[:, :3], J[:, :3]
     n, asked, m = J.shape
     index = np.arange(n + 1)

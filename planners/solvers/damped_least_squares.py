@@ -10,12 +10,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from regionik.planners.geometry.vectors import Vector, cross, dot, norm, scaled, squared
 from regionik.planners.kernels import compiled
 from regionik.planners.solvers.serial_chain import SerialArm, chain_frames, chain_jacobian
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Index
 
 POSITION, DIRECTION, ORIENTATION = 0, 1, 2
 LEAST_DAMPING, MOST_DAMPING = 1e-14, 1e8  # of the squared reach
@@ -36,10 +35,14 @@ class Aims(NamedTuple):
     """Goals of the tool one after the other, for kernels; see `Aim`."""
 
     positions: Array  # (m, 3)
-    kinds: NDArray[np.int64]  # (m,)
+    kinds: Index  # (m,)
     turns: Array  # (m, 3, 3)
     cones: Array  # (m,)
     angle_tolerances: Array  # (m,) what may be left of each direction or orientation beyond its cone [rad]
+
+    def part(self, rows: slice) -> Aims:
+        """Some of the goals."""
+        return Aims._make(column[rows] for column in self)
 
 
 @compiled
@@ -240,6 +243,19 @@ def solve_symmetric(A: Array, y: Array) -> None:
         for k in range(j + 1, n):
             y[j] -= A[k, j] * y[k]
         y[j] /= A[j, j]
+
+
+@compiled
+def turns_left(kinds: Index, wanted: Array, turns: Array) -> Array:
+    """Rotation vectors (n, 3) from frames (n, 3, 3) to what aims want of them; zero where that is nothing."""
+    left = np.zeros((len(kinds), 6))
+    for n in range(len(kinds)):
+        if kinds[n] == DIRECTION:
+            z, axis = turns[n, :, 2], wanted[n, :, 2]
+            _turn_between((z[0], z[1], z[2]), (axis[0], axis[1], axis[2]), left[n])
+        elif kinds[n] == ORIENTATION:
+            _turn_vector(turns[n], wanted[n], left[n])
+    return left[:, 3:]
 
 
 @compiled

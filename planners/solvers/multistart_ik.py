@@ -29,9 +29,9 @@ from regionik.planners.solvers.fabrikr import (
     posture_of,
 )
 from regionik.planners.solvers.rigid_bodies import RigidBodies, pointing_bodies, posing_bodies, span
-from regionik.planners.solvers.serial_chain import rotate_about, spread_postures
+from regionik.planners.solvers.serial_chain import rotate_about
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain
+from regionik.worlds.chain import Chain, spread_postures
 from regionik.worlds.errors import InputError
 
 WINDOW = 5  # passes over which progress is judged

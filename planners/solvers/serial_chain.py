@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from regionik.planners.geometry.vectors import cross, row, turned
+from regionik.planners.geometry.vectors import cross, put, row, turned
 from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.chain import Chain
@@ -139,12 +139,7 @@ def chain_on(arm: SerialArm, joints: Array, frames: Array) -> None:
 def joint_axes(arm: SerialArm, frames: Array, axes: Array) -> None:
     """Write the unit vectors of the joint axes into ``axes`` (n, 3), in the base frame."""
     for k in range(len(arm.axis)):
-        for i in range(3):
-            axes[k, i] = (
-                frames[k, i, 0] * arm.axis[k, 0]
-                + frames[k, i, 1] * arm.axis[k, 1]
-                + frames[k, i, 2] * arm.axis[k, 2]
-            )
+        put(axes, k, turned(frames[k], row(arm.axis, k)))
 
 
 @compiled
@@ -175,12 +170,3 @@ def joint_twist(arm: SerialArm, frames: Array, k: int) -> tuple[float, float, fl
         return x, y, z, 0.0, 0.0, 0.0
     u, v, w = cross(axis, (tool[0, 3] - T[0, 3], tool[1, 3] - T[1, 3], tool[2, 3] - T[2, 3]))
     return u, v, w, x, y, z
-
-
-def spread_postures(chain: Chain, reach: float, count: int, seed: int) -> Array:
-    """Postures (count, dof) drawn evenly within the limits; joints without any, within a turn or a reach."""
-    width = np.array([2 * np.pi if joint.kind == "revolute" else reach for joint in chain.active_joints])
-    lower = np.where(np.isfinite(chain.lower), chain.lower, chain.upper - width)
-    lower = np.where(np.isfinite(lower), lower, -0.5 * width)
-    upper = np.where(np.isfinite(chain.upper), chain.upper, lower + width)
-    return np.random.default_rng(seed).uniform(lower, upper, (count, chain.dof))

@@ -22,7 +22,8 @@ from regionik.moving.state_keeper import ARM_MARGIN, NEAR, StateKeeper
 from regionik.planners.collision.proximity import NOTHING, Touch, nearest
 from regionik.planners.driving.arcs import arc_end
 from regionik.planners.smoothing.quadratic_program import least_weighted
-from regionik.planners.solvers.aims import Aims, missed_by
+from regionik.planners.solvers.aims import missed_by
+from regionik.planners.solvers.damped_least_squares import Aims
 from regionik.postures.arm_guard import Guard
 from regionik.postures.poses import LARGEST_BEND, Pose
 from regionik.timing.limits import motion_limits

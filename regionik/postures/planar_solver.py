@@ -24,6 +24,7 @@ from regionik.postures.arm import ANGLE_SLACK, MOST_PASSES, Reached, deviation
 from regionik.postures.families import Family, families_of, roll_for, roll_within_limits, tool_turn
 from regionik.worlds.arms import PlanarArm
 from regionik.worlds.arrays import Array
+from regionik.worlds.chain import within_half_turns
 from regionik.worlds.scene import Target
 
 THRESHOLD_PITCHES = 360  # of the last link, tried for a posture that meets the thresholds
@@ -42,8 +43,7 @@ class PlanarSolver:
     @property
     def _restarts(self) -> Array:
         """Ten postures to restart from, spread over the limits: elbow up and down, folded, stretched."""
-        lower = np.where(np.isfinite(self.arm.lower), self.arm.lower, -np.pi)
-        upper = np.where(np.isfinite(self.arm.upper), self.arm.upper, np.pi)
+        lower, upper = within_half_turns(self.arm.lower, self.arm.upper)
         return lower + _SPREAD * (upper - lower)
 
     def setup(self, mount: Array, turning: Turning) -> Record:

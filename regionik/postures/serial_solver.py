@@ -17,11 +17,10 @@ from regionik.planners.solvers.damped_least_squares import ORIENTATION, Aim, pol
 from regionik.planners.solvers.mfabrik_serial import ArmStand, in_arm_frame, solve_serial
 from regionik.planners.solvers.multistart_ik import Effort, solve_ik
 from regionik.planners.solvers.rigid_bodies import RigidBodies, pointing_bodies, posing_bodies, span
-from regionik.planners.solvers.serial_chain import spread_postures
 from regionik.postures.arm import CONE_SHARE, MOST_PASSES, Reached, aim_of
 from regionik.worlds.arms import pivot_index, reach_bound, with_pivot, with_pivot_limits
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain
+from regionik.worlds.chain import Chain, spread_postures, within_half_turns
 from regionik.worlds.scene import Target
 
 RESTARTS = 10
@@ -125,9 +124,7 @@ class SerialSolver:
             return self._all_postures(goal, axis, yaw, joints)
         arm = goal.bodies.arm
         n = len(arm.lower)
-        low = np.where(np.isfinite(arm.lower), arm.lower, -np.pi)
-        high = np.where(np.isfinite(arm.upper), arm.upper, np.pi)
-        starts = rng.uniform(low, high, (tries, n))
+        starts = rng.uniform(*within_half_turns(arm.lower, arm.upper), (tries, n))
         if target.direction is not None:
             starts[::2] = np.clip(joints + rng.normal(size=starts[::2].shape), arm.lower, arm.upper)
         starts[0] = joints[:n]
