@@ -469,8 +469,8 @@ FAULTS = (
     Fault(
         "reach of poses: a heading that is kept counts the other way",
         "planners/reach/pose_reach.py",
-        "_about_vertical(-heading) @ aim.turn",
-        "_about_vertical(heading) @ aim.turn",
+        "rot_z(-heading)[:3, :3] @ aim.turn",
+        "rot_z(heading)[:3, :3] @ aim.turn",
         ("tests/test_reach_model.py",),
     ),
     Fault(

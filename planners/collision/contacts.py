@@ -20,7 +20,7 @@ from regionik.planners.collision.robot_motion import (
     transform_into,
 )
 from regionik.planners.collision.robot_scene import AllowedContact, RobotScene
-from regionik.planners.geometry.vectors import squared
+from regionik.planners.geometry.vectors import cross, dot, minus, norm
 from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array
 
@@ -52,13 +52,12 @@ def time_to_plane(points: Array, n: Array, free: float, V: Array, W: Array, acce
     """
     low = np.inf
     for p in points:
-        low = min(low, n[0] * p[0] + n[1] * p[1] + n[2] * p[2])
-    base = n[0] * V[0] + n[1] * V[1] + n[2] * V[2]
-    x, y, z = W[1] * n[2] - W[2] * n[1], W[2] * n[0] - W[0] * n[2], W[0] * n[1] - W[1] * n[0]
+        low = min(low, dot(n, p))
+    base, turning = dot(n, V), cross(W, n)
     time = np.inf
     for p in points:
         height = free + n[0] * p[0] + n[1] * p[1] + n[2] * p[2] - low
-        speed = base - (x * p[0] + y * p[1] + z * p[2])  # n . (W x p) = -(W x n) . p
+        speed = base - dot(turning, p)  # n . (W x p) = -(W x n) . p
         root = math.sqrt(speed * speed + 2 * acceleration * height)
         if acceleration > 0.0 and speed > 0.0:
             time = min(time, (speed + root) / acceleration)
@@ -96,32 +95,26 @@ def farthest_below(points: Array, radius: float, n: Array, height: float, tool: 
     far = 0.0
     if len(points) == 2:  # balls cover it, each as large as their distance asks
         way = (points[1] - points[0]) / BALLS
-        r = radius + 0.5 * math.sqrt(squared(way[0]) + squared(way[1]) + squared(way[2]))
+        r = radius + 0.5 * norm(way)
         for i in range(BALLS + 1):
             far = max(far, _farthest_of_ball(points[0] + i * way, r, n, height, tool))
         return far
     for i in range(len(points)):
-        a = n[0] * points[i, 0] + n[1] * points[i, 1] + n[2] * points[i, 2] - height
+        a = dot(n, points[i]) - height
         if a <= 0.0:
-            far = max(far, _length(points[i] - tool))
+            far = max(far, norm(points[i] - tool))
         for j in range(i):
-            b = n[0] * points[j, 0] + n[1] * points[j, 1] + n[2] * points[j, 2] - height
+            b = dot(n, points[j]) - height
             if a * b < 0.0:
-                far = max(far, _length(points[i] + a / (a - b) * (points[j] - points[i]) - tool))
+                far = max(far, norm(points[i] + a / (a - b) * (points[j] - points[i]) - tool))
     return far
-
-
-@compiled
-def _length(v: Array) -> float:
-    return math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
 
 
 @compiled
 def _farthest_of_ball(center: Array, r: float, n: Array, height: float, tool: Array) -> float:
     """Distance from the tool of the farthest point of a ball below a height along n, 0 where none is."""
-    w = center - tool
-    up, size = n[0] * w[0] + n[1] * w[1] + n[2] * w[2], _length(w)
-    room = height - (n[0] * center[0] + n[1] * center[1] + n[2] * center[2])
+    w = minus(center, tool)
+    up, size, room = dot(n, w), norm(w), height - dot(n, center)
     if room < -r:
         return 0.0
     if room >= r or up * r <= room * size:
@@ -134,10 +127,10 @@ def _farthest_of_ball(center: Array, r: float, n: Array, height: float, tool: Ar
 def _triangle_distance(A: Array, B: Array, n: Array) -> float:
     """Distance of a hull from the plane of a triangle, 0 if cut; writes the normal on its side to n."""
     n[:] = np.cross(B[1] - B[0], B[2] - B[0])
-    n /= max(_length(n), 1e-300)
+    n /= max(norm(n), 1e-300)
     low, high = np.inf, -np.inf
     for p in A:
-        along = n[0] * (p[0] - B[0, 0]) + n[1] * (p[1] - B[0, 1]) + n[2] * (p[2] - B[0, 2])
+        along = dot(n, minus(p, B[0]))
         low, high = min(low, along), max(high, along)
     if low + high < 0.0:
         n *= -1.0
@@ -169,8 +162,8 @@ def contact_time(
     free = gap - links.core_radius[k] - ball - ROUNDING
     least, height = np.inf, np.inf
     for i in range(len(A)):
-        least = min(least, n[0] * placed[i, 0] + n[1] * placed[i, 1] + n[2] * placed[i, 2])
-        height = min(height, n[0] * core[i, 0] + n[1] * core[i, 1] + n[2] * core[i, 2] + ball - gap)
+        least = min(least, dot(n, placed[i]))
+        height = min(height, dot(n, core[i]) + ball - gap)
     sunk = least - height - links.radius[k] + contact.depth
     if free < 0.0 or sunk < 0.0:
         return 0.0

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.planners.driving.arcs import arc_end, arc_towards
-from regionik.planners.geometry.vectors import squared
+from regionik.planners.geometry.vectors import cross, plus, row, scaled, squared, turned
 from regionik.planners.kernels import compiled
 from regionik.planners.solvers.serial_chain import SerialArm, chain_on, joint_values
 from regionik.worlds.arrays import Array, Index
@@ -250,25 +250,16 @@ def link_twist(
     robot: MobileArm, motion: MotionSegment, frames: Array, s: float, link: int, frame: int
 ) -> tuple[Array, Array]:
     """The twist of a link at time s, seen from a frame: a point p of it moves at V + W x p, both (3,)."""
-    V, W, w, arm = np.zeros(3), np.zeros(3), np.empty(3), robot.arm
+    V, W, arm = np.zeros(3), np.zeros(3), robot.arm
     if frame == WORLD:
         W[2] = motion.drive[2]
         x, y, yaw = base_at(motion, s)
         V[0] = motion.drive[0] + motion.arc * math.cos(yaw) + W[2] * y
         V[1] = motion.drive[1] + motion.arc * math.sin(yaw) - W[2] * x
     for k in range(max(frame, BASE) + 1, link + 1):
-        T = frames[k]
-        for i in range(3):
-            w[i] = motion.bend[k] * (
-                T[i, 0] * arm.axis[k, 0] + T[i, 1] * arm.axis[k, 1] + T[i, 2] * arm.axis[k, 2]
-            )
+        moves = w = scaled(turned(frames[k], row(arm.axis, k)), motion.bend[k])
         if arm.revolute[k]:
-            for i in range(3):
-                W[i] += w[i]
-            V[0] += T[1, 3] * w[2] - T[2, 3] * w[1]
-            V[1] += T[2, 3] * w[0] - T[0, 3] * w[2]
-            V[2] += T[0, 3] * w[1] - T[1, 3] * w[0]
-        else:
-            for i in range(3):
-                V[i] += w[i]
+            W[0], W[1], W[2] = plus(W, w)
+            moves = cross(frames[k, :3, 3], w)
+        V[0], V[1], V[2] = plus(V, moves)
     return V, W

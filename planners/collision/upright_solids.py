@@ -13,7 +13,7 @@ import numpy as np
 
 from regionik.planners.collision.convex_bodies import Piece
 from regionik.planners.geometry.polygons import nearest_on_segment
-from regionik.planners.geometry.vectors import squared
+from regionik.planners.geometry.vectors import minus, norm
 from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.errors import InputError
@@ -178,7 +178,7 @@ def least_along(
         if least + at_a >= high or value <= least + at_a + AGREE:
             return value
     start, end, s, t = 0.0, 1.0, 1.0 - GOLDEN, GOLDEN
-    slope = abs(at_b - at_a) + np.sqrt(squared(b[0] - a[0]) + squared(b[1] - a[1]) + squared(b[2] - a[2]))
+    slope = abs(at_b - at_a) + norm(minus(b, a))
     least = signed_distance(solids, k, a[0], a[1], a[2]) + at_a
     least = min(least, signed_distance(solids, k, b[0], b[1], b[2]) + at_b)
     at_s = distance_along(solids, k, a, b, s) + at_a + s * (at_b - at_a)

@@ -25,6 +25,7 @@ from regionik.planners.driving.footprint import (
     side_lines,
 )
 from regionik.planners.driving.minkowski_sums import grown_by_disc, minkowski_sum, minkowski_sums
+from regionik.planners.geometry.convex_decomposition import hull_corners
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Shadow
@@ -291,9 +292,7 @@ def rotation_hull(corners: Array, low: float, high: float) -> Array:
         for angle, far in ((m - half, 1.0), (m, 1 / np.cos(half)), (m + half, 1.0))
     ]
     guard = GUARD * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
-    points = (np.concatenate(spots)[:, None] + guard).reshape(-1, 2)
-    hull = shapely.orient_polygons(shapely.convex_hull(shapely.multipoints(points)))
-    return np.asarray(hull.exterior.coords)[:-1]
+    return hull_corners((np.concatenate(spots)[:, None] + guard).reshape(-1, 2))
 
 
 def rotation_core(corners: Array, low: float, high: float) -> Array:

@@ -39,11 +39,11 @@ def convex_pieces(polygon: Polygon) -> list[Array]:
     """
     outline = np.asarray(polygon.exterior.coords)[:-1]
     if not polygon.interiors and _is_convex(outline):
-        corners = _hull_corners(outline)
+        corners = hull_corners(outline)
         if len(corners) <= MOST_CORNERS:
             return [corners]
     points, triangles = delaunay_triangles(polygon)
-    return [_hull_corners(points[ring]) for ring in _merged(points, triangles.tolist())]
+    return [hull_corners(points[ring]) for ring in _merged(points, triangles.tolist())]
 
 
 def _merged(points: Array, rings: list[list[int]]) -> list[list[int]]:
@@ -86,7 +86,7 @@ def _is_convex(corners: Array) -> bool:
     return bool(shapely.convex_hull(shapely.multipoints(corners)).area - abs(_area(corners)) < _FLAT)
 
 
-def _hull_corners(corners: Array) -> Array:
-    """Counter-clockwise corners of a convex ring, those left out that lie on a straight edge."""
+def hull_corners(corners: Array) -> Array:
+    """Counter-clockwise corners of the hull of points (n, 2), without those on straight edges."""
     hull = shapely.orient_polygons(shapely.convex_hull(shapely.multipoints(corners)))
     return np.asarray(hull.exterior.coords)[:-1]

@@ -1,4 +1,4 @@
-"""Three-vectors as tuples of floats, for kernels: nothing is allocated."""
+"""Three-vectors for kernels: what is computed is a tuple of floats, so that nothing is allocated."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array
 
 Vector = tuple[float, float, float]
+AnyVector = Vector | Array  # (3,)
 
 
 @compiled
@@ -25,13 +26,13 @@ def put(points: Array, k: int, a: Vector) -> None:
 
 
 @compiled
-def plus(a: Vector, b: Vector) -> Vector:
+def plus(a: AnyVector, b: AnyVector) -> Vector:
     """Sum a + b."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 @compiled
-def minus(a: Vector, b: Vector) -> Vector:
+def minus(a: AnyVector, b: AnyVector) -> Vector:
     """Difference a - b."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
@@ -43,13 +44,14 @@ def scaled(a: Vector, s: float) -> Vector:
 
 
 @compiled
-def dot(a: Vector, b: Vector) -> float:
+def dot(a: AnyVector, b: AnyVector) -> float:
     """Scalar product a . b."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    product: float = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    return product
 
 
 @compiled
-def cross(a: Vector, b: Vector) -> Vector:
+def cross(a: AnyVector, b: AnyVector) -> Vector:
     """Cross product a x b."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
@@ -61,7 +63,7 @@ def squared(x: float) -> float:
 
 
 @compiled
-def norm(a: Vector) -> float:
+def norm(a: AnyVector) -> float:
     """Length |a|."""
     length: float = np.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
     return length

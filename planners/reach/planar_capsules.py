@@ -22,7 +22,7 @@ from regionik.planners.collision.upright_solids import (
     least_along,
     uprights_from,
 )
-from regionik.planners.geometry.vectors import squared
+from regionik.planners.geometry.vectors import minus, norm
 from regionik.planners.kernels import compiled
 from regionik.planners.reach.planar_cells import AWAY, PITCH, SLACK, TURN, YAW, ArmMount, PlanarCell, chord
 from regionik.planners.search.box_search import Verdict, both
@@ -207,7 +207,7 @@ def _judge_pair(
     """
     a, b, at_a, at_b = ends[0], ends[1], moves[0], moves[1]
     most = max(at_a, at_b)
-    half = 0.5 * math.sqrt(squared(b[0] - a[0]) + squared(b[1] - a[1]) + squared(b[2] - a[2]))
+    half = 0.5 * norm(minus(b, a))
     if distance_along(solids, k, a, b, 0.5) - half >= reach + most:
         return Verdict.PROVEN, True
     if min(at_a, at_b) >= reach + deep[k]:

@@ -33,7 +33,7 @@ from regionik.planners.solvers.rigid_bodies import span
 from regionik.planners.solvers.serial_chain import SerialArm, serial_arm
 from regionik.worlds.arms import pivot_index, reach_bound, with_pivot_limits
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain
+from regionik.worlds.chain import Chain, rot_z
 
 DISTANCES, BEARINGS = 18, 32  # cells of the grid
 FINER = (3, 9)  # times as many cells, while the reach is thin
@@ -94,7 +94,7 @@ def pose_reach(chain: Chain, height: float, aim: Aim, heading: float | None = No
         which has none [rad].
     """
     kept = heading is not None
-    turn, azimuth = _level(aim) if heading is None else (_about_vertical(-heading) @ aim.turn, heading)
+    turn, azimuth = _level(aim) if heading is None else (rot_z(-heading)[:3, :3] @ aim.turn, heading)
     key = tuple(np.round(turn, DIGITS).ravel().tolist())
     rise = round(float(aim.position[2]) - height, DIGITS)
     found = _sampled(chain, rise, aim.kind, key, float(aim.cone), kept)
@@ -110,13 +110,7 @@ def _level(aim: Aim) -> tuple[Array, float]:
     """The aim's turn, brought about the vertical to azimuth zero, and its azimuth."""
     lead = aim.turn[:, 2] if np.hypot(*aim.turn[:2, 2]) > 1e-9 else aim.turn[:, 0]
     azimuth = float(np.arctan2(lead[1], lead[0]))
-    return _about_vertical(-azimuth) @ aim.turn, azimuth
-
-
-def _about_vertical(angle: float) -> Array:
-    """Rotation (3, 3) about the vertical."""
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    return rot_z(-azimuth)[:3, :3] @ aim.turn, azimuth
 
 
 @lru_cache(maxsize=4096)  # some 20 kB each

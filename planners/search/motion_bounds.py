@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from regionik.planners.geometry.vectors import cross, minus, norm
 from regionik.planners.kernels import compiled
 from regionik.planners.solvers.serial_chain import SerialArm
 from regionik.worlds.arrays import Array, Index
@@ -71,17 +72,7 @@ def longest_levers(chain: Chain, link: int, point: Array) -> tuple[Array, float]
 @compiled
 def from_axis(frame: Array, axis: Array, point: Array) -> float:
     """Distance of a point from the axis of a joint [m]."""
-    x, y, z = point[0] - frame[0, 3], point[1] - frame[1, 3], point[2] - frame[2, 3]
-    return float(np.sqrt(_across(axis, x, y, z)))
-
-
-@compiled
-def _across(axis: Array, x: float, y: float, z: float) -> float:
-    """Square of a vector's part across a unit axis."""
-    u = axis[1] * z - axis[2] * y
-    v = axis[2] * x - axis[0] * z
-    w = axis[0] * y - axis[1] * x
-    return float(u * u + v * v + w * w)
+    return norm(cross(axis, minus(point, frame[:3, 3])))
 
 
 @compiled
@@ -120,10 +111,10 @@ def displacement_from_tool(
     n = len(axes)
     tool = frames[n, :3, 3]
     moved = displacement(arm, frames, axes, chord, levers, n - 1, link + 1, tool)
-    x, y, z = point[0] - tool[0], point[1] - tool[1], point[2] - tool[2]
+    off = minus(point, tool)
     for k in range(link, -1, -1):
         if arm.revolute[k]:  # turns tool and point together
-            moved += chord[k] * (np.sqrt(_across(axes[k], x, y, z)) + moved)
+            moved += chord[k] * (norm(cross(axes[k], off)) + moved)
     return moved
 
 

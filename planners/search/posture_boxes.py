@@ -11,8 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from regionik.planners.collision.robot_motion import transform_into
 from regionik.planners.collision.upright_solids import Uprights, distance_along, least_along
-from regionik.planners.geometry.vectors import squared
+from regionik.planners.geometry.vectors import cross, dot, minus, norm, squared
 from regionik.planners.kernels import compiled
 from regionik.planners.search.box_search import WHOLE, Boxes, Verdict, explore_in_kernel
 from regionik.planners.search.intervals import contract, cut_to
@@ -182,9 +183,8 @@ def _contract_to_target(task: FixedBase, bent: float) -> bool:
     for i in range(n):
         for j in range(i, n):
             b = posed.axes[i] if i == j else posed.J[:3, j]
-            a = posed.J[:3, i]
-            u[0], u[1], u[2] = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-            size = np.sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2])
+            u[0], u[1], u[2] = cross(posed.J[:3, i], b)
+            size = norm(u)
             if size > 1e-9:
                 u /= size
                 if not _contract_along(task, u, bent):
@@ -200,7 +200,7 @@ def _contract_along(task: FixedBase, u: Array, bent: float) -> bool:
     for i in range(3):
         off += u[i] * (posed.frames[-1, i, 3] - task.target[i])
     for k in range(n):
-        posed.row[k] = u[0] * posed.J[0, k] + u[1] * posed.J[1, k] + u[2] * posed.J[2, k]
+        posed.row[k] = dot(u, posed.J[:3, k])
     return contract(posed.shift, posed.row, -room - off, room - off)
 
 
@@ -212,7 +212,7 @@ def _hits_obstacle(task: FixedBase, off: float) -> bool:
         link = capsules.link[s]
         a, b = posed.ends[s, 0], posed.ends[s, 1]
         reach = capsules.radius[s] + task.clearance - SLACK
-        length = np.sqrt(squared(b[0] - a[0]) + squared(b[1] - a[1]) + squared(b[2] - a[2]))
+        length = norm(minus(b, a))
         known = False
         base_a = base_b = tool_a = tool_b = 0.0
         for k in range(len(task.solids.disc)):
@@ -244,15 +244,8 @@ def place_arm(task: FixedBase) -> float:
     chain_frames(arm, posed.q, posed.frames)
     joint_axes(arm, posed.frames, posed.axes)
     for s in range(len(capsules.link)):
-        frame = posed.frames[capsules.link[s]]
-        for end in range(2):
-            x, y, z = capsules.ends[s, end]
-            for i in range(3):
-                posed.ends[s, end, i] = frame[i, 0] * x + frame[i, 1] * y + frame[i, 2] * z + frame[i, 3]
-    off = 0.0
-    for i in range(3):
-        off += squared(posed.frames[-1, i, 3] - task.target[i])
-    return float(np.sqrt(off))
+        transform_into(posed.frames[capsules.link[s]], capsules.ends[s], posed.ends[s])
+    return norm(minus(posed.frames[-1, :3, 3], task.target))
 
 
 @compiled
@@ -261,7 +254,7 @@ def clearance_of(task: FixedBase) -> float:
     least = np.inf
     for s in range(len(task.capsules.link)):
         a, b, radius = task.posed.ends[s, 0], task.posed.ends[s, 1], task.capsules.radius[s]
-        length = np.sqrt(squared(b[0] - a[0]) + squared(b[1] - a[1]) + squared(b[2] - a[2]))
+        length = norm(minus(b, a))
         for k in range(len(task.solids.disc)):
             if distance_along(task.solids, k, a, b, 0.5) - 0.5 * length - radius < least:
                 least = min(
