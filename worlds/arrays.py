@@ -13,6 +13,7 @@ from regionik.worlds.errors import InputError
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+Mask = NDArray[np.bool_]
 
 _YZX, _ZXY = [1, 2, 0], [2, 0, 1]
 _SHOWN = 6  # numbers of an array, or items of a tuple, that fit on a line

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from regionik.worlds.arrays import Array, cross, frozen, one_line
+from regionik.worlds.arrays import Array, Mask, cross, frozen, one_line
 from regionik.worlds.errors import InputError, located
 from regionik.worlds.joints import Joint
 
@@ -154,7 +154,7 @@ class Chain:
         return self.multipliers[:, None] * np.eye(self.dof)[self.leaders]
 
     @cached_property
-    def turning(self) -> NDArray[np.bool_]:
+    def turning(self) -> Mask:
         """Mask (dof,) of active joints whose whole turns change nothing: revolute ones that none mimics."""
         led = {joint.mimic.joint for joint in self.joints if joint.mimic}
         return np.array([j.kind == "revolute" and j.name not in led for j in self.active_joints])
@@ -212,7 +212,7 @@ class Chain:
         return np.array([T, T @ crosses, T @ crosses @ crosses, T @ slides])
 
     @cached_property
-    def revolute(self) -> NDArray[np.bool_]:
+    def revolute(self) -> Mask:
         """Mask (n,) of all joints that turn."""
         return np.array([joint.kind == "revolute" for joint in self.joints])
 

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import shapely
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from shapely.affinity import affine_transform
 from shapely.geometry import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.worlds.arrays import Array, freeze, frozen, one_line, transform_points
+from regionik.worlds.arrays import Array, Index, freeze, frozen, one_line, transform_points
 from regionik.worlds.errors import InputError
 
 if TYPE_CHECKING:
@@ -288,7 +288,7 @@ class Mesh(Obstacle):
 
     name: str
     vertices: Array
-    faces: NDArray[np.int64]
+    faces: Index
 
     def __post_init__(self) -> None:
         freeze(self, self.name, vertices=(None, 3))

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Index
 from regionik.worlds.errors import InputError
 
 _SAME = 9  # decimals to which directions are told apart
@@ -19,7 +18,7 @@ class Polytope:
     """The convex hull of corners, with all that its corners tell."""
 
     corners: Array  # (n, 3) as given; some may lie inside [m]
-    triangles: NDArray[np.int64]  # (m, 3) rows of ``corners``, counter-clockwise seen from outside
+    triangles: Index  # (m, 3) rows of ``corners``, counter-clockwise seen from outside
     normals: Array  # (f, 3) outward unit normals of the faces
     offsets: Array  # (f,) points x inside have ``normals @ x <= offsets`` [m]
     edges: Array  # (e, 3) unit directions of the edges, each once

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Mask
 from regionik.worlds.chain import spread_postures
 from regionik.worlds.robot import Robot
 from regionik.worlds.self_collision import SLIDE, postures_clear, postures_off_floor, solid_frames
@@ -77,7 +76,7 @@ def _outside(footprint: Array, points: Array) -> Array:
     return beyond
 
 
-def _clear(robot: Robot, joints: Array, margin: float) -> NDArray[np.bool_]:
+def _clear(robot: Robot, joints: Array, margin: float) -> Mask:
     """Return True for postures (n, dof) that keep a margin [m] between links and off the floor, (n,)."""
     return postures_off_floor(robot, joints, margin) & postures_clear(robot, joints, margin)
 

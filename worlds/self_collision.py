@@ -13,10 +13,9 @@ from functools import cached_property, lru_cache
 from itertools import combinations, compress
 
 import numpy as np
-from numpy.typing import NDArray
 from shapely.geometry import Polygon
 
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Mask
 from regionik.worlds.chain import Chain, spread_postures
 from regionik.worlds.links import BASE
 from regionik.worlds.obstacles import Prism
@@ -44,7 +43,7 @@ class ConvexBody:
         return _transformed(self.corners[seen], T)
 
 
-def separated(one: ConvexBody, T_one: Array, other: ConvexBody, T_other: Array) -> NDArray[np.bool_]:
+def separated(one: ConvexBody, T_one: Array, other: ConvexBody, T_other: Array) -> Mask:
     """Return True for each pair of poses (n, 4, 4) at which a plane between two bodies was found, (n,).
 
     Where none was found, they touch, or nearly.
@@ -132,11 +131,11 @@ def off_floor(robot: Robot) -> tuple[bool, ...]:
     return tuple(bool(np.ptp(one, axis=0).max() > _LEVEL and one.min(axis=1).max() > 0.0) for one in heights)
 
 
-def postures_off_floor(robot: Robot, joints: Array, margin: float) -> NDArray[np.bool_]:
+def postures_off_floor(robot: Robot, joints: Array, margin: float) -> Mask:
     """Return True for postures (n, dof) in which all that must is off the floor by a margin [m], (n,)."""
     heeded = compress(_heights(robot, joints), off_floor(robot))
     clear = [heights.min(axis=1) > margin for heights in heeded]
-    found: NDArray[np.bool_] = np.all([np.ones(len(joints), dtype=bool), *clear], axis=0)
+    found: Mask = np.all([np.ones(len(joints), dtype=bool), *clear], axis=0)
     return found
 
 
@@ -149,7 +148,7 @@ def _heights(robot: Robot, joints: Array) -> list[Array]:
     ]
 
 
-def postures_clear(robot: Robot, joints: Array, margin: float) -> NDArray[np.bool_]:
+def postures_clear(robot: Robot, joints: Array, margin: float) -> Mask:
     """Return True for postures (n, dof) in which all pairs are seen to be apart, by a margin [m], (n,)."""
     frames, clear = solid_frames(robot, joints), np.ones(len(joints), dtype=bool)
     for i, k in self_collision_pairs(robot):
@@ -242,16 +241,16 @@ class _SolidPairs:
         """Return the links of two solids."""
         return _solid_of(self.robot, i)[1], _solid_of(self.robot, k)[1]
 
-    def touching(self, i: int, k: int) -> NDArray[np.bool_]:
+    def touching(self, i: int, k: int) -> Mask:
         """Return True for postures in which two solids are not seen to be apart."""
         return self._touching(_solid_of(self.robot, i)[0], _solid_of(self.robot, k)[0], (i, k))
 
-    def meeting(self, i: int, k: int) -> NDArray[np.bool_]:
+    def meeting(self, i: int, k: int) -> Mask:
         """Return True for postures in which the bodies inside two solids are not."""
         one = _solid_of(self.robot, i)[0] if i == BODY else ConvexBody(self.points[i])
         return self._touching(one, ConvexBody(self.points[k]), (i, k))
 
-    def _touching(self, one: ConvexBody, other: ConvexBody, pair: tuple[int, int]) -> NDArray[np.bool_]:
+    def _touching(self, one: ConvexBody, other: ConvexBody, pair: tuple[int, int]) -> Mask:
         on, at = self.links(*pair)
         return ~separated(one, self.frames[:, on], other, self.frames[:, at])
 

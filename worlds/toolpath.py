@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regionik.worlds.arrays import Array, freeze, frozen, transform_points
+from regionik.worlds.arrays import Array, freeze, frozen, transform_points, unit_vector
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import Target
 
@@ -73,7 +73,7 @@ def sine(
         Direction of the wave; by default the horizontal one to the left of the line.
     """
     p, q = _ends(start, end, count)
-    across = _left_of(p, q) if axis is None else _unit(axis, "axis")
+    across = _left_of(p, q) if axis is None else unit_vector(axis, "axis").tolist()
 
     def point(s: float) -> list[float]:
         lift = amplitude * math.sin(2 * math.pi * periods * s + phase)
@@ -180,14 +180,6 @@ def _left_of(p: list[float], q: list[float]) -> list[float]:
     if length < 1e-9:
         raise InputError("axis: expected a direction [x, y, z], as the line is vertical")
     return [-dy / length, dx / length, 0.0]
-
-
-def _unit(vector: ArrayLike, what: str) -> list[float]:
-    values = _numbers(vector, what)
-    length = math.sqrt(sum(value * value for value in values))
-    if length < 1e-9:
-        raise InputError(f"{what}: must not be zero")
-    return [value / length for value in values]
 
 
 def _numbers(vector: ArrayLike, what: str) -> list[float]:

@@ -5,19 +5,15 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from regionik.planners.collision.collision_checking import is_clear
 from regionik.planners.collision.robot_scene import RobotScene
 from regionik.planners.kernels import compiled
 from regionik.planners.solvers.damped_least_squares import Aim, Aims, polish
 from regionik.planners.solvers.serial_chain import SerialArm
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Index, Mask
 
 STEPS = 20  # of damped least squares from a start
-
-Index = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 
 class NeighboringTargets(NamedTuple):

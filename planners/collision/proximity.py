@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from regionik.planners.collision.collision_checking import (
     distance_bounds,
@@ -30,7 +30,7 @@ from regionik.planners.collision.robot_motion import (
     tool_speed,
 )
 from regionik.planners.collision.robot_scene import Hulls, RobotScene
-from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.arrays import Array, Mask, frozen
 from regionik.worlds.links import LinkHull
 from regionik.worlds.self_collision import BODY
 
@@ -241,10 +241,10 @@ def _first_inside_mesh(bodies: Bodies, scene: RobotScene, motion: MotionSegment)
     return -1, -1, 1.0
 
 
-def _meet(hulls: Hulls, box: Array) -> NDArray[np.bool_]:
+def _meet(hulls: Hulls, box: Array) -> Mask:
     """Rows that bound triangles and whose boxes meet a box."""
     meshes = hulls.next > np.arange(len(hulls.next)) + 1
-    meet: NDArray[np.bool_] = (box[0] <= hulls.boxes[:, 1]).all(1) & (hulls.boxes[:, 0] <= box[1]).all(1)
+    meet: Mask = (box[0] <= hulls.boxes[:, 1]).all(1) & (hulls.boxes[:, 0] <= box[1]).all(1)
     return meshes & meet
 
 

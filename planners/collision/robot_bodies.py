@@ -8,14 +8,13 @@ from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from regionik.planners.collision.convex_bodies import Piece, link_piece
 from regionik.planners.collision.distances import obstacles_from
 from regionik.planners.collision.robot_motion import BASE, WORLD, MobileArm
 from regionik.planners.collision.robot_scene import AllowedContact, Hulls, LinkHulls, RobotScene
 from regionik.planners.solvers.serial_chain import serial_arm
-from regionik.worlds.arrays import Array, Index, frozen
+from regionik.worlds.arrays import Array, Index, Mask, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.links import LinkHull, LinkSolid
 from regionik.worlds.obstacles import Solid
@@ -145,7 +144,7 @@ def near_bodies(bodies: Bodies, point: Array, far: float) -> Bodies:
     """
     hulls = bodies.hulls
     apart = np.maximum(np.maximum(hulls.boxes[:, 0] - point, point - hulls.boxes[:, 1]), 0.0)
-    keep: NDArray[np.bool_] = np.linalg.norm(apart, axis=1) <= far
+    keep: Mask = np.linalg.norm(apart, axis=1) <= far
     keep[hulls.world :] = True
     skips = hulls.next - np.arange(len(keep)) - 1
     for m in np.flatnonzero(skips):  # triangles go with the hull that bounds them
@@ -185,7 +184,7 @@ def span_about_tool(robot: Robot) -> float:
     return float(max(reached, default=0.0))
 
 
-def _self_pairs(robot: Robot, body: int) -> NDArray[np.bool_]:
+def _self_pairs(robot: Robot, body: int) -> Mask:
     """Table of the solids of links that are checked against hulls of the base's body and of all solids."""
     count = len(robot.all_solids)
     pairs = np.zeros((count, body + count), dtype=np.bool_)
@@ -206,9 +205,7 @@ def _rows(piece: Piece, frame: int, owner: int) -> list[_Row]:
     return [_Row(piece.corners, piece, frame, owner, len(parts)), *parts]
 
 
-def _link_hulls(
-    solids: Sequence[LinkSolid], cores: Sequence[tuple[Array, float]], pairs: NDArray[np.bool_]
-) -> LinkHulls:
+def _link_hulls(solids: Sequence[LinkSolid], cores: Sequence[tuple[Array, float]], pairs: Mask) -> LinkHulls:
     links = np.array([solid.link for solid in solids], dtype=np.int64)
     corners = [solid.corners for solid in solids]
     return LinkHulls(

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from regionik.planners.collision.robot_motion import MobileArm
-from regionik.worlds.arrays import Array, Index
+from regionik.worlds.arrays import Array, Index, Mask
 
 
 class LinkHulls(NamedTuple):
@@ -22,8 +19,8 @@ class LinkHulls(NamedTuple):
     # points within ``core_radius`` of their hull [m]
     core: Array
     core_radius: Array  # (n,) [m]
-    outermost: NDArray[np.bool_]  # (n,) of the last link that has a solid
-    pairs: NDArray[np.bool_]  # (n, m) which hulls a solid is checked against
+    outermost: Mask  # (n,) of the last link that has a solid
+    pairs: Mask  # (n, m) which hulls a solid is checked against
 
 
 class Hulls(NamedTuple):

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from shapely.geometry.base import BaseGeometry
 
+from regionik.worlds.arrays import Mask
+
 LEAST = 1e-10  # faces smaller than this are left out [m2]
 CHUNK = 512  # faces compared with others in one product, the largest first
 NODES = 20_000  # of branch and bound, after which the best cover and bound found are returned
@@ -18,7 +20,6 @@ MOST = 200  # areas that are laid over each other at once
 ROUNDING = 1e-6
 
 Geometries = NDArray[np.object_]
-Mask = NDArray[np.bool_]
 Index = NDArray[np.intp]
 
 

@@ -11,11 +11,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from regionik.planners.driving.reeds_shepp import words_between
 from regionik.planners.kernels import compiled
-from regionik.worlds.arrays import Array, Index
+from regionik.worlds.arrays import Array, Index, Mask
 
 _QUADRANT = ((1, 0), (2, 1), (1, 1), (1, 2))
 STEPS = tuple(
@@ -25,8 +24,6 @@ HEADINGS = np.array([math.atan2(b, a) for a, b in STEPS])  # [rad]
 DETOUR = 1.1  # longest curve of a car against its chord that is a move
 WIDEST = 2.0  # largest radius of its arcs, in turning radii
 SAVING = 1e-9  # costs that differ less are the same [m]
-
-Mask = NDArray[np.bool_]
 
 
 class LatticeMove(NamedTuple):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionik.planners.kernels import compiled
-from regionik.worlds.arrays import Array, Index
+from regionik.worlds.arrays import Array, Index, Mask
 
 
 @compiled
@@ -18,7 +18,7 @@ def count_rings(
     spans: Array,
     x: Array,
     y: Array,
-    free: NDArray[np.bool_],
+    free: Mask,
     count: NDArray[np.int32],
 ) -> None:
     """Add to each free cell one for every center that is as far off as one of its spans says.

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import block_array, csc_array, csr_array, diags_array, eye_array, kron
 from scipy.sparse.linalg import splu
 
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Mask
 from regionik.worlds.drives import BaseDrive
 
 ROUNDS = 10  # of Newton's method
@@ -16,7 +15,7 @@ DAMPING = 1e-9  # where the base turns on the spot, hops depend on one another
 LENGTH_COST = 1e-6  # of motion itself, against its bending
 
 
-def without_slip(drive: BaseDrive, base: Array, free: NDArray[np.bool_]) -> Array:
+def without_slip(drive: BaseDrive, base: Array, free: Mask) -> Array:
     """Return poses (n, 3) between which the drive rolls along arcs; a base that goes every way keeps them.
 
     Only those that are ``free`` (n,) are moved, together, by what bends their way the least: each by itself

@@ -21,7 +21,7 @@ from regionik.planners.kernels import compiled
 from regionik.planners.solvers.damped_least_squares import DIRECTION, Aim, polish
 from regionik.planners.solvers.serial_chain import SerialArm, serial_arm
 from regionik.worlds.arms import pivot_index
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Mask
 from regionik.worlds.chain import Chain, spread_postures
 from regionik.worlds.joints import Joint
 
@@ -131,7 +131,7 @@ def _moved(
     pivot: int,
     postures: Array,
     places: Array,
-) -> NDArray[np.bool_]:
+) -> Mask:
     """Move postures to an aim, each where it is nearest to it; they and the places are overwritten.
 
     The base goes along, on the two slides that the arm begins with: of an arm of few joints only some places

@@ -11,7 +11,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from regionik.planners.collision.convex_bodies import inner_capsule
 from regionik.planners.collision.distances import obstacles_from
@@ -29,7 +28,7 @@ from regionik.planners.search.box_search import Verdict, both
 from regionik.planners.search.self_clearance import segment_distance
 from regionik.planners.solvers.planar_kinematics import PlanarLinkage
 from regionik.worlds.arms import PlanarArm
-from regionik.worlds.arrays import Array, Index
+from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.robot import Robot
 from regionik.worlds.self_collision import BODY, base_body, off_floor, self_collision_pairs
 
@@ -44,8 +43,8 @@ class PlaneCapsules(NamedTuple):
     rank: Index  # (s,) `PIVOT`, `UPPER`, `MIDDLE` or `LAST`
     ends: Array  # (s, 2, 3) along the link, square to it in the plane, and off the plane, from its anchor [m]
     radius: Array  # (s,) [m]
-    outermost: NDArray[np.bool_]  # (s,) of the last link that has a solid
-    off_floor: NDArray[np.bool_]  # (s,) that must keep off the floor
+    outermost: Mask  # (s,) of the last link that has a solid
+    off_floor: Mask  # (s,) that must keep off the floor
     pairs: Index  # (p, 2) capsules that may touch each other
     heeds: Index  # (h,) capsules that may touch the base
     body: Uprights  # the base's own body, in its frame

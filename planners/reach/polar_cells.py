@@ -11,12 +11,9 @@ from numpy.typing import NDArray
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Index, Mask
 
 AROUND = 48  # bearings of a set that is the same at all of them
-
-Mask = NDArray[np.bool_]
-Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,6 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from shapely import transform
 from shapely.geometry.base import BaseGeometry
 
@@ -32,7 +31,7 @@ from regionik.planners.solvers.damped_least_squares import DIRECTION, POSITION, 
 from regionik.planners.solvers.rigid_bodies import span
 from regionik.planners.solvers.serial_chain import SerialArm, serial_arm
 from regionik.worlds.arms import pivot_index, reach_bound, with_pivot_limits
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.chain import Chain, rot_z
 
 DISTANCES, BEARINGS = 18, 32  # cells of the grid
@@ -46,8 +45,6 @@ ANGLE_SHARE = 0.1  # of the cone, which a posture may miss it by
 TURNED = 0.5  # about the vertical, by which samples may miss a heading that is kept [rad]
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)  # multiples of it, but for whole ones, are spread evenly
 DIGITS = 12  # of a turn: targets that differ by less are one
-
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,7 +210,7 @@ def _fill(grid: _Grid, seeds: Array, places: Array) -> None:
 
 
 @compiled
-def _spread(grid: _Grid, todo: NDArray[np.int64], count: int) -> int:
+def _spread(grid: _Grid, todo: Index, count: int) -> int:
     """Go on from a pose found to its four neighbours, which are queued where they are found."""
     rows, columns, _ = grid.postures.shape
     i, j = todo[count, 0], todo[count, 1]
@@ -286,7 +283,7 @@ def _cut(grid: _Grid, i: int, j: int, k: int, m: int) -> float:
 
 
 @compiled
-def _found_within(grid: _Grid, r: NDArray[np.int64], b: NDArray[np.int64], middles: Array) -> Mask:
+def _found_within(grid: _Grid, r: Index, b: Index, middles: Array) -> Mask:
     """Mask (m,) of the cells with a posture in their middle (m, 2), come to from a corner."""
     columns = len(grid.bearings)
     met = np.zeros(len(r), dtype=np.bool_)

@@ -25,7 +25,7 @@ from regionik.planners.reach.pose_reach import PoseReach, pose_reach
 from regionik.planners.reach.square_proofs import EXACT, SquareTask, constraints, holds_about, square_task
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, POSITION, Aim, polish
 from regionik.worlds.arms import pivot_index
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Mask
 from regionik.worlds.chain import Chain
 
 LEAST = 0.005  # half the side of squares that are not quartered, as a share of the arm's length
@@ -35,8 +35,6 @@ CENTRED = 0.3  # of the way to the middles of the joints' limits that the arm's 
 
 ASKED = {POSITION: 3, DIRECTION: 5, ORIENTATION: 6}  # numbers that an aim fixes
 CORNERS = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
-
-Mask = NDArray[np.bool_]
 
 
 class _Squares(NamedTuple):

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionik.planners.kernels import compiled
-from regionik.planners.solvers.planar_kinematics import Pair, PlanarLinkage, intervals_at_height
+from regionik.planners.solvers.fabrik import Pair
+from regionik.planners.solvers.planar_kinematics import PlanarLinkage, intervals_at_height
 from regionik.worlds.arms import PlanarArm
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Index
 
 MOST_INTERVALS = 16  # at one height
 APART = 1e-7  # ends that are nearer to each other than this may be taken for each other [m]
@@ -158,7 +159,7 @@ def _spans(
     heights: Array,
     sides: tuple[bool, bool],
     out: Array,
-    counts: NDArray[np.int64],
+    counts: Index,
 ) -> None:
     """Write the intervals of every height, ascending, and how many there are.
 

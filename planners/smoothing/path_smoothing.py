@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import bsr_array, csc_array, csr_array, diags_array, eye_array, kron, vstack
 from scipy.sparse.linalg import splu
 
@@ -22,7 +21,7 @@ from regionik.planners.progress import track
 from regionik.planners.smoothing.quadratic_program import minimize_quadratic
 from regionik.planners.solvers.aims import missed_by
 from regionik.planners.solvers.damped_least_squares import Aims
-from regionik.worlds.arrays import Array, Index
+from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.robot import Robot
 
 ROUNDS, REFINEMENTS = 60, 8  # of the programs; of the equations at last
@@ -52,7 +51,7 @@ class PathProblem:
 
     robot: Robot
     parameter: Array  # (n,) place of each state along the path, ascending [m]
-    corner: NDArray[np.bool_]  # (n,) states in which the tool's own path turns sharply
+    corner: Mask  # (n,) states in which the tool's own path turns sharply
     aims: Aims  # of n points
     scale: Array  # (m,) weight of each coordinate: the inverse of the acceleration that it may have
     # lower, upper: (n, m) limits of the coordinates; equal where a coordinate is held

@@ -29,7 +29,7 @@ from regionik.planners.solvers.subproblems import (
     rotated_about,
     row_dot,
 )
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Mask
 from regionik.worlds.chain import Chain
 from regionik.worlds.joints import Joint
 
@@ -160,7 +160,7 @@ def _within_limits(chain: Chain, angles: Array) -> Array:
 
 
 @compiled
-def _polished(arm: SerialArm, tools: Array, reach: float, joints: Array) -> NDArray[np.bool_]:
+def _polished(arm: SerialArm, tools: Array, reach: float, joints: Array) -> Mask:
     """Mask (k,) of the postures (k, n) that damped least squares brings to their poses; overwritten."""
     met = np.zeros(len(joints), dtype=np.bool_)
     for k in range(len(joints)):

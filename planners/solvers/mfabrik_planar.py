@@ -10,7 +10,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.kernels import compiled
@@ -44,7 +43,7 @@ from regionik.planners.solvers.planar_setup import (
     turning_of,
     write_state,
 )
-from regionik.worlds.arrays import Array, Index
+from regionik.worlds.arrays import Array, Index, Mask
 
 PATIENCE, STALLED = 10, 0.9  # passes in which the error must come down to this share, for a start to go on
 STRAIGHT = 1e-12  # a target so near to the axis, seen from above, does not turn the plane [m]
@@ -269,7 +268,7 @@ def _least_change(
 @compiled
 def solve_planar_many(
     setup: Record, vertices: Array, rings: Index, targets: Array, bases: Array, joints: Array
-) -> tuple[Array, Index, NDArray[np.bool_]]:
+) -> tuple[Array, Index, Mask]:
     """`solve_planar` for rows of targets (n, 3), bases (n, 3) and joints (n, dof), the last two overwritten.
 
     Returns

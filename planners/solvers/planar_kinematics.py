@@ -13,11 +13,10 @@ import numpy as np
 
 from regionik.planners.geometry.angles import TWO_PI, fit
 from regionik.planners.kernels import compiled
+from regionik.planners.solvers.fabrik import Pair
 from regionik.worlds.arrays import Array
 
 LIMIT_SLACK = 1e-10  # rounding allowed when a bend is held against its limit [rad]
-
-Pair = tuple[float, float]
 
 
 class PlanarLinkage(NamedTuple):

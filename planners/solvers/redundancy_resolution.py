@@ -14,7 +14,6 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from regionik.planners.kernels import compiled
 from regionik.planners.solvers.damped_least_squares import (
@@ -137,7 +136,7 @@ def _led_on(
     way: Array,
     joints: Array,
     onward: Array,
-    parent: NDArray[np.int64],
+    parent: Index,
 ) -> int:
     """Lead postures (k, n) on to an aim, as they are and with self-motion along and against a way (n,).
 

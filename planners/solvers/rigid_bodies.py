@@ -12,10 +12,9 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from regionik.planners.solvers.serial_chain import SerialArm, serial_arm
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Index
 from regionik.worlds.chain import Chain
 
 PARALLEL = 1e-3  # axes that differ by less than this angle count as parallel [rad]
@@ -35,14 +34,14 @@ class RigidBodies(NamedTuple):
     next_axis: Array  # (n, 3) axis of joint k + 1 in the frame of link k; zeros for the last
     # outward_aim, inward_aim: (n,) the point that joint k points at in a pass, or -1 where eq. (6) decides
     # its turn.
-    outward_aim: NDArray[np.int64]
-    inward_aim: NDArray[np.int64]
+    outward_aim: Index
+    inward_aim: Index
     # outward_plane, inward_plane: (n,) Eq. (6): the axis that must become normal to the line to the point in
     # ``..._goal``.
-    outward_plane: NDArray[np.int64]
-    inward_plane: NDArray[np.int64]
-    outward_goal: NDArray[np.int64]  # (n,)
-    inward_goal: NDArray[np.int64]  # (n,)
+    outward_plane: Index
+    inward_plane: Index
+    outward_goal: Index  # (n,)
+    inward_goal: Index  # (n,)
     last: int  # the last revolute joint (0 where there is none)
     start_goal: int  # point whose plane the last body takes at the target; -1 where all axes are parallel
 

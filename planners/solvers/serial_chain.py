@@ -7,14 +7,11 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from regionik.planners.geometry.vectors import cross, put, row, turned
+from regionik.planners.geometry.vectors import Vector, cross, put, row, turned
 from regionik.planners.kernels import compiled
-from regionik.worlds.arrays import Array, Index
+from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.chain import Chain
-
-Row = tuple[float, float, float]
 
 _UNTURNED = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
@@ -27,7 +24,7 @@ class SerialArm(NamedTuple):
 
     fixed: Array  # (n, 4, 4) from the link before to the joint at zero
     axis: Array  # (n, 3) unit vectors
-    revolute: NDArray[np.bool_]  # (n,)
+    revolute: Mask  # (n,)
     # lower, upper: (dof,) [rad] or [m]; infinite where there is no limit
     lower: Array
     upper: Array
@@ -61,7 +58,7 @@ def active_levers(arm: SerialArm, levers: Array) -> Array:
 
 
 @compiled
-def rotation_about(axis: Array, angle: float) -> tuple[Row, Row, Row]:
+def rotation_about(axis: Array, angle: float) -> tuple[Vector, Vector, Vector]:
     """The rotation by ``angle`` about a unit axis, row by row: Rodrigues' formula."""
     c, s = math.cos(angle), math.sin(angle)
     x, y, z = axis[0], axis[1], axis[2]

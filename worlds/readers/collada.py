@@ -11,9 +11,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from regionik.worlds.arrays import Array, transform_points
+from regionik.worlds.arrays import Array, Index, transform_points
 from regionik.worlds.chain import translation
 from regionik.worlds.errors import InputError, located
 from regionik.worlds.joints import Joint
@@ -108,7 +107,7 @@ def _shown(root: Element) -> list[_Geometry]:
     return placed or [_Geometry(shape, meter * cloud, {}) for shape, cloud in clouds.values()]
 
 
-def _faces(geometry: _Geometry) -> Iterator[tuple[str, NDArray[np.int64]]]:
+def _faces(geometry: _Geometry) -> Iterator[tuple[str, Index]]:
     """Yield the material of each group of faces, and its triangles (m, 3); polygons are cut into fans."""
     for mesh in geometry.shape.all("mesh"):
         for group in (child for child in mesh.children if child.tag in ("triangles", "polylist", "polygons")):
@@ -130,13 +129,13 @@ def _faces(geometry: _Geometry) -> Iterator[tuple[str, NDArray[np.int64]]]:
             yield group.attributes.get("material", ""), _fans(corners, sizes)
 
 
-def _fans(corners: NDArray[np.int64], sizes: NDArray[np.int64]) -> NDArray[np.int64]:
+def _fans(corners: Index, sizes: Index) -> Index:
     """Return polygons of some sizes, their corners one after the other, as triangles (m, 3)."""
     ends = np.cumsum(sizes)
     many = np.maximum(sizes - 2, 0)
     first = np.repeat(ends - sizes, many)
     step = np.arange(int(many.sum())) - np.repeat(np.cumsum(many) - many, many)
-    triangles: NDArray[np.int64] = corners[np.column_stack([first, first + step + 1, first + step + 2])]
+    triangles: Index = corners[np.column_stack([first, first + step + 1, first + step + 2])]
     return triangles
 
 
@@ -173,9 +172,9 @@ def _whole(text: str, element: Element) -> int:
     return int(text)
 
 
-def _indices(element: Element) -> NDArray[np.int64]:
+def _indices(element: Element) -> Index:
     values = _numbers("".join(element.texts), element)
-    found: NDArray[np.int64] = values.astype(np.int64)
+    found: Index = values.astype(np.int64)
     if (found != values).any() or (found < 0).any():
         raise element.error(f"{element.tag}: expected whole numbers from 0")
     return found

@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Index
 from regionik.worlds.errors import InputError
 
 SUFFIXES = (".stl", ".obj", ".ply", ".off")
@@ -33,7 +32,7 @@ _ENGINE_ERRORS = (  # that trimesh's readers raise on files that are cut short o
 logging.getLogger("trimesh").addHandler(logging.NullHandler())
 
 
-def read_mesh(path: Path) -> tuple[Array, NDArray[np.int64]]:
+def read_mesh(path: Path) -> tuple[Array, Index]:
     """Return the vertices (n, 3) and triangles (m, 3) of a mesh file.
 
     Raises

@@ -18,7 +18,7 @@ from PIL import Image, UnidentifiedImageError
 from pydantic import ConfigDict, Field
 from shapely.geometry import Polygon, box
 
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Mask
 from regionik.worlds.errors import InputError, located
 from regionik.worlds.obstacles import Prism
 from regionik.worlds.readers.text import check_plain_file, read_document
@@ -93,7 +93,7 @@ def load_map(yaml_path: Path, height: float, free_thresh: float | None = None) -
     return Floor(_placed(box(0, 0, columns, rows), document), cells)
 
 
-def _read_image(path: Path, negate: bool) -> tuple[Array, NDArray[np.bool_]]:
+def _read_image(path: Path, negate: bool) -> tuple[Array, Mask]:
     """Return occupancy from 0 (free) to 1, and a mask of opaque cells; row 0 is the lowest y."""
     try:
         check_plain_file(path)
@@ -119,7 +119,7 @@ def _read_image(path: Path, negate: bool) -> tuple[Array, NDArray[np.bool_]]:
     return np.flipud(occupied), np.flipud(opaque)
 
 
-def _channels(image: Image.Image) -> tuple[Array, NDArray[np.bool_]]:
+def _channels(image: Image.Image) -> tuple[Array, Mask]:
     """Return grey from 0 to 1, and a mask of opaque cells."""
     if image.mode in ("P", "PA", "RGBA", "LA") or "transparency" in image.info:
         values = np.asarray(image.convert("RGBA"))
@@ -134,7 +134,7 @@ def _grey(values: NDArray[Any], full: float) -> Array:
     return (values.mean(axis=-1, dtype=np.float64) if values.ndim == 3 else values) / full
 
 
-def _blobs(blocked: NDArray[np.bool_]) -> list[Polygon]:
+def _blobs(blocked: Mask) -> list[Polygon]:
     """Return edge-connected blobs of cells, in units of cells.
 
     Runs along rows are joined in whole numbers, where the union is exact. A union keeps blobs apart that only

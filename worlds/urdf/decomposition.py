@@ -14,9 +14,8 @@ from functools import cached_property
 from itertools import chain, product
 
 import numpy as np
-from numpy.typing import NDArray
 
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Index
 from regionik.worlds.links import BASE, LinkSolid
 from regionik.worlds.urdf.bounding import (
     bounding_solid,
@@ -186,7 +185,7 @@ def _merged(parts: list[CollisionPart], most: int) -> list[CollisionPart]:
     return [_merge_group(group) for group in groups if group]
 
 
-def _growth(k: int, low: Array, high: Array, link: NDArray[np.int64]) -> Array:
+def _growth(k: int, low: Array, high: Array, link: Index) -> Array:
     """Return by how much the common box of group ``k`` and each other is larger than both boxes, (n,) [m^3].
 
     Boxes lie along the link's axes; infinite for itself and for groups of other links.
