@@ -113,7 +113,8 @@ class SerialSolver:
     ) -> list[Reached]:
         """Postures on target: all that a closed form knows, or those come to from some starts; see `Arm`.
 
-        The first start is the given posture.
+        A closed form knows those at the pose itself; there may be none, and yet some in its cone. The first
+        start is the given posture.
 
         Damped least squares leads on, and where it misses a point, passes: those that must meet a direction
         wander, and arms that curl up come near to themselves. So for one every other start lies about the
@@ -121,7 +122,9 @@ class SerialSolver:
         """
         goal, rng = self.goal_for(target), np.random.default_rng(0)
         if goal.aim.kind == ORIENTATION and decomposition(self.endless) is not None:
-            return self._all_postures(goal, axis, yaw, joints)
+            known = self._all_postures(goal, axis, yaw, joints)
+            if known:
+                return known
         arm = goal.bodies.arm
         n = len(arm.lower)
         starts = rng.uniform(*within_half_turns(arm.lower, arm.upper), (tries, n))
