@@ -1,7 +1,8 @@
 """Motion with the tool lifted: the arm is folded, the base drives over free floor, the arm unfolds.
 
-Where nothing so simple gets there, RRTConnect looks for ways of base and arm together, unless the base is on
-wheels, then for ways of the arm alone before a drive and after it.
+Where it cannot fold, it goes on as the base drives. Where nothing so simple gets there, RRTConnect looks for
+ways of base and arm together, unless the base is on wheels, then for ways of the arm alone before a drive and
+after it.
 """
 
 from __future__ import annotations
@@ -50,6 +51,10 @@ class TransitPlanner:
 
     def sampled(self, here: Pose, there: Pose, piece: int) -> list[Pose] | None:
         """States strictly between two poses, on a way found in the space of the whole robot or of its arm."""
+        direct = self.driver.direct(here, there, piece)
+        if direct is not None and self.interpolator.clear([here, *direct, there]):
+            self.driver.count("straight")
+            return direct
         try:
             lead = self.driver.onto(here, piece)
         except NoPathError:
@@ -107,21 +112,30 @@ class TransitPlanner:
         """States strictly between two poses on one piece of free floor; None where the arm cannot pass so.
 
         The arm is folded at once where that keeps it clear, else after drawing back; it unfolds likewise.
+        Else it goes from posture to posture as the base drives.
         """
         try:
             lead = self.driver.onto(here, piece)
-            plain = [*lead[1:], *self._carried(lead[-1], there, piece)]
+            route = self.driver.route(lead[-1], there, piece)
         except NoPathError as refusal:
             self.refusals.append(refusal)
             return None
+        plain = [*lead[1:], *self._carried(lead[-1], there, route)]
         if self.interpolator.clear([here, *plain, there]):
             return plain
-        out = next(self._withdrawals(lead[-1], piece), None)
-        back = next(self._withdrawals(there, piece), None)
-        if out is None or back is None or not self.interpolator.clear(lead):
+        if not self.interpolator.clear(lead):
             return None
-        drive = self.carried(out[-1], back[-1], piece)
-        return None if drive is None else [*lead[1:], *out, *drive, *back[::-1]]
+        way = self._withdrawn(lead[-1], there, piece)
+        if way is None:
+            way = self.driver.states(lead[-1], there, route)
+            way = way if self.interpolator.clear([lead[-1], *way, there]) else None
+        return None if way is None else [*lead[1:], *way]
+
+    def _withdrawn(self, here: Pose, there: Pose, piece: int) -> list[Pose] | None:
+        """States strictly between two poses, the arm folded and unfolded where the base has drawn back."""
+        out, back = (next(self._withdrawals(at, piece), None) for at in (here, there))
+        drive = None if out is None or back is None else self.carried(out[-1], back[-1], piece)
+        return None if out is None or back is None or drive is None else [*out, *drive, *back[::-1]]
 
     def shortened(self, here: Pose, way: list[Pose], there: Pose, piece: int) -> list[Pose]:
         """States strictly between two poses, on a way whose base goes no farther than on the one given.
@@ -187,15 +201,16 @@ class TransitPlanner:
 
     def obstruction(self, here: Pose, there: Pose, piece: int) -> Touch | None:
         """First touch of an arm that is folded, driven and unfolded without looking."""
-        poses = [here, *self._carried(here, there, piece), there]
+        lead = self.driver.onto(here, piece)
+        route = self.driver.route(lead[-1], there, piece)
+        poses = [*lead, *self._carried(lead[-1], there, route), there]
         met = next((touch for touch in map(self.guard.touch, poses) if touch.kind != "none"), None)
         if met is not None:  # tells how deep, where a proof only tells that it ended
             return met
         return self.guard.stop(poses)
 
-    def _carried(self, here: Pose, there: Pose, piece: int) -> list[Pose]:
+    def _carried(self, here: Pose, there: Pose, route: Array) -> list[Pose]:
         """Fold where the robot stands, drive in the carry posture, unfold; short ways without folding."""
-        route = self.driver.route(here, there, piece)
         if len(route) <= 2:
             return self.driver.states(here, there, route)
         raised, lowered = lifted(self.world.robot, here), lifted(self.world.robot, there)
