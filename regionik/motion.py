@@ -23,7 +23,7 @@ from regionik.values import Configuration
 from regionik.worlds.errors import Explanation, NoPlanFound
 from regionik.worlds.scene import World
 
-TRIES = 16  # candidates at the next set-point tried from one
+TRIES = 16  # candidates tried at the next set-point, or to begin a run from
 TURNING = (1.0, 0.3)  # how lightly a base on wheels turns, one way after the other
 
 
@@ -103,11 +103,13 @@ class _Connection:
     def _arrive(self, i: int, here: Pose | None) -> tuple[list[Row], Candidate]:
         """Move to a first candidate at set-point i with the tool lifted, from the start or the last run."""
         search, goal = self.search, self.nominal[i]
-        found = search.sampler.arrivals(i, self._kept(i), here or goal.pose, goal)
-        arrived = search.arrive(i, here, islice(found, TRIES), search.transits.folded)
-        if arrived is None:
-            raise NoPlanFound(search.why_not(i, here, goal))
-        return arrived
+        start = here or goal.pose
+        for components in (self._kept(i), self._cut(i)):
+            found = search.sampler.arrivals(i, components, start, goal)
+            arrived = search.arrive(i, here, islice(found, TRIES), search.transits.folded)
+            if arrived is not None:
+                return arrived
+        raise NoPlanFound(search.why_not(i, here, goal))
 
     def _ahead(self, i: int, here: Candidate) -> Iterator[Candidate]:
         """Candidates at the set-point after i, in components that the base can move to."""
@@ -128,6 +130,11 @@ class _Connection:
     def _kept(self, i: int) -> list[int]:
         """Components of a set-point that the pruning left, the chosen one first."""
         return sorted(self.pruned.kept(i), key=lambda k: (k != self.nominal[i].component, k))
+
+    def _cut(self, i: int) -> list[int]:
+        """Components of a set-point that the pruning cut, as ways are known that no areas show."""
+        rungs, keep = self.pruned.ladder.rungs, self.pruned.keep
+        return [k for k in range(rungs[i], rungs[i + 1]) if not keep[k]]
 
     def _one_lift_too_many(self, i: int) -> Explanation:
         world, guard, touch = self.search.world, self.search.guard, self.search.follower.stops.get(i - 1)

@@ -53,7 +53,7 @@ FAR = 1.5  # change of an endless joint from which on the other way round is tri
 MENDED = 4  # postures led round what they touch, where no other is clear
 SEARCHED = 2  # of their places, at which all postures are looked for
 BOXES = 20_000  # of postures weighed there
-NEAREST = 4  # components by heading that are looked through
+NEAREST = 4  # components by heading that are looked through, and more where nothing is clear in them
 TURN_WEIGHT = 0.3  # what a turn of the base counts against driving to them [m/rad]
 GIVEN_UP = 16  # tries in a row at one component that led round nothing, after which no more are made
 HEADINGS = 16  # of a base on wheels from which base and joints may go on together
@@ -122,6 +122,7 @@ class ConfigurationSampler:
         found = one_after_another(
             self._settled(i, poses, here),
             self.nominal(i, components, here, nominal),
+            self.nearest(i, components, here),
             self._sought(i, components, here),
         )
         return (candidate for candidate in found if self.meets(candidate.pose))
@@ -161,25 +162,26 @@ class ConfigurationSampler:
         """What else is clear: as M-FABRIK goes on from here, led round, or elsewhere in the area."""
         if not self.guard.on:
             return
-        target, components = self.world.task[i], self._near(components, here)
-        for k in components:
+        target, order = self.world.task[i], self._order(components, here)
+        near = order[: NEAREST if len(self.standing.sides) > 1 else None]
+        for k in near:
             onward = self.solver(k)(target, here.base, here.joints)
             if onward.converged:
                 candidate = Candidate(onward, k)
                 yield from [candidate] if self.clear(i, candidate.pose) else self.around(i, candidate)
         nothing = True
-        for k in components:
+        for n, k in enumerate(order):
+            if n >= len(near) and not nothing:
+                break
             for candidate in self._elsewhere(i, k, here):
                 nothing = False
                 yield candidate
         if nothing:
-            yield from self._mended(i, components)
+            yield from self._mended(i, near)
 
-    def _near(self, components: Sequence[int], here: Pose) -> Sequence[int]:
-        """Components to look through: all that hold at every heading, the few nearest of those by heading."""
-        if len(self.standing.sides) == 1:
-            return components
-        return self._by_nearness(components, here)[:NEAREST]
+    def _order(self, components: Sequence[int], here: Pose) -> Sequence[int]:
+        """Components as they are looked through: those of some headings only by nearness."""
+        return components if len(self.standing.sides) == 1 else self._by_nearness(components, here)
 
     def _by_nearness(self, components: Sequence[int], here: Pose) -> list[int]:
         """Components, those that the base has the least way to first."""

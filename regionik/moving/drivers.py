@@ -35,6 +35,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 
 INSET = 0.002  # kept from the edge of what two areas share, where there is room [m]
+ROUNDING = 1e-6  # by which ends of a way may lie off the floor [m]
 TURN_PART = 0.1  # of a turn about the arm axis, which a base frame elsewhere does by short slides [rad]
 
 
@@ -66,6 +67,8 @@ class AnyHeadingDriver(Driver):
         """Of the arm axis, (k, 2)."""
         a, b = (axis_of(self.world.robot, pose.base) for pose in (here, there))
         piece = self._piece(label)
+        if not shapely.dwithin(piece, shapely.points([a, b]), ROUNDING).all():
+            raise NoPathError("it would stand where only its heading leaves it room", a, b)
         free = piece.buffer(-berth) if berth else piece
         if free.is_empty:
             raise NoPathError("no floor is left", a, b)
@@ -74,7 +77,7 @@ class AnyHeadingDriver(Driver):
 
     def within(self, free: BaseGeometry, flat: FlatPolygon, a: Array, b: Array) -> Array:
         """Way of the arm axis from a to b inside a polygon, also given for kernels, (k, 2)."""
-        # Ends may lie outside by rounding, or by the gap between the exact and the inner area.
+        # Ends may lie outside by rounding.
         spots = [p if flat.holds(p) else _nearest_inside(free, p) for p in (a, b)]
         if math.dist(*spots) < 1e-9:
             return np.array([a, b])

@@ -26,7 +26,7 @@ from regionik.moving.transit import TransitPlanner
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.progress import tell
 from regionik.postures.arm_guard import Guard, guard_of
-from regionik.postures.poses import Pose, Row, arrays, columns, pose_between
+from regionik.postures.poses import Pose, Row, arrays, axis_of, columns, pose_between
 from regionik.values import Configuration, Motion
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
@@ -148,9 +148,13 @@ class PathSearch:
     def _followed(self, i: int, here: Candidate, goal: Candidate) -> list[Row] | None:
         """Motion from set-point i to the next; where the base stands in no area, its way is proven free."""
         rows, resolved = self.follower.follow(i, here, goal), self.sampler.resolved
-        if rows is None or not here.way or resolved is None:
+        if rows is None or resolved is None or self._in_area(here):
             return rows
         return rows if resolved.drives([here.pose, *(row.pose for row in rows)]) else None
+
+    def _in_area(self, one: Candidate) -> bool:
+        axis = axis_of(self.world.robot, one.pose.base)
+        return self.sampler.ladder.flat(one.component).holds(axis)
 
     def _arrived(self, i: int, candidate: Candidate, pose: Pose) -> Candidate:
         """The candidate as the motion reaches it; iterations stay those of M-FABRIK."""
