@@ -17,6 +17,7 @@ from regionik.moving import transit
 from regionik.moving.base_motion import TURN_STRIDE, Interpolator
 from regionik.moving.drivers import driver_for
 from regionik.moving.transit import ArmPlanner, TransitPlanner
+from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.geometry.angles import wrap
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import LARGEST_BEND, Pose, axis_of, pose_between
@@ -198,6 +199,15 @@ def test_no_way_out_of_a_pen(monkeypatch: pytest.MonkeyPatch) -> None:
     touch = carrier(world).obstruction(inside, outside, 0)
     assert touch is not None
     assert guard_of(world).other(touch) == "west"
+
+
+def test_no_way_of_the_arm_axis_ends_where_only_a_heading_has_room() -> None:
+    world = world_of("youbot")
+    far = ground_of(world).far
+    inside, outside = (posed(world, np.array([2.0 - gap, 0.0, 0.0])) for gap in (far + 0.1, far - 0.01))
+    assert len(carrier(world).driver.route(inside, inside, 0))
+    with pytest.raises(NoPathError):
+        carrier(world).driver.route(inside, outside, 0)
 
 
 def test_short_ways_are_not_folded() -> None:
