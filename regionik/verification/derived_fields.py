@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from regionik.values import Plan, Violation
+from regionik.values import Plan, PlannedArea, Violation
 from regionik.verification.motion import MotionSegments
 from regionik.verification.proofs import Finding, StateNames, finding
 from regionik.worlds.arrays import Array
@@ -123,17 +124,23 @@ def _contradicting_areas(plan: Plan, names: StateNames) -> Iterator[Violation]:
         text = f"the plan has areas of {len(plan.areas)} set-points, its world has {len(plan.world.task)}"
         yield Violation("derived", None, None, 0.0, text)
         return
-    admissible, pruned, rejected = (
-        np.array([getattr(area, part) for area in plan.areas], dtype=object)
-        for part in ("admissible", "pruned", "rejected")
-    )
-    outside, cut = np.zeros(len(pruned)), ~shapely.equals_exact(pruned, admissible)
-    outside[cut] = _overlay_area(shapely.difference, pruned[cut], admissible[cut])
-    both = _overlay_area(shapely.intersection, rejected, admissible)
+    outside, both = _overlaps(tuple(plan.areas))
     for off, what in ((outside, "pruned area lies outside"), (both, "rejected area lies inside")):
         for i in np.flatnonzero(off > ROUNDING).tolist():
             text = f"{off[i]:.4g} m2 of the {what} the admissible area of {names.setpoint(i)}"
             yield Violation("derived", None, i, float(off[i]), text)
+
+
+@lru_cache(maxsize=1)  # smoothing and timing change the motion alone, and verify it anew
+def _overlaps(areas: tuple[PlannedArea, ...]) -> tuple[Array, Array]:
+    """What is pruned and not admissible, and rejected and admissible, of each set-point, (n,) [m2]."""
+    admissible, pruned, rejected = (
+        np.array([getattr(area, part) for area in areas], dtype=object)
+        for part in ("admissible", "pruned", "rejected")
+    )
+    outside, cut = np.zeros(len(pruned)), ~shapely.equals_exact(pruned, admissible)
+    outside[cut] = _overlay_area(shapely.difference, pruned[cut], admissible[cut])
+    return outside, _overlay_area(shapely.intersection, rejected, admissible)
 
 
 def _overlay_area(overlay: Callable[..., Geometries], ones: Geometries, others: Geometries) -> Array:
