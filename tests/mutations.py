@@ -427,7 +427,7 @@ FAULTS = (
     Fault(
         "resolved motion: the way on from where no area shows is not proven free",
         "regionik/moving/path_search.py",
-        "if rows is None or not here.way or resolved is None:",
+        "if rows is None or resolved is None or self._in_area(here):",
         "if True:",
         ("tests/test_pose_reach.py",),
     ),
