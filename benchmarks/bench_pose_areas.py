@@ -22,13 +22,12 @@ from bench_reach import NEAR
 from pivoted import ANGLE, EXACT, STEPS, points_in
 
 from regionik.areas.reachable import reach_rows
-from regionik.planners.reach.pose_reach import endless
 from regionik.planners.solvers.damped_least_squares import Aim, polish
 from regionik.planners.solvers.rigid_bodies import span
 from regionik.planners.solvers.serial_chain import serial_arm
 from regionik.postures.arm import aim_of
 from regionik.regions import admissible_area
-from regionik.worlds.arms import with_pivot
+from regionik.worlds.arms import with_pivot, with_pivot_limits
 from regionik.worlds.arrays import Array
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Target, World
@@ -55,7 +54,7 @@ def posed(robot: Robot, direction: bool, rng: np.random.Generator) -> Target:
 def reached(world: World, target: Target, spots: Array, starts: int, rng: np.random.Generator) -> int:
     """How many of the places of the pivot axis have a posture by damped least squares, the base turning."""
     chain, aim = with_pivot(world.robot.chain), aim_of(target)
-    arm = serial_arm(endless(chain))
+    arm = serial_arm(with_pivot_limits(chain, -np.inf, np.inf))
     low, high = np.maximum(chain.lower, -np.pi), np.minimum(chain.upper, np.pi)
     count = 0
     for spot in spots:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import tomllib
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -11,6 +14,7 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 ROOMS = ("worlds", "planners", "regionik")
 SOURCES = sorted({path.resolve() for room in ROOMS for path in (ROOT / room).glob("**/*.py")})
+SCRIPTS = sorted(path for room in ("benchmarks", "examples") for path in (ROOT / room).glob("**/*.py"))
 ENGINES = {
     "ompl": {"planners/driving/sampling.py"},
     "fcl": {"planners/collision/meshes.py"},
@@ -44,6 +48,16 @@ def test_one_engine_one_file(engine: str) -> None:
     imports = re.compile(rf"^\s*(?:import|from) {engine}\b|\(\"{engine}[.\"]", re.MULTILINE)
     users = {room_of(path) for path in SOURCES if imports.search(path.read_text())}
     assert users == ENGINES[engine]
+
+
+@pytest.mark.parametrize("path", SCRIPTS, ids=room_of)
+def test_programs_import_what_there_is(path: Path) -> None:
+    """Of regionik: other modules are there only where they were asked for."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "regionik":
+            module = import_module(str(node.module))
+            missing = [name.name for name in node.names if not hasattr(module, name.name)]
+            assert all(find_spec(f"{node.module}.{name}") for name in missing), missing
 
 
 def test_no_path_of_a_machine() -> None:
