@@ -212,6 +212,6 @@ def test_a_tool_that_leans_out_between_two_looks_is_seen() -> None:
     """It was met at three places on the way, and rose past its cone between them; found on a path of B*."""
     cone = 1e-3
     here, there = (Target(np.array([x, 0.0, 0.5]), cone=cone, orientation=np.eye(3)) for x in (0.0, 0.01))
-    for shares, good in (((0.5, 0.74, 0.5), False), ((0.74, 0.74, 0.74), True), ((0.3, 0.5, 0.4), True)):
+    for shares, good in (((0.7, 0.997, 0.7), False), ((0.99, 0.99, 0.99), True), ((0.5, 0.7, 0.6), True)):
         tools = np.array([rot_x(share * cone) for share in shares])
         assert turned_as_asked(here, there, tools) is good

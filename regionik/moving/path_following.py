@@ -21,7 +21,7 @@ from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.polylines import between, laid_out
 from regionik.planners.solvers.aims import in_columns
-from regionik.postures.arm import LED_SHARE, aim_of, deviation, goal_between, goals_between
+from regionik.postures.arm import aim_of, deviation, goal_between, goals_between
 from regionik.postures.arm_guard import Guard
 from regionik.postures.families import Family
 from regionik.postures.poses import LARGEST_BEND, Pose, Row, arrays, configuration_pose, pose_of
@@ -230,8 +230,7 @@ def turned_as_asked(p: Target, q: Target, tools: Array) -> bool:
     asked = goals_between(p, q, LOOKED_AT)
     off = [deviation(one, tool[:3, :3]) for one, tool in zip(asked, tools, strict=True)]
     between_them = abs(off[0] - 2 * off[1] + off[2]) / 8  # that a parabola rises above these three
-    most = [LED_SHARE * one.cone + TURN_SLACK for one in asked]
-    return all(angle + between_them <= limit for angle, limit in zip(off, most, strict=True))
+    return all(angle + between_them <= one.cone + TURN_SLACK for angle, one in zip(off, asked, strict=True))
 
 
 def _solve(solver: Solver, segment: PathSegment, at: SegmentPoint, near: Pose) -> Pose | None:

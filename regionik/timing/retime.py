@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from regionik.planners.progress import track
-from regionik.postures.arm import LED_SHARE, deviation
+from regionik.postures.arm import deviation
 from regionik.timing.corner_rounding import rounded
 from regionik.timing.inserted_states import blended, refined, with_rests
 from regionik.timing.jerk_limited_timing import jerk_limited_motion, stretched
@@ -31,7 +31,7 @@ from regionik.worlds.scene import World
 from regionik.worlds.speeds import Speeds
 
 ROUNDED_CORNER = np.radians(60)  # where corners are rounded first, the robot stops at sharper ones
-TURN_SHARE = 1 - LED_SHARE  # of a cone that the smooth path may use
+TURN_SHARE = 0.25  # of the narrowest cone, by which the smooth path may turn the tool from the motion
 SPARE_CONE = 0.02  # of a set-point, without which its state stays where it is [rad]
 BLEND = 2e-4  # by which any point of the robot may leave the plan's motion on the smooth path [m]
 SLOWDOWNS, SPARE = 5, 1e-4  # of the motion, and by how much more
