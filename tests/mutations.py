@@ -495,6 +495,20 @@ FAULTS = (
         ("tests/test_transit.py",),
     ),
     Fault(
+        "shortcuts: base and arm at once are not looked at",
+        "regionik/moving/shortcuts.py",
+        " or not self.interpolator.clear(part):",
+        ":",
+        ("tests/test_shortcuts.py",),
+    ),
+    Fault(
+        "shortcuts: wheels slide where the base goes at another pace",
+        "regionik/moving/shortcuts.py",
+        "self.driver.world.robot.drive.sampled(drives.rows, _index(drives, share))",
+        "_rows_at(drives, share)",
+        ("tests/test_shortcuts.py",),
+    ),
+    Fault(
         "links: faces of a moved hull stay behind",
         "worlds/polytopes.py",
         "self.offsets + normals @ T[:3, 3]",

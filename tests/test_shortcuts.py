@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from regionik.moving.shortcuts import DETOUR, SAVED, travel, with_shortcuts
+from regionik.moving.shortcuts import DETOUR, SAVED, Clock, Shortcuts, travel
 from regionik.moving.transit import TransitPlanner
 from regionik.pipeline import search
-from regionik.postures.poses import Pose
+from regionik.postures.poses import Pose, arrays
 from regionik.verification.verifier import verify
+from regionik.worlds.drives import BaseKind
 from regionik.worlds.obstacles import Box
 from tests.opinion.judge import detours
 from tests.soak import told
 from tests.soaked import soaked_world
-from tests.test_transit import carrier, check, posed, rolling, world_of
+from tests.test_transit import HERE, THERE, carrier, check, posed, rolling, world_of
 
 PILLAR = Box("pillar", np.array([0.2, 0.2, 0.5]), np.array([0.0, 0.0, 0.25]))
 LID = Box("lid", np.array([0.6, 0.6, 0.02]), np.array([0.6, 0.0, 0.4]))
@@ -42,13 +44,51 @@ def test_the_base_goes_no_farther_and_all_stays_clear(seed: int) -> None:
     spans = rng.uniform(-1.0, 1.0, (12, 5)) * [0.9, 0.9, 3.0, 0.5, 0.2]
     first = posed(world, np.array([-0.9, -0.9, 0.0]))
     poses = wound(planner, [first, *(posed(world, row[:3], *row[3:]) for row in spans)])
-    short = with_shortcuts(planner.interpolator, planner.driver, 0, poses)
+    short = Shortcuts(planner.interpolator, planner.driver, 0).shorter(poses)
     check(world, short[0], short[1:-1], short[-1])
     assert short[0] is poses[0]
     assert short[-1] is poses[-1]
     assert travel(short) <= travel(poses) + 1e-12
-    again = with_shortcuts(planner.interpolator, planner.driver, 0, poses)
+    again = Shortcuts(planner.interpolator, planner.driver, 0).shorter(poses)
     assert [pose.base.tolist() for pose in again] == [pose.base.tolist() for pose in short]
+
+
+@settings(max_examples=25)
+@given(st.integers(0, 10**6), st.sampled_from(["omni", "differential", "car"]))
+def test_a_quicker_motion_keeps_clear_and_its_base_goes_no_farther(seed: int, base: BaseKind) -> None:
+    rng = np.random.default_rng(seed)
+    world = world_of("youbot", PILLAR) if base == "omni" else rolling(base)
+    planner, clock = carrier(world), Clock(world)
+    spans = rng.uniform(-1.0, 1.0, (2, 5)) * [0.9, 0.9, 3.0, 0.9, 0.4]
+    here, there = (posed(world, row[:3], *row[3:]) for row in spans)
+    way = planner.folded(here, there, 0) if all(map(planner.guard.proves, (here, there))) else None
+    if way is None:
+        return
+    poses = [here, *way, there]
+    quick = Shortcuts(planner.interpolator, planner.driver, 0).quicker(poses)
+    assert clock.whole(quick) <= clock.whole(poses)
+    assert travel(quick) <= travel(poses) + 1e-9
+    if base == "omni":
+        check(world, here, quick[1:-1], there)
+        return
+    drive, (old, new) = world.robot.drive, (arrays(motion)[0] for motion in (poses, quick))
+    assert np.abs(drive.slip(new)[0]).max() < 1e-9
+    assert drive.travel(new) == pytest.approx(drive.travel(old), abs=1e-9)
+    trace = shapely.LineString(drive.trace(old))
+    assert shapely.distance(trace, shapely.points(new[:, :2])).max() < 1e-3
+    assert planner.guard.passes(quick)
+
+
+def test_base_and_arm_go_at_once() -> None:
+    """Where there is room a motion takes little longer than that of the slower part alone."""
+    world = world_of("youbot")
+    planner, clock = carrier(world), Clock(world)
+    here, there = posed(world, HERE, 0.9, -0.4), posed(world, THERE, -0.9, 0.4)
+    way = planner.folded(here, there, 0)
+    assert way is not None
+    quick = Shortcuts(planner.interpolator, planner.driver, 0).quicker([here, *way, there])
+    alone = Pose(there.base, here.joints), Pose(here.base, there.joints)  # of the base, of the arm
+    assert clock.whole(quick) <= 1.1 * max(clock.whole([here, one]) for one in alone)
 
 
 def test_over_open_floor_the_base_goes_straight() -> None:
@@ -56,7 +96,7 @@ def test_over_open_floor_the_base_goes_straight() -> None:
     planner = carrier(world)
     places = [(0.0, 0.0), (0.6, 0.8), (-0.5, 0.9), (0.3, 0.0)]
     poses = wound(planner, [posed(world, np.array([*place, 0.0])) for place in places])
-    short = with_shortcuts(planner.interpolator, planner.driver, 0, poses)
+    short = Shortcuts(planner.interpolator, planner.driver, 0).shorter(poses)
     assert travel(short) <= DETOUR * 0.3 + SAVED
 
 
@@ -78,7 +118,7 @@ def test_wheels_keep_their_way(base: str) -> None:
     here, there = posed(world, np.zeros(3)), posed(world, np.array([0.3, 0.4, 1.0]))
     way = planner.folded(here, there, 0)
     assert way is not None
-    assert planner.shortened(here, way, there, 0) == way
+    assert Shortcuts(planner.interpolator, planner.driver, 0).shorter([here, *way, there])[1:-1] == way
 
 
 @pytest.mark.parametrize(

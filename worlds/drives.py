@@ -116,7 +116,7 @@ class OmnidirectionalDrive(BaseDrive):
 
     def parts(self, here: Array, there: Array) -> tuple[Array, Array]:
         """Split motions, of which nothing is rolled."""
-        step = _shorter(here, there)
+        step = displacement(here, there)
         return step, np.zeros(step.shape[:-1])
 
 
@@ -128,7 +128,7 @@ class _RollingDrive(BaseDrive):
 
     def parts(self, here: Array, there: Array) -> tuple[Array, Array]:
         """Split motions: the part of the chord across that heading, which no wheel can roll, is slid."""
-        step = _shorter(here, there)
+        step = displacement(here, there)
         half = step[..., 2] / 2
         tangent = np.stack([np.cos(here[..., 2] + half), np.sin(here[..., 2] + half)], -1)
         along = (step[..., :2] * tangent).sum(-1)
@@ -137,7 +137,7 @@ class _RollingDrive(BaseDrive):
 
     def slip(self, base: Array) -> tuple[Array, Array]:
         """See `BaseDrive`."""
-        step = _shorter(base[:-1], base[1:])
+        step = displacement(base[:-1], base[1:])
         middle = base[:-1, 2] + step[:, 2] / 2
         left = np.column_stack([-np.sin(middle), np.cos(middle)])
         turned = -(step[:, 0] * np.cos(middle) + step[:, 1] * np.sin(middle)) / 2
@@ -204,7 +204,7 @@ def wheel_travel(base: Array, gauge: float) -> Array:
     return np.column_stack([length - turn, length + turn])
 
 
-def _shorter(here: Array, there: Array) -> Array:
+def displacement(here: Array, there: Array) -> Array:
     """Difference of poses (..., 3), turned the shorter way, half a turn to the left."""
     step = np.array(there - here)
     step[..., 2] -= 2 * np.pi * np.ceil((step[..., 2] - np.pi) / (2 * np.pi))

@@ -15,9 +15,10 @@ from regionik.planners.collision.robot_motion import bases_between
 from regionik.planners.driving.footprint import FootprintScene, fits
 from regionik.planners.geometry.polylines import leg_lengths, spread_along
 from regionik.postures.arm_guard import Guard
-from regionik.postures.poses import LARGEST_BEND, Pose, axis_of, configuration_pose, pose_of, turn_to
+from regionik.postures.poses import LARGEST_BEND, Pose, axis_of, configuration_pose, pose_of
 from regionik.values import Configuration
 from regionik.worlds.arrays import Array
+from regionik.worlds.drives import displacement
 from regionik.worlds.scene import World
 
 EVENLY = np.array([0.0, 1.0])  # from one knot to another
@@ -172,7 +173,7 @@ class Interpolator:
     def along(self, here: Pose, there: Pose, path: Array) -> list[Pose]:
         """States strictly between two poses: axis along a path, heading and joints spread over it."""
         robot = self.world.robot
-        turn = turn_to(here.base, there.base)[2]
+        turn = displacement(here.base, there.base)[2]
         # The base moves by no more than the axis does and the mount swings about it.
         way = float(np.hypot(*np.diff(path, axis=0).T).sum())
         way += abs(turn) * float(np.hypot(*robot.mount[:2]))
@@ -188,7 +189,7 @@ class Interpolator:
     def over(self, here: Pose, there: Pose, bases: Array) -> list[Pose]:
         """States strictly between two poses: base through given poses (n, 3), joints spread over its way."""
         drive, change = self.world.robot.drive, there.joints - here.joints
-        moves = np.array([turn_to(a, b) for a, b in zip(bases[:-1], bases[1:], strict=True)]).reshape(-1, 3)
+        moves = displacement(bases[:-1], bases[1:])
         ways = np.hypot(moves[:, 0], moves[:, 1])
         efforts = ways + np.abs(moves[:, 2])
         total = float(efforts.sum())

@@ -1,73 +1,211 @@
-"""Shortcuts of a motion with the tool lifted: straight motions of base and arm in place of longer ones.
+"""Shortcuts of a motion with the tool lifted: the base goes a shorter way, then base and arm move at once.
 
 As in Geraerts and Overmars, Creating high-quality paths for motion planning, 2007, between places drawn
-anywhere on the motion.
+anywhere on the motion: straight ones of the whole robot, and partial ones, on which the base or the arm goes
+straight, or at another pace, while the other goes as before.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal, NamedTuple
+
 import numpy as np
 
 from regionik.moving.base_motion import Driver, Interpolator
-from regionik.postures.poses import Pose, distinct, pose_between
+from regionik.postures.poses import LARGEST_BEND, Pose, arrays, distinct, pose_between
+from regionik.worlds.arrays import Array, Index
+from regionik.worlds.drives import displacement
+from regionik.worlds.scene import World
+from regionik.worlds.speeds import Speeds
 
-DETOUR = 1.02  # times the straight way, which is short enough
+DETOUR = 1.02  # times the least way or time, which is short enough
 TRIES, PATIENCE = 200, 60  # shortcuts looked at, and how many of them in vain one after the other
 SAVED = 1e-4  # by a shortcut at least [m]
+QUICKER_TRIES, QUICKER_PATIENCE = 100, 24
+SAVED_TIME = 0.02  # [s]
+JOINED = 1e-6  # shares of a way nearer to each other are one state
+
+Pace = Literal["straight", "even", "kept"]  # straight, along the way as it is at one speed, or as it was
+EACH: tuple[Pace, ...] = "straight", "even", "kept"
+PACES = [(base, arm) for base in EACH for arm in EACH][:-1]  # all but as it was
 
 
-def with_shortcuts(interpolator: Interpolator, driver: Driver, piece: int, poses: list[Pose]) -> list[Pose]:
-    """Return a motion whose base goes no farther, with the same ends.
+class Course(NamedTuple):
+    """The motion of base or arm alone."""
 
-    Parameters
+    share: Array  # (n,) of the time, from 0 to 1
+    rows: Array  # (n, ...) base poses or postures
+
+
+@dataclass(frozen=True, eq=False)
+class Shortcuts:
+    """Shortcuts on one piece of the free floor.
+
+    Attributes
     ----------
     interpolator, driver
         Prove the arm clear and the base on the floor.
     piece
         Of the free floor.
-    poses
-        States of a clear motion, its ends included; a base on wheels keeps it as it is.
     """
-    if driver.world.robot.drive.rolls:
+
+    interpolator: Interpolator
+    driver: Driver
+    piece: int
+
+    def shorter(self, poses: list[Pose]) -> list[Pose]:
+        """Return a clear motion with the same ends whose base goes no farther, or is on wheels."""
+        if self.driver.world.robot.drive.rolls:
+            return poses
+        rng, failed = np.random.default_rng(self.driver.seed), 0
+        least = DETOUR * travel([poses[0], poses[-1]]) + SAVED
+        u, v = 0.0, len(poses) - 1.0  # the whole first
+        for _ in range(TRIES):
+            if failed == PATIENCE or travel(poses) <= least:
+                break
+            found = self._taken(poses, (u, v), PACES[0], travel, SAVED)
+            poses, failed = (poses, failed + 1) if found is None else (found, 0)
+            u, v = np.sort(rng.uniform(0, len(poses) - 1, 2)).tolist()
         return poses
-    rng, failed = np.random.default_rng(driver.seed), 0
-    least = DETOUR * travel([poses[0], poses[-1]]) + SAVED
-    u, v = 0.0, len(poses) - 1.0  # the whole first
-    for _ in range(TRIES):
-        if failed == PATIENCE or travel(poses) <= least:
-            break
-        shorter = _shortcut(interpolator, driver, piece, poses, u, v)
-        poses, failed = (poses, failed + 1) if shorter is None else (shorter, 0)
-        u, v = np.sort(rng.uniform(0, len(poses) - 1, 2)).tolist()
-    return poses
+
+    def quicker(self, poses: list[Pose]) -> list[Pose]:
+        """Return a clear motion with the same ends that takes no longer, its base on a way no longer."""
+        clock = Clock(self.driver.world)
+        rng, failed = np.random.default_rng(self.driver.seed), 0
+        least = clock.whole([poses[0], poses[-1]])
+        for k in range(QUICKER_TRIES):
+            times = clock.times(poses)
+            if failed == QUICKER_PATIENCE or clock.whole(poses) <= DETOUR * least + SAVED_TIME:
+                break
+            first = k < len(PACES)  # the whole, at each pace
+            span = np.array([0.0, times[-1]]) if first else np.sort(rng.uniform(0, times[-1], 2))
+            paces = PACES[k] if first else PACES[rng.integers(len(PACES))]
+            u, v = np.interp(span, times, np.arange(len(times))).tolist()
+            found = self._taken(poses, (u, v), paces, clock.whole, SAVED_TIME)
+            poses, failed = (poses, failed + 1) if found is None else (found, 0)
+        return poses
+
+    def _taken(
+        self,
+        poses: list[Pose],
+        ends: tuple[float, float],
+        paces: tuple[Pace, Pace],
+        cost: Callable[[list[Pose]], float],
+        saved: float,
+    ) -> list[Pose] | None:
+        """The motion with another one between two places, in states; None without gain or proof."""
+        i, j = int(ends[0]), int(np.ceil(ends[1]))
+        here, there = (self._at(poses, end) for end in ends)
+        states = self._between(distinct([here, *poses[i + 1 : j], there]), *paces)
+        part = distinct([poses[i], *states, poses[j]])
+        whole = [*poses[:i], *part, *poses[j + 1 :]]
+        if not states or cost(whole) > cost(poses) - saved or not self.interpolator.clear(part):
+            return None
+        return whole
+
+    def _between(self, poses: list[Pose], base: Pace, arm: Pace) -> list[Pose]:
+        """Another motion with the same ends, at these paces; none where the base leaves the floor."""
+        clock, (bases, joints) = Clock(self.driver.world), arrays(poses)
+        kept = clock.times(poses)
+        if base == "straight":
+            states = self.driver.direct(poses[0], poses[-1], self.piece)
+            if states is None:
+                return []
+            bases = arrays([poses[0], *states, poses[-1]])[0]
+        if arm == "straight":
+            joints = joints[[0, -1]]
+        drives = Course(_shares(kept if base == "kept" else _sums(clock.base(bases))), bases)
+        swings = Course(_shares(kept if arm == "kept" else _sums(clock.arm(joints))), joints)
+        return [poses[0], *self._merged(drives, swings)[1:-1], poses[-1]]
+
+    def _merged(self, drives: Course, swings: Course) -> list[Pose]:
+        """States of base and arm together, no farther apart than a plan's may be."""
+        apart = np.abs(swings.share[:, None] - drives.share).min(axis=1) > JOINED
+        share = np.sort(np.concatenate([drives.share, swings.share[apart]]))
+        bends = np.abs(np.diff(_rows_at(swings, share), axis=0)).max(axis=1)
+        parts = np.maximum(np.ceil(bends / LARGEST_BEND * 1.001), 1).astype(int)
+        share = np.interp(_places(parts), np.arange(len(share)), share)
+        bases = self.driver.world.robot.drive.sampled(drives.rows, _index(drives, share))
+        return [Pose(*one) for one in zip(bases, _rows_at(swings, share), strict=True)]
+
+    def _at(self, poses: list[Pose], u: float) -> Pose:
+        """Place on a motion, in states."""
+        k = int(u)
+        return (
+            poses[k] if u == k else pose_between(poses[k], poses[k + 1], u - k, self.driver.world.robot.drive)
+        )
 
 
-def _shortcut(
-    interpolator: Interpolator, driver: Driver, piece: int, poses: list[Pose], u: float, v: float
-) -> list[Pose] | None:
-    """The motion straight between two places, in states; None where that is not proven, or no shorter."""
-    i, j = int(u), int(np.ceil(v))
-    here, there = _at(driver, poses, u), _at(driver, poses, v)
-    if travel([poses[i], here, there, poses[j]]) > travel(poses[i : j + 1]) - SAVED:
-        return None
-    states = driver.direct(here, there, piece)
-    if states is None:
-        return None
-    part = distinct([poses[i], here, *states, there, poses[j]])
-    if travel(part) > travel(poses[i : j + 1]) - SAVED or not interpolator.clear(part):
-        return None
-    return [*poses[:i], *part, *poses[j + 1 :]]
+@dataclass(frozen=True, eq=False)
+class Clock:
+    """Time of motions at full speed, and of changing it at full acceleration."""
 
+    world: World
 
-def _at(driver: Driver, poses: list[Pose], u: float) -> Pose:
-    """Place on a motion, in states."""
-    k = int(u)
-    if u == k:
-        return poses[k]
-    return pose_between(poses[k], poses[k + 1], u - k, driver.world.robot.drive)
+    @cached_property
+    def _speeds(self) -> Speeds:
+        return self.world.speeds or Speeds()
+
+    def base(self, bases: Array) -> Array:
+        """Of each hop of the base through poses (n, 3) at full speed, (n - 1,) [s]."""
+        slide, rolled = self.world.robot.drive.parts(bases[:-1], bases[1:])
+        way = np.hypot(slide[:, 0], slide[:, 1]) + np.abs(rolled)
+        turn: Array = np.abs(slide[:, 2]) / self._speeds.turn_velocity
+        return np.maximum(way / self._speeds.base_velocity, turn)
+
+    def arm(self, joints: Array) -> Array:
+        """Of each hop of the arm through postures (n, dof) at full speed, (n - 1,) [s]."""
+        speed = self._speeds.joint_limits(self.world.robot.chain)[0]
+        time: Array = (np.abs(np.diff(joints, axis=0)) / speed).max(axis=1)
+        return time
+
+    def times(self, poses: list[Pose]) -> Array:
+        """When the robot comes to each pose at full speed, (n,) [s]."""
+        bases, joints = arrays(poses)
+        return _sums(np.maximum(self.base(bases), self.arm(joints)))
+
+    def whole(self, poses: list[Pose]) -> float:
+        """Of a motion from rest to rest, half of each jump of its speed made before it and half after [s]."""
+        (bases, joints), hops = arrays(poses), np.diff(self.times(poses))
+        moves = np.column_stack([displacement(bases[:-1], bases[1:]), np.diff(joints, axis=0)])[hops > 0]
+        speed = np.pad(moves / hops[hops > 0, None], ((1, 1), (0, 0)))
+        jumps = np.abs(np.diff(speed, axis=0))
+        base = np.hypot(jumps[:, 0], jumps[:, 1]) / self._speeds.base_acceleration
+        turn = jumps[:, 2] / self._speeds.turn_acceleration
+        arm = (jumps[:, 3:] / self._speeds.joint_limits(self.world.robot.chain)[1]).max(axis=1)
+        return float(hops.sum() + np.maximum(np.maximum(base, turn), arm).sum() / 2)
 
 
 def travel(poses: list[Pose]) -> float:
     """How far the base goes from state to state [m]."""
     places = np.array([pose.base[:2] for pose in poses])
     return float(np.hypot(*np.diff(places, axis=0).T).sum())
+
+
+def _sums(hops: Array) -> Array:
+    return np.concatenate([[0.0], np.cumsum(hops)])
+
+
+def _shares(times: Array) -> Array:
+    """Times as shares of the last one, even where that is 0."""
+    return times / times[-1] if times[-1] > 0 else np.linspace(0, 1, len(times))
+
+
+def _places(parts: Index) -> Array:
+    """Where to cut hops into so many even parts each, in hops."""
+    ends = [k + np.arange(count) / count for k, count in enumerate(parts)]
+    return np.concatenate([*ends, [len(parts)]])
+
+
+def _index(course: Course, share: Array) -> Array:
+    """Places on a course at shares of its time, in rows: 2.5 is halfway from the third to the fourth."""
+    index: Array = np.interp(share, course.share, np.arange(len(course.share)))
+    return index
+
+
+def _rows_at(course: Course, share: Array) -> Array:
+    """Rows (n, m) at shares of the time, straight between those given."""
+    return np.column_stack([np.interp(share, course.share, column) for column in course.rows.T])

@@ -15,15 +15,16 @@ import numpy as np
 
 from regionik.areas.ground import ground_of
 from regionik.moving.base_motion import Driver, Interpolator
-from regionik.moving.shortcuts import DETOUR, SAVED, travel, with_shortcuts
+from regionik.moving.shortcuts import DETOUR, SAVED, Shortcuts, travel
 from regionik.planners.collision.proximity import Touch
 from regionik.planners.driving.point_planner import NoPathError, drive_point
 from regionik.planners.driving.sampling import PlanningProblem, connect
 from regionik.postures.arm_guard import Guard
-from regionik.postures.poses import Pose, arm_states, axis_of, distinct, pose_of, turn_to
+from regionik.postures.poses import Pose, arm_states, axis_of, distinct, pose_of
 from regionik.worlds.arms import pivot_index, with_pivot
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
+from regionik.worlds.drives import displacement
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import World
 
@@ -143,19 +144,26 @@ class TransitPlanner:
         Where shortcuts alone do not make it short, other ways of base and arm are looked for that are shorter
         by so much that the arm may move more for it.
         """
-        best, failed = self._short([here, *way, there], piece), 0
+        shortcuts = Shortcuts(self.interpolator, self.driver, piece)
+        return shortcuts.quicker(self._shortest(shortcuts, [here, *way, there]))[1:-1]
+
+    def _shortest(self, shortcuts: Shortcuts, poses: list[Pose]) -> list[Pose]:
+        """The shortest motion found with the same ends."""
+        here, there, best, failed = poses[0], poses[-1], shortcuts.shorter(poses), 0
         if self.world.robot.drive.rolls or travel(best) <= WINDING * travel([here, there]) + SAVED:
-            return best[1:-1]
+            return best
         least = self._least(here, there)
         for k in range(ROUNDS):
             if failed == PATIENCE or travel(best) <= WINDING * least + SAVED:
                 break
             most = travel(best) / DETOUR
-            body = WholeBodyPlanner(self.world, self.interpolator, self.driver.shaped(), piece, most)
+            body = WholeBodyPlanner(
+                self.world, self.interpolator, self.driver.shaped(), shortcuts.piece, most
+            )
             other = body.way(here, there, self.driver.seed * ROUNDS + k, ROUND_ITERATIONS)
-            short = best if other is None else self._short([here, *other, there], piece)
+            short = best if other is None else shortcuts.shorter([here, *other, there])
             best, failed = (short, 0) if travel(short) <= most else (best, failed + 1)
-        return best[1:-1]
+        return best
 
     def _least(self, here: Pose, there: Pose) -> float:
         """Shortest way of the arm axis over outer free floor, which no heading and no posture makes shorter.
@@ -170,9 +178,6 @@ class TransitPlanner:
             way = np.array([a, b])
         turned = 2 * np.hypot(*robot.mount[:2])
         return max(travel([here, there]), float(np.hypot(*np.diff(way, axis=0).T).sum() - turned))
-
-    def _short(self, poses: list[Pose], piece: int) -> list[Pose]:
-        return with_shortcuts(self.interpolator, self.driver, piece, poses)
 
     def swung(self, here: Pose, there: Pose, _: int) -> list[Pose] | None:
         """States strictly between two postures on a base that stands: straight, or by the carry posture."""
@@ -343,7 +348,7 @@ class WholeBodyPlanner:
 
     def _row(self, pose: Pose, near: Pose) -> Array:
         """A pose as axis, heading and joints in one row, the heading within half a turn of another's."""
-        yaw = near.base[2] + turn_to(near.base, pose.base)[2]
+        yaw = near.base[2] + displacement(near.base, pose.base)[2]
         return np.array([*axis_of(self.world.robot, pose.base), yaw, *pose.joints])
 
     def _pose(self, q: Array) -> Pose:

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from regionik.planners.geometry.angles import wrap
 from regionik.values import Configuration, Motion
 from regionik.worlds.arrays import Array
 from regionik.worlds.drives import BaseDrive
@@ -37,12 +36,6 @@ class Row:
 def configuration_pose(configuration: Configuration) -> Pose:
     """Base and arm of a configuration."""
     return Pose(configuration.base, configuration.joints)
-
-
-def turn_to(here: Array, there: Array) -> Array:
-    """From one base pose (3,) to another, yaw the shorter way."""
-    step = there - here
-    return np.array([step[0], step[1], wrap(step[2])])
 
 
 def pose_between(here: Pose, there: Pose, share: float, drive: BaseDrive) -> Pose:
