@@ -8,7 +8,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from regionik.moving.shortcuts import DETOUR, SAVED, Clock, Shortcuts, travel
+from regionik.moving.shortcuts import DETOUR, PACES, SAVED, Clock, Shortcuts, travel
 from regionik.moving.transit import TransitPlanner
 from regionik.pipeline import search
 from regionik.postures.poses import Pose, arrays
@@ -77,6 +77,24 @@ def test_a_quicker_motion_keeps_clear_and_its_base_goes_no_farther(seed: int, ba
     trace = shapely.LineString(drive.trace(old))
     assert shapely.distance(trace, shapely.points(new[:, :2])).max() < 1e-3
     assert planner.guard.passes(quick)
+
+
+@pytest.mark.parametrize("base", ["differential", "car"])
+def test_wheels_roll_on_however_the_arm_moves(base: BaseKind) -> None:
+    world = rolling(base)
+    planner, drive = carrier(world), world.robot.drive
+    arc = drive.between(
+        np.zeros((11, 3)), np.array([0.8, 0.3, 2 * np.arctan2(0.3, 0.8)]), np.linspace(0, 1, 11)
+    )
+    bends = np.linspace(-0.9, 0.9, 14)  # a zigzag beside the drive, then the drive
+    poses = [posed(world, arc[0], bend, 0.2 * (-1) ** k) for k, bend in enumerate(bends)]
+    poses += [Pose(place, poses[-1].joints) for place in arc[1:]]
+    assert planner.guard.passes(poses)
+    shortcuts, clock = Shortcuts(planner.interpolator, planner.driver, 0), Clock(world)
+    quick = shortcuts.quicker(poses)
+    assert clock.whole(quick) < 0.8 * clock.whole(poses)
+    for other in (quick, *(shortcuts._between(poses, *paces) for paces in PACES)):
+        assert not other or np.abs(drive.slip(arrays(other)[0])[0]).max() < 1e-9
 
 
 def test_base_and_arm_go_at_once() -> None:
