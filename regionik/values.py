@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -16,6 +16,9 @@ from regionik.worlds.errors import InputError
 from regionik.worlds.scene import StopCriterion, World
 
 StateKind = Literal["setpoint", "step", "transit"]
+
+
+COLUMNS = "base", "joints", "kind", "setpoint", "time"  # of a motion
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -109,6 +112,18 @@ class Motion:
 
     def __iter__(self) -> Iterator[State]:
         return (self[k] for k in range(len(self)))
+
+    def part(self, first: int, end: int) -> Motion:
+        """States from one to before another."""
+        rows = slice(first, end)
+        return Motion(
+            self.base[rows], self.joints[rows], self.kind[rows], self.setpoint[rows], self.time[rows]
+        )
+
+    @staticmethod
+    def joined(parts: Sequence[Motion]) -> Motion:
+        """One motion after the other."""
+        return Motion(*(np.concatenate([getattr(part, key) for part in parts]) for key in COLUMNS))
 
 
 @dataclass(frozen=True, eq=False)

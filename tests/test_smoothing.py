@@ -26,6 +26,7 @@ from regionik.postures.poses import axis_of
 from regionik.pruning import whole_path
 from regionik.smoothing import runs
 from regionik.smoothing import smooth_motion as stage
+from regionik.smoothing.reconnection import Reconnection
 from regionik.smoothing.smooth_motion import smooth_motion
 from regionik.timing.retime import retime
 from regionik.values import Plan, Report, Violation
@@ -71,8 +72,8 @@ def test_a_smoothed_plan_holds_and_lifts_the_tool_no_more(name: str) -> None:
     assert verify(smooth).ok
     assert smooth is not found
     assert smooth.lift_offs == found.lift_offs
-    transits = [plan.motion.base[plan.motion.kind == "transit"] for plan in (found, smooth)]
-    assert np.array_equal(*transits)
+    assert np.array_equal(smooth.motion.base[0], found.motion.base[0])
+    assert np.array_equal(smooth.motion.joints[0], found.motion.joints[0])
 
 
 @pytest.mark.parametrize("name", SMOOTHED)
@@ -80,7 +81,8 @@ def test_the_tool_is_on_its_path_and_the_base_in_its_areas(name: str) -> None:
     found, smooth = both(name)
     old = {row.tobytes() for row in np.hstack([found.motion.base, found.motion.joints])}
     rows = np.hstack([smooth.motion.base, smooth.motion.joints])
-    moved = [k for k, row in enumerate(rows) if row.tobytes() not in old]
+    working = smooth.motion.kind != "transit"
+    moved = [k for k, row in enumerate(rows) if working[k] and row.tobytes() not in old]
     assert len(moved) > 10
     assert max(way_of_path(smooth, k) for k in moved) < 1e-6
     for setpoint, area in zip(smooth.setpoints, smooth.areas, strict=True):
@@ -93,6 +95,25 @@ def test_it_is_driven_sooner_and_holds_the_tools_speed_longer(name: str) -> None
     before, after = (retime(plan, Speeds(tool_velocity=0.2)) for plan in both(name))
     assert after.motion.time[-1] < before.motion.time[-1]
     assert after.stats["timing"]["tool"]["held"] > before.stats["timing"]["tool"]["held"]
+
+
+def test_runs_begin_where_the_arm_has_less_to_move() -> None:
+    """M-FABRIK folds the last link over; from the carry posture the arm need not."""
+    found, smooth = both("free")
+    first = [plan.setpoints[0].joints for plan in (found, smooth)]
+    assert np.abs(first[0] - found.motion.joints[0]).max() > 3.0
+    assert np.abs(first[1] - found.motion.joints[0]).max() < 1.0
+    bends = [np.abs(np.diff(plan.motion.joints, axis=0)).sum() for plan in (found, smooth)]
+    assert bends[1] < 0.5 * bends[0]
+
+
+def test_runs_stay_where_no_way_to_them_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    found, _ = both("shelf")
+    monkeypatch.setattr(Reconnection, "_way", lambda *_, lifted: None)
+    held = smooth_motion(found, whole_path(found.world)[0])
+    lifted = [plan.motion.base[plan.motion.kind == "transit"] for plan in (found, held)]
+    assert held is not found
+    assert np.array_equal(*lifted)
 
 
 def test_the_same_bytes_again() -> None:
@@ -300,7 +321,7 @@ def test_what_is_missing_of_a_constraint_costs(cost: float, least: float, upper:
 
 def test_states_far_from_one_that_failed_stay() -> None:
     found, _ = both("depot")
-    run = next(runs.runs_of(found, whole_path(found.world)[0], 0.05))
+    run = next(runs.runs_of(found, whole_path(found.world)[0], 0.05, loose=False))
     smooth, n = run.smoothed(), len(run.states)
     failed, demanded = [3, n // 2], np.zeros(n)
     narrow = np.full(n, np.inf)

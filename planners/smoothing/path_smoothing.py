@@ -29,6 +29,7 @@ LEAST_GAIN, PATIENCE = 2e-3, 2  # part of the cost, and rounds in turn that gain
 FIRST_TRUST, LEAST_TRUST = 0.3, 1e-3  # largest change of a coordinate in a round [m] or [rad]
 MISS_WEIGHT = 1e4  # of what the equations miss against the mean of the roughness
 LENGTH_COST = 0.05  # of motion itself, against its bending along a metre of path
+LIFTED = 0.05  # of path, as long as a motion with the tool lifted counts [m]
 CORNER_WEIGHT = 0.02  # of bending where the tool's own path has a corner
 EXACT = 1e-12  # miss that is rounding [m]
 SHARES = 1.0, 0.5, 0.25, 0.1  # of a step that are tried until less is missed
@@ -57,13 +58,36 @@ class PathProblem:
     # lower, upper: (n, m) limits of the coordinates; equal where a coordinate is held
     lower: Array
     upper: Array
+    # beyond: (n, m) states that first and last come from and go to with the tool lifted, NaN for none
+    beyond: Array
     keep: Callable[[Array], HalfSpaces]  # half-spaces that hold near given states (n, m)
 
     def part(self, rows: slice, keep: Callable[[Array], HalfSpaces]) -> PathProblem:
         """The problem of some states, with half-spaces of these."""
-        by_state = ("parameter", "corner", "lower", "upper")
+        by_state = ("parameter", "corner", "lower", "upper", "beyond")
         some = {name: getattr(self, name)[rows] for name in by_state}
         return replace(self, aims=self.aims.part(rows), keep=keep, **some)
+
+
+class _Roughness(NamedTuple):
+    """Bending and length of a motion as a quadratic form, and springs to states beyond its ends."""
+
+    form: csc_array  # (n m, n m)
+    spring: Array  # (n m,)
+    beyond: Array  # (n m,)
+
+    def of(self, states: Array) -> float:
+        flat = states.ravel()
+        return float(flat @ (self.form @ flat) + self.spring @ (flat - self.beyond) ** 2) / 2
+
+    def gradient(self, states: Array) -> Array:
+        flat = states.ravel()
+        slope: Array = self.form @ flat + self.spring * (flat - self.beyond)
+        return slope
+
+    @property
+    def hessian(self) -> csc_array:
+        return csc_array(self.form + diags_array(self.spring))
 
 
 class _Equations(NamedTuple):
@@ -102,14 +126,17 @@ def smooth_states(problem: PathProblem, states: Array, trust: float = FIRST_TRUS
     return on_path(problem, states)
 
 
-def _roughness(problem: PathProblem) -> csc_array:
-    """Quadratic form of all coordinates, its mean curvature 1: bending, and a little of length."""
+def _roughness(problem: PathProblem) -> _Roughness:
+    """Quadratic form of all coordinates, its mean curvature 1: bending, and a little of length.
+
+    With the tool lifted motion costs its length alone, as of `LIFTED` of the path.
+    """
     t, n = problem.parameter, len(problem.parameter)
     h = np.diff(t)
     weight = np.sqrt(np.where(problem.corner[1:-1], CORNER_WEIGHT, 1.0) * (h[:-1] + h[1:]) / 2)
-    mean = (h[:-1] + h[1:]) / 2
+    apart = (h[:-1] + h[1:]) / 2
     inner = np.arange(n - 2)
-    values = np.concatenate([1 / h[:-1], -(1 / h[:-1] + 1 / h[1:]), 1 / h[1:]]) * np.tile(weight / mean, 3)
+    values = np.concatenate([1 / h[:-1], -(1 / h[:-1] + 1 / h[1:]), 1 / h[1:]]) * np.tile(weight / apart, 3)
     columns = np.concatenate([inner, inner + 1, inner + 2])
     bend = csr_array((values, (np.tile(inner, 3), columns)), shape=(n - 2, n))
     hop, slope = np.arange(n - 1), np.sqrt(LENGTH_COST / h)
@@ -117,23 +144,24 @@ def _roughness(problem: PathProblem) -> csc_array:
         (np.concatenate([-slope, slope]), (np.tile(hop, 2), np.concatenate([hop, hop + 1]))), shape=(n - 1, n)
     )
     form = kron(bend.T @ bend + length.T @ length, diags_array(problem.scale**2), format="csc")
-    return csc_array(form / form.diagonal().mean())
+    mean = form.diagonal().mean()
+    springs = LENGTH_COST / LIFTED * np.where(np.isnan(problem.beyond), 0.0, problem.scale**2)
+    return _Roughness(csc_array(form / mean), springs.ravel() / mean, np.nan_to_num(problem.beyond).ravel())
 
 
-def _cost(rough: csc_array, states: Array, missed: _Equations, kept: HalfSpaces) -> float:
+def _cost(rough: _Roughness, states: Array, missed: _Equations, kept: HalfSpaces) -> float:
     """Roughness of states, and what the equations and the half-spaces miss."""
-    flat = states.ravel()
     beyond = float(kept.cost @ np.maximum(kept.least, 0.0))
-    return float(0.5 * flat @ (rough @ flat) + 0.5 * MISS_WEIGHT * np.sum(missed.miss**2)) + beyond
+    return rough.of(states) + 0.5 * MISS_WEIGHT * float(np.sum(missed.miss**2)) + beyond
 
 
 def _step(
-    problem: PathProblem, rough: csc_array, states: Array, missed: _Equations, kept: HalfSpaces, trust: float
+    problem: PathProblem, rough: _Roughness, states: Array, missed: _Equations, kept: HalfSpaces, trust: float
 ) -> Array | None:
     """Change of all states that one quadratic program finds best within the trust region."""
     miss, J = missed
-    hessian = csc_array(rough + MISS_WEIGHT * (J.T @ J))
-    gradient = rough @ states.ravel() - MISS_WEIGHT * (J.T @ miss)
+    hessian = csc_array(rough.hessian + MISS_WEIGHT * (J.T @ J))
+    gradient = rough.gradient(states) - MISS_WEIGHT * (J.T @ miss)
     n, m = states.shape
     columns = kept.state[:, None] * m + np.arange(m)
     rows = csc_array(

@@ -201,11 +201,16 @@ def path_search(
 def search_from_places(world: World, ladder: Ladder, standing: Standing, seed: int) -> PathSearch:
     """The search of a world, its base standing while the tool is on its path."""
     guard = guard_of(world)
-    interpolator = Interpolator(world, guard)
-    driver = driver_for(world, interpolator, standing, seed)
     return PathSearch(
         world,
         ConfigurationSampler(world, guard, ladder, standing, seed),
         PathFollower(world, ladder, guard, StandingPaths(world)),
-        TransitPlanner(world, guard, interpolator, driver),
+        transit_planner(world, standing, seed),
     )
+
+
+def transit_planner(world: World, standing: Standing, seed: int) -> TransitPlanner:
+    """The planner of motions with the tool lifted."""
+    guard = guard_of(world)
+    interpolator = Interpolator(world, guard)
+    return TransitPlanner(world, guard, interpolator, driver_for(world, interpolator, standing, seed))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -75,6 +75,13 @@ def lift_offs(motion: Motion) -> int:
     lifted = np.concatenate([[False], motion.kind == "transit", [False]]).astype(int)
     first = int(np.argmax(motion.kind == "setpoint"))
     return int(np.count_nonzero(np.diff(lifted[first + 1 :]) == 1))
+
+
+def transits(motion: Motion) -> Iterator[slice]:
+    """States with the tool lifted between two others; where the robot starts is one of these."""
+    lifted = np.concatenate([[False], motion.kind == "transit", [False]])
+    for first, end in np.flatnonzero(np.diff(lifted)).reshape(-1, 2).tolist():
+        yield slice(max(first, 1), end)
 
 
 def motion_stats(

@@ -9,7 +9,6 @@ from functools import cached_property
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import Geometries, united
@@ -24,11 +23,12 @@ from regionik.planners.smoothing.path_smoothing import (
 from regionik.planners.solvers.aims import in_columns
 from regionik.postures.arm import aim_of, goal_between
 from regionik.postures.arm_guard import guard_of
-from regionik.postures.poses import axis_of
+from regionik.postures.poses import axis_of, transits
 from regionik.timing.limits import motion_limits
 from regionik.values import Plan
 from regionik.worlds.arms import pivot_index, with_pivot
-from regionik.worlds.arrays import Array, Index
+from regionik.worlds.arrays import Array, Index, Mask
+from regionik.worlds.drives import displacement
 from regionik.worlds.robot import with_joint_margin
 from regionik.worlds.scene import World
 from regionik.worlds.speeds import Speeds
@@ -53,7 +53,7 @@ class PathRun:
     first: int  # rows of the plan's motion that the run takes the place of
     last: int
     owner: Index  # (n,) set-point of each state
-    worked: NDArray[np.bool_]  # (n,) states that are set-points
+    worked: Mask  # (n,) states that are set-points
     states: Array  # (n, m) x, y, yaw and joints, before smoothing
     areas: Geometries  # (k,) of the arm axis at the set-points
     # Of all states, and of the set-points and both ends; coordinates are held that must be
@@ -112,13 +112,15 @@ class PathRun:
         return on_path(replace(problem, lower=lower, upper=upper), moved)
 
 
-def runs_of(plan: Plan, standing: Standing, stride: float) -> Iterator[PathRun]:
+def runs_of(plan: Plan, standing: Standing, stride: float, loose: bool) -> Iterator[PathRun]:
     """Runs of a plan; long ones in parts, which begin and end where they did.
+
+    Where runs are ``loose`` their ends may move where the robot comes or goes with its tool lifted.
 
     The tool moves evenly by at most a ``stride`` from state to state [m]. Where that is infinite, and of a
     car, states are the plan's own.
     """
-    layout = _Layout(plan, standing, stride if plan.world.robot.drive.turns_on_the_spot else math.inf)
+    layout = _Layout(plan, standing, stride if plan.world.robot.drive.turns_on_the_spot else math.inf, loose)
     working = plan.motion.kind != "transit"
     edges = np.flatnonzero(np.diff(np.concatenate([[False], working, [False]])))
     for first, end in edges.reshape(-1, 2).tolist():
@@ -130,6 +132,7 @@ class _Layout:
     plan: Plan
     standing: Standing
     stride: float
+    loose: bool
 
     @property
     def evenly(self) -> bool:
@@ -155,13 +158,15 @@ class _Layout:
             at, owner, worked = self._even(owner, places[unique], travelled[unique])
             states = np.stack([np.interp(at, places[unique], column) for column in before[unique].T], axis=1)
             states[0], states[-1] = before[0], before[-1]
-        held = first > 0, last < len(motion) - 1
+        beyond = self._beyond(first, last, states)
+        loose = ~np.isnan(beyond[[0, -1], 0])
+        held = bool(first > 0 and not loose[0]), bool(last < len(motion) - 1 and not loose[1])
         areas = np.array([self.plan.areas[i].pruned for i in owner[worked]])
-        problem = self._problem(states, owner, worked, at, held)
+        problem = self._problem(states, owner, worked, at, held, beyond)
         states = on_path(problem, states) if self.evenly else states
         few = _coarse_rows(worked)
         coarse = replace(
-            self._problem(states[few], owner[few], worked[few], at[few], held),
+            self._problem(states[few], owner[few], worked[few], at[few], held, beyond[few]),
             parameter=problem.parameter[few],
         )
         keeper = self._keeper(owner, worked)
@@ -179,7 +184,7 @@ class _Layout:
             places[k] = i + min(max(float(share), 0.0), 1.0)
         return np.maximum.accumulate(places)
 
-    def _even(self, owner: Index, places: Array, travelled: Array) -> tuple[Array, Index, NDArray[np.bool_]]:
+    def _even(self, owner: Index, places: Array, travelled: Array) -> tuple[Array, Index, Mask]:
         """Evenly laid out places, each with its set-point and whether it is one.
 
         There are enough of them for what the base has ``travelled`` (n,) from set-point to set-point.
@@ -197,7 +202,13 @@ class _Layout:
         return rows, np.floor(rows).astype(np.int64), rows == np.floor(rows)
 
     def _problem(
-        self, states: Array, owner: Index, worked: NDArray[np.bool_], at: Array, held: tuple[bool, bool]
+        self,
+        states: Array,
+        owner: Index,
+        worked: Mask,
+        at: Array,
+        held: tuple[bool, bool],
+        beyond: Array,
     ) -> PathProblem:
         world = self.plan.world
         task, ends = world.task, len(world.task) - 1
@@ -215,8 +226,20 @@ class _Layout:
             _scale(world),
             lower,
             upper,
+            beyond,
             self._keeper(owner, worked).half_spaces,
         )
+
+    def _beyond(self, first: int, last: int, states: Array) -> Array:
+        """States from and to which the robot goes with its tool lifted, beside its ends, NaN for none."""
+        motion, beyond = self.plan.motion, np.full(states.shape, np.nan)
+        ways = [*transits(motion)] if self.loose else []
+        before = [(0, way.start - 1) for way in ways if way.stop == first]
+        after = [(-1, way.stop) for way in ways if way.start == last + 1]
+        for end, k in before + after:
+            turn = displacement(states[end, :3], motion.base[k])[2]
+            beyond[end] = [*motion.base[k, :2], states[end, 2] + turn, *motion.joints[k]]
+        return beyond
 
     def _parameter(self, position: Array, states: Array) -> Array:
         tool = np.linalg.norm(np.diff(position, axis=0), axis=1)
@@ -240,7 +263,7 @@ class _Layout:
         fixed[0], fixed[-1] = fixed[0] | held[0], fixed[-1] | held[1]
         return np.where(fixed, states, lower), np.where(fixed, states, upper)
 
-    def _keeper(self, owner: Index, worked: NDArray[np.bool_]) -> StateKeeper:
+    def _keeper(self, owner: Index, worked: Mask) -> StateKeeper:
         world, areas, floor = self.plan.world, self.plan.areas, self._floor
         within = np.array([areas[i].pruned if at else floor for i, at in zip(owner, worked, strict=True)])
         drive = world.robot.drive
@@ -256,7 +279,7 @@ class _Layout:
         return self.plan.tools()
 
 
-def _coarse_rows(worked: NDArray[np.bool_]) -> Index:
+def _coarse_rows(worked: Mask) -> Index:
     ends = np.arange(len(worked))
     return np.flatnonzero(worked | (ends == 0) | (ends == len(worked) - 1))
 
@@ -270,7 +293,7 @@ def _windows(failed: list[int], count: int) -> Iterator[slice]:
     yield from (slice(a, b) for a, b in edges.tolist())
 
 
-def _corners(position: Array) -> NDArray[np.bool_]:
+def _corners(position: Array) -> Mask:
     """States in which a path (n, 3) turns sharply."""
     way = np.diff(position, axis=0)
     length = np.linalg.norm(way, axis=1)

@@ -11,14 +11,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import shapely
 
 from regionik.areas.standing import Standing
+from regionik.moving.path_search import transit_planner
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.progress import track
-from regionik.postures.poses import axis_of
+from regionik.postures.poses import axis_of, transits
+from regionik.smoothing.reconnection import Reconnection
 from regionik.smoothing.runs import SHORTEST_RUN, PathRun, runs_of
 from regionik.values import Configuration, Motion, Plan, Report
 from regionik.verification.verifier import verify
@@ -41,17 +44,19 @@ def smooth_motion(plan: Plan, standing: Standing) -> Plan:
 
     The plan is verified and not timed; it is returned itself where nothing could be made smoother.
     """
-    way = np.diff([target.position for target in plan.world.task], axis=0)
-    long = float(np.linalg.norm(way, axis=1).sum()) > LONG_PATH and plan.world.robot.drive.turns_on_the_spot
-    for stride in STRIDES[not long :]:
-        runs = [run for run in runs_of(plan, standing, stride) if len(run.states) >= SHORTEST_RUN]
-        plan, complete = _proven(plan, runs)
+    way, drive = np.diff([target.position for target in plan.world.task], axis=0), plan.world.robot.drive
+    long = float(np.linalg.norm(way, axis=1).sum()) > LONG_PATH and drive.turns_on_the_spot
+    lifted = any(transits(plan.motion)) and not drive.rolls
+    rejoin = Reconnection(transit_planner(plan.world, standing, plan.seed), standing)
+    for stride, loose in product(STRIDES[not long :], (True, False)[not lifted :]):
+        runs = [run for run in runs_of(plan, standing, stride, loose) if len(run.states) >= SHORTEST_RUN]
+        plan, complete = _proven(plan, runs, rejoin)
         if complete:
             break
     return plan
 
 
-def _proven(plan: Plan, runs: list[PathRun]) -> tuple[Plan, bool]:
+def _proven(plan: Plan, runs: list[PathRun], rejoin: Reconnection) -> tuple[Plan, bool]:
     """The plan with those runs smoothed that can be proven so, and whether all of them were."""
     tubes = [np.full(len(run.states), np.inf) for run in runs]
     demanded = [np.zeros(len(run.states)) for run in runs]
@@ -63,40 +68,46 @@ def _proven(plan: Plan, runs: list[PathRun]) -> tuple[Plan, bool]:
             for row in rows:  # what a hop cuts off is less than this, mostly
                 demanded[k][_beside(row)] = SPARE
             smoothed[k] = runs[k].mended(smoothed[k], rows, tubes[k], demanded[k])
-        found, failed = _checked(plan, runs, smoothed)
+        found, failed = _checked(plan, runs, smoothed, rejoin)
         if found is not None:
             return found, True
+        if not failed:
+            return plan, False
     kept = [k for k in range(len(runs)) if k not in failed]
-    found, _ = _checked(plan, [runs[k] for k in kept], [smoothed[k] for k in kept])
+    found, _ = _checked(plan, [runs[k] for k in kept], [smoothed[k] for k in kept], rejoin)
     return found or plan, False
 
 
-def _checked(plan: Plan, runs: list[PathRun], smoothed: list[Array]) -> tuple[Plan | None, Failed]:
+def _checked(
+    plan: Plan, runs: list[PathRun], smoothed: list[Array], rejoin: Reconnection
+) -> tuple[Plan | None, Failed]:
     """The plan with smoothed runs, if it holds, and the states of each run where it does not."""
-    found = _rebuilt(plan, runs, smoothed)
+    found = _rebuilt(plan, runs, smoothed, rejoin)
+    if found is None:
+        return None, {}
     report, failed = verify(found), Failed()
-    for k, row in _failures(found, report, runs, smoothed):
+    for k, row in _failures(plan, found, report, runs, smoothed):
         failed.setdefault(k, []).append(row)
     if failed or not report.ok:
         return None, failed
     return replace(found, stats={**found.stats, "margins": report.margins}), failed
 
 
-def _rebuilt(plan: Plan, runs: list[PathRun], smoothed: list[Array]) -> Plan:
+def _rebuilt(plan: Plan, runs: list[PathRun], smoothed: list[Array], rejoin: Reconnection) -> Plan | None:
     old, done, parts = plan.motion, 0, list[Motion]()
     setpoints = list(plan.setpoints)
     for run, states in zip(runs, smoothed, strict=True):
-        parts.append(_cut(old, done, run.first))
+        parts.append(old.part(done, run.first))
         shared = int(run.first < done)  # where a long run was cut both of its parts have the state
-        parts.append(_cut(_columns(run, states), shared, len(states)))
+        parts.append(_columns(run, states).part(shared, len(states)))
         done = run.last + 1
         owners = run.owner[run.worked].tolist()
         moved = _moved_to(plan.world, [setpoints[i] for i in owners], owners, states[run.worked])
         for i, found in zip(owners, moved, strict=True):
             setpoints[i] = found
-    parts.append(_cut(old, done, len(old)))
-    columns = ("base", "joints", "kind", "setpoint", "time")
-    motion = Motion(*(np.concatenate([getattr(part, key) for part in parts]) for key in columns))
+    motion = rejoin.joined(old, Motion.joined([*parts, old.part(done, len(old))]))
+    if motion is None:
+        return None
     stats = {key: value for key, value in plan.stats.items() if key != "margins"}
     stats["states"], stats["base_travel"] = len(motion), plan.world.robot.drive.travel(motion.base)
     stats["largest_error"] = float(max(found.error for found in setpoints))
@@ -113,13 +124,6 @@ def _moved_to(
         yield replace(found, base=base, joints=posture, error=math.dist(tool, world.task[i].position))
 
 
-def _cut(motion: Motion, a: int, b: int) -> Motion:
-    rows = slice(a, b)
-    return Motion(
-        motion.base[rows], motion.joints[rows], motion.kind[rows], motion.setpoint[rows], motion.time[rows]
-    )
-
-
 def _columns(run: PathRun, states: Array) -> Motion:
     kind = np.where(run.worked, "setpoint", "step")
     return Motion(_wrapped(states), states[:, 3:], kind, run.owner, np.full(len(states), np.nan))
@@ -132,12 +136,13 @@ def _wrapped(states: Array) -> Array:
 
 
 def _failures(
-    found: Plan, report: Report, runs: list[PathRun], smoothed: list[Array]
+    plan: Plan, found: Plan, report: Report, runs: list[PathRun], smoothed: list[Array]
 ) -> Iterator[tuple[int, int]]:
     """Runs and states in them that a report is about, or that stand outside their area."""
+    before, now = (np.flatnonzero(one.motion.kind != "transit") for one in (plan, found))
     shift, starts = 0, list[int]()
     for run, states in zip(runs, smoothed, strict=True):
-        starts.append(run.first + shift)
+        starts.append(int(now[np.searchsorted(before, run.first) + shift]))
         shift += len(states) - (run.last + 1 - run.first)
     for violation in report.violations:
         for k, (start, states) in enumerate(zip(starts, smoothed, strict=True)):
