@@ -109,7 +109,7 @@ def test_runs_begin_where_the_arm_has_less_to_move() -> None:
 
 def test_runs_stay_where_no_way_to_them_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     found, _ = both("shelf")
-    monkeypatch.setattr(Reconnection, "_way", lambda *_, lifted: None)
+    monkeypatch.setattr(Reconnection, "_way", lambda *_: None)
     held = smooth_motion(found, whole_path(found.world)[0])
     lifted = [plan.motion.base[plan.motion.kind == "transit"] for plan in (found, held)]
     assert held is not found

@@ -26,7 +26,7 @@ from regionik.moving.transit import TransitPlanner
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.progress import tell
 from regionik.postures.arm_guard import Guard, guard_of
-from regionik.postures.poses import Pose, Row, arrays, axis_of, columns, pose_between
+from regionik.postures.poses import Pose, Row, arrays, axis_of, columns, lifted_rows
 from regionik.values import Configuration, Motion
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
@@ -96,9 +96,7 @@ class PathSearch:
             if way is None:
                 continue
             way = self.transits.shortened(here, way, candidate.pose, int(floor[candidate.component]))
-            if i > 0 and not way:  # however short the way, the tool leaves its path on it
-                way = [pose_between(here, candidate.pose, 0.5, self.world.robot.drive)]
-            return [Row(pose, "transit", i - 1) for pose in way], candidate
+            return lifted_rows(here, way, candidate.pose, i - 1, self.world.robot.drive), candidate
         return None
 
     def _transits(

@@ -15,7 +15,7 @@ import numpy as np
 
 from regionik.areas.ground import ground_of
 from regionik.moving.base_motion import Driver, Interpolator
-from regionik.moving.shortcuts import DETOUR, SAVED, Shortcuts, travel
+from regionik.moving.shortcuts import DETOUR, SAVED, Clock, Shortcuts, travel
 from regionik.planners.collision.proximity import Touch
 from regionik.planners.driving.point_planner import NoPathError, drive_point
 from regionik.planners.driving.sampling import PlanningProblem, connect
@@ -146,6 +146,19 @@ class TransitPlanner:
         """
         shortcuts = Shortcuts(self.interpolator, self.driver, piece)
         return shortcuts.quicker(self._shortest(shortcuts, [here, *way, there]))[1:-1]
+
+    def rejoined(self, here: Pose, old: list[Pose], there: Pose, piece: int) -> list[Pose] | None:
+        """States strictly between two poses, on an old way whose ends are near to them or a new one.
+
+        The quicker of both, and on none where neither is clear.
+        """
+        lead, tail = self.driver.direct(here, old[0], piece), self.driver.direct(old[-1], there, piece)
+        folded, shortcuts = self.folded(here, there, piece), Shortcuts(self.interpolator, self.driver, piece)
+        ways = [] if folded is None else [[here, *folded, there]]
+        if lead is not None and tail is not None:
+            ways.append(distinct([here, *lead, *old, *tail, there]))
+        clear = [shortcuts.quicker(shortcuts.shorter(way)) for way in ways if self.interpolator.clear(way)]
+        return min(clear, key=Clock(self.world).whole)[1:-1] if clear else None
 
     def _shortest(self, shortcuts: Shortcuts, poses: list[Pose]) -> list[Pose]:
         """The shortest motion found with the same ends."""

@@ -44,6 +44,15 @@ def pose_between(here: Pose, there: Pose, share: float, drive: BaseDrive) -> Pos
     return Pose(base, here.joints + share * (there.joints - here.joints))
 
 
+def lifted_rows(here: Pose, way: Sequence[Pose], there: Pose, owner: int, drive: BaseDrive) -> list[Row]:
+    """Rows strictly between two poses, the tool lifted; however short the way, it leaves its path.
+
+    The ``owner`` is the set-point that it leaves, -1 where the robot starts.
+    """
+    states = way or ([pose_between(here, there, 0.5, drive)] if owner >= 0 else [])
+    return [Row(pose, "transit", owner) for pose in states]
+
+
 def distinct(poses: Sequence[Pose]) -> list[Pose]:
     """Poses without those that are the same as the one before."""
     kept = list(poses[:1])

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from regionik.areas.standing import Standing
 from regionik.moving.transit import TransitPlanner
-from regionik.postures.poses import Pose, Row, axis_of, columns, pose_between, transits
+from regionik.postures.poses import Pose, axis_of, columns, lifted_rows, transits
 from regionik.values import Motion
 
 
@@ -26,30 +26,28 @@ class Reconnection:
         for was, now in zip(transits(old), transits(new), strict=True):
             if all(map(_same, _ends(old, was), _ends(new, now))):
                 continue
-            way = self._way(*_ends(new, now), lifted=now.start > 1)
+            here, there = _ends(new, now)
+            way = self._way(here, there, [_pose(old, k) for k in range(was.start - 1, was.stop + 1)])
             if way is None:
                 return None
-            owner = int(new.setpoint[now.start - 1])
-            rows = [Row(pose, "transit", owner) for pose in way]
+            rows = lifted_rows(
+                here, way, there, int(new.setpoint[now.start - 1]), self.planner.world.robot.drive
+            )
             parts += [new.part(done, now.start), *([columns(rows)] if rows else [])]
             done = now.stop
         return Motion.joined([*parts, new.part(done, len(new))])
 
-    def _way(self, here: Pose, there: Pose, lifted: bool) -> list[Pose] | None:
-        robot = self.planner.world.robot
-        piece = self.standing.piece_at(axis_of(robot, here.base), float(here.base[2]))
-        if piece is None:
-            return None
-        way = self.planner.folded(here, there, piece)
-        if way is None:
-            way = self.planner.sampled(here, there, piece)
-        way = None if way is None else self.planner.shortened(here, way, there, piece)
-        return [pose_between(here, there, 0.5, robot.drive)] if way == [] and lifted else way
+    def _way(self, here: Pose, there: Pose, old: list[Pose]) -> list[Pose] | None:
+        piece = self.standing.piece_at(axis_of(self.planner.world.robot, here.base), float(here.base[2]))
+        return None if piece is None else self.planner.rejoined(here, old, there, piece)
 
 
 def _ends(motion: Motion, rows: slice) -> tuple[Pose, Pose]:
-    here, there = (Pose(motion.base[k], motion.joints[k]) for k in (rows.start - 1, rows.stop))
-    return here, there
+    return _pose(motion, rows.start - 1), _pose(motion, rows.stop)
+
+
+def _pose(motion: Motion, k: int) -> Pose:
+    return Pose(motion.base[k], motion.joints[k])
 
 
 def _same(one: Pose, other: Pose) -> bool:
