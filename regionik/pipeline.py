@@ -28,7 +28,7 @@ from regionik.reachability.target_search import TargetSearch
 from regionik.regions import has_no_known_place, planned_areas
 from regionik.smoothing.smooth_motion import smooth_motion
 from regionik.tracker import can_track, plan_tracked
-from regionik.values import Configuration, Plan, PlannedArea, Stop
+from regionik.values import Plan, PlannedArea, Stop
 from regionik.verification.verifier import verify
 from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import frozen
@@ -74,14 +74,11 @@ def plan(world: World, *, seed: int = 0, say: Say | None = None, progress: Progr
     0
     """
     with listening(progress):
-        return _verified(_timed_where_asked(_found_or_explained(world, seed, say or unsaid)))
-
-
-def _found_or_explained(world: World, seed: int, say: Say) -> Plan:
-    try:
-        return _staged(world, seed)
-    except NoPlanFound as no:
-        raise NoPlanFound(_explained(world, no.explanation, seed, say)) from None
+        try:
+            found = _staged(world, seed)
+        except NoPlanFound as no:
+            raise NoPlanFound(_explained(world, no.explanation, seed, say or unsaid)) from None
+        return _verified(_timed_where_asked(found))
 
 
 def _timed_where_asked(found: Plan) -> Plan:
@@ -243,7 +240,9 @@ def _plan_path(world: World, seed: int) -> Plan:
     solvers = solvers_along(world, pruned.ladder, standing, chain)
     task = track("configurations", world.task)
     goals = configurations(task, solvers, start_pose(world, pruned, chain), known)
-    _refuse(_not_converged(world, goals))
+    left = [i for i, goal in enumerate(goals) if not goal.converged]
+    if left and not world.rules.avoidance:  # no search for other postures is allowed
+        raise NoPlanFound(arm_failures.no_posture(world, left[0]))
     joined = connect_configurations(world, pruned, chain, goals, standing, seed)
     shown = planned_areas(world, areas, pruned.area)
     found = _verified(_finished(world, seed, joined, shown))
@@ -261,15 +260,6 @@ def _plan_stops(world: World, seed: int) -> Plan:
     if world.rules.order == "any":
         stats |= {"order": list(work.order), "tour": dict(work.tours)}
     return _finished(work.world, seed, done.joined, shown, done.stops, stats)
-
-
-def _not_converged(world: World, goals: tuple[Configuration, ...]) -> Explanation | None:
-    """Explain the first set-point without a posture, where the rules allow no search for others."""
-    if world.rules.avoidance:
-        return None
-    return next(
-        (arm_failures.no_posture(world, i) for i, goal in enumerate(goals) if not goal.converged), None
-    )
 
 
 def _verified(found: Plan) -> Plan:
