@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from numpy.typing import ArrayLike
@@ -212,24 +212,9 @@ def _staged(world: World, seed: int) -> Plan:
     """Return what the stages make of a world, which the last of them may have verified."""
     check_world(world)
     _refuse(arm_failures.target_in_solid(world))
-    return strategy_of(world).plan(world, seed)
-
-
-@dataclass(frozen=True)
-class Strategy:
-    """A way to plan a world's task: its check of the world, and its stages up to a plan."""
-
-    check: Callable[[World], None]
-    plan: Callable[[World, int], Plan]
-
-
-def strategy_of(world: World) -> Strategy:
-    """Return stops where the rules ask for them, Xu's tracker where it can, else the continuous path."""
     if world.rules.mode == "stops":
-        return Strategy(_check_stops, _plan_stops)
-    if can_track(world):
-        return Strategy(lambda _: None, plan_tracked)
-    return Strategy(_check_areas, _plan_path)
+        return _plan_stops(world, seed)
+    return plan_tracked(world, seed) if can_track(world) else _plan_path(world, seed)
 
 
 def _plan_path(world: World, seed: int) -> Plan:
@@ -286,18 +271,11 @@ def check_world(world: World) -> None:
             f"{world.name}: rules.heading: a base on wheels turns as it drives, expected free, "
             f"got {world.rules.heading}"
         )
-    strategy_of(world).check(world)
+    if world.rules.mode == "stops":
+        check_stops(world)
+    if world.rules.mode == "stops" or not can_track(world):
+        reach_bound(world.robot.chain)  # refuses robots that areas do not cover
     _refuse(failures.blocked_start(world))
-
-
-def _check_stops(world: World) -> None:
-    check_stops(world)
-    _check_areas(world)
-
-
-def _check_areas(world: World) -> None:
-    """Refuse robots that areas do not cover."""
-    reach_bound(world.robot.chain)
 
 
 def _finished(
