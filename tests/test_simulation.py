@@ -24,8 +24,7 @@ from regionik.simulation.noise import Noise, PoseEstimate, typical_noise
 from regionik.simulation.physics import STEP, Physics
 from regionik.simulation.reference import PERIOD, Reference, reference
 from regionik.simulation.run import Contact
-from regionik.simulation.simulate import simulate
-from regionik.simulation.simulated_robot import SUBSTEPS, BaseDrives
+from regionik.simulation.simulate import SUBSTEPS, BaseDrives, simulate
 from regionik.simulation.tracking import MOST_ADDED, TrackingController
 from regionik.timing.retime import retime
 from regionik.values import Motion, Plan
