@@ -197,12 +197,13 @@ class PlacementSearch:
         return max(whole, key=self._score, default=None)
 
     def _best_of_side(self, group: StopGroup, side: int) -> BasePlacement | None:
-        """Best placement at one side of those that serve all set-points; None where there is none."""
-        best = self._served(list(self._spread(group, side)), group)
-        return None if best is None else self._refined(group, side, best)
+        """Best placement at one side of those that serve all set-points; None where there is none.
 
-    def _refined(self, group: StopGroup, side: int, placement: BasePlacement) -> BasePlacement:
-        """Best placement by pattern search: ever smaller steps in eight directions."""
+        By pattern search from the best of those spread over it: ever smaller steps in eight directions.
+        """
+        placement = self._served(list(self._spread(group, side)), group)
+        if placement is None:
+            return None
         x0, y0, x1, y1 = group.places[side].bounds
         step, score = max(x1 - x0, y1 - y0) / 8, self._score(placement)
         turns = np.arange(8) * np.pi / 4
