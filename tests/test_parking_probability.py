@@ -24,8 +24,8 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import world_from_document, world_to_document
 from regionik.worlds.errors import InputError, NoPlanFound
+from regionik.worlds.execution import ParkingAccuracy
 from regionik.worlds.obstacles import Cylinder
-from regionik.worlds.parking_accuracy import ParkingAccuracy
 from regionik.worlds.scene import Floor, Rules, Target, World
 from tests import examples
 
