@@ -41,11 +41,10 @@ if TYPE_CHECKING:
     from regionik.worlds.criteria import Criteria
     from regionik.worlds.documents.world_file import load_world
     from regionik.worlds.errors import InputError, NoPlanFound, RegionikError
-    from regionik.worlds.execution import Execution
+    from regionik.worlds.execution import Execution, ParkingAccuracy
     from regionik.worlds.joints import Joint
     from regionik.worlds.links import LinkBox, LinkCapsule, LinkHull
     from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
-    from regionik.worlds.parking_accuracy import ParkingAccuracy
     from regionik.worlds.robot import Robot, Tool
     from regionik.worlds.scene import Floor, Rules, Start, Target, World
     from regionik.worlds.speeds import Speeds
@@ -92,11 +91,10 @@ _HOME = {
         "worlds.criteria": "Criteria",
         "worlds.documents.world_file": "load_world",
         "worlds.errors": "InputError NoPlanFound RegionikError",
-        "worlds.execution": "Execution",
+        "worlds.execution": "Execution ParkingAccuracy",
         "worlds.joints": "Joint",
         "worlds.links": "LinkBox LinkCapsule LinkHull",
         "worlds.obstacles": "Box Cylinder Mesh Prism Sphere",
-        "worlds.parking_accuracy": "ParkingAccuracy",
         "worlds.robot": "Robot Tool",
         "worlds.scene": "Floor Rules Start Target World",
         "worlds.speeds": "Speeds",

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from numpy.typing import ArrayLike
@@ -28,7 +28,7 @@ from regionik.reachability.target_search import TargetSearch
 from regionik.regions import has_no_known_place, planned_areas
 from regionik.smoothing.smooth_motion import smooth_motion
 from regionik.tracker import can_track, plan_tracked
-from regionik.values import Configuration, Plan, PlannedArea, Stop
+from regionik.values import Plan, PlannedArea, Stop
 from regionik.verification.verifier import verify
 from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import frozen
@@ -74,14 +74,11 @@ def plan(world: World, *, seed: int = 0, say: Say | None = None, progress: Progr
     0
     """
     with listening(progress):
-        return _verified(_timed_where_asked(_found_or_explained(world, seed, say or unsaid)))
-
-
-def _found_or_explained(world: World, seed: int, say: Say) -> Plan:
-    try:
-        return _staged(world, seed)
-    except NoPlanFound as no:
-        raise NoPlanFound(_explained(world, no.explanation, seed, say)) from None
+        try:
+            found = _staged(world, seed)
+        except NoPlanFound as no:
+            raise NoPlanFound(_explained(world, no.explanation, seed, say or unsaid)) from None
+        return _verified(_timed_where_asked(found))
 
 
 def _timed_where_asked(found: Plan) -> Plan:
@@ -215,24 +212,9 @@ def _staged(world: World, seed: int) -> Plan:
     """Return what the stages make of a world, which the last of them may have verified."""
     check_world(world)
     _refuse(arm_failures.target_in_solid(world))
-    return strategy_of(world).plan(world, seed)
-
-
-@dataclass(frozen=True)
-class Strategy:
-    """A way to plan a world's task: its check of the world, and its stages up to a plan."""
-
-    check: Callable[[World], None]
-    plan: Callable[[World, int], Plan]
-
-
-def strategy_of(world: World) -> Strategy:
-    """Return stops where the rules ask for them, Xu's tracker where it can, else the continuous path."""
     if world.rules.mode == "stops":
-        return Strategy(_check_stops, _plan_stops)
-    if can_track(world):
-        return Strategy(lambda _: None, plan_tracked)
-    return Strategy(_check_areas, _plan_path)
+        return _plan_stops(world, seed)
+    return plan_tracked(world, seed) if can_track(world) else _plan_path(world, seed)
 
 
 def _plan_path(world: World, seed: int) -> Plan:
@@ -243,7 +225,9 @@ def _plan_path(world: World, seed: int) -> Plan:
     solvers = solvers_along(world, pruned.ladder, standing, chain)
     task = track("configurations", world.task)
     goals = configurations(task, solvers, start_pose(world, pruned, chain), known)
-    _refuse(_not_converged(world, goals))
+    left = [i for i, goal in enumerate(goals) if not goal.converged]
+    if left and not world.rules.avoidance:  # no search for other postures is allowed
+        raise NoPlanFound(arm_failures.no_posture(world, left[0]))
     joined = connect_configurations(world, pruned, chain, goals, standing, seed)
     shown = planned_areas(world, areas, pruned.area)
     found = _verified(_finished(world, seed, joined, shown))
@@ -261,15 +245,6 @@ def _plan_stops(world: World, seed: int) -> Plan:
     if world.rules.order == "any":
         stats |= {"order": list(work.order), "tour": dict(work.tours)}
     return _finished(work.world, seed, done.joined, shown, done.stops, stats)
-
-
-def _not_converged(world: World, goals: tuple[Configuration, ...]) -> Explanation | None:
-    """Explain the first set-point without a posture, where the rules allow no search for others."""
-    if world.rules.avoidance:
-        return None
-    return next(
-        (arm_failures.no_posture(world, i) for i, goal in enumerate(goals) if not goal.converged), None
-    )
 
 
 def _verified(found: Plan) -> Plan:
@@ -296,18 +271,11 @@ def check_world(world: World) -> None:
             f"{world.name}: rules.heading: a base on wheels turns as it drives, expected free, "
             f"got {world.rules.heading}"
         )
-    strategy_of(world).check(world)
+    if world.rules.mode == "stops":
+        check_stops(world)
+    if world.rules.mode == "stops" or not can_track(world):
+        reach_bound(world.robot.chain)  # refuses robots that areas do not cover
     _refuse(failures.blocked_start(world))
-
-
-def _check_stops(world: World) -> None:
-    check_stops(world)
-    _check_areas(world)
-
-
-def _check_areas(world: World) -> None:
-    """Refuse robots that areas do not cover."""
-    reach_bound(world.robot.chain)
 
 
 def _finished(

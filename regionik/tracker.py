@@ -26,7 +26,7 @@ from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.driving.pose_planner import drive_differential
 from regionik.planners.driving.pose_tracking import TrackedRun, TrackingRobot, start_headings, track_runs
 from regionik.planners.progress import tell
-from regionik.postures.arm import goal_between
+from regionik.postures.arm import goals_between
 from regionik.postures.poses import (
     LARGEST_BEND,
     Pose,
@@ -155,14 +155,14 @@ def _plan_of(world: World, seed: int, robot: TrackingRobot, motion: Motion, meth
     )
     free = shapely.union_all(ground_of(world).inner.pieces)
     areas = tuple(
-        _area(world, robot, target, free, axis_of(world.robot, one.base))
+        _area(robot, target, free, axis_of(world.robot, one.base))
         for target, one in zip(world.task, found, strict=True)
     )
     stats = motion_stats(world.robot.drive, found, motion, methods)
     return Plan(world, seed, found, motion, areas, lift_offs(motion), (), stats)
 
 
-def _area(world: World, robot: TrackingRobot, target: Target, free: BaseGeometry, axis: Array) -> PlannedArea:
+def _area(robot: TrackingRobot, target: Target, free: BaseGeometry, axis: Array) -> PlannedArea:
     """Positions of the axis for a set-point: curves and points, drawn `DRAWN` to either side.
 
     Under an upright tool a circle for each elbow, under a leaning one a point. The area for the whole path is
@@ -320,7 +320,8 @@ def _path(task: tuple[Target, ...], parts: list[int]) -> PosePath:
     """Path with the segment after each set-point in a number of parts, turned evenly."""
     poses, owner = [tool_frame(task[0])], [0]
     for i, (a, b) in enumerate(pairwise(task)):
-        poses += [tool_frame(goal_between(a, b, k / parts[i])) for k in range(1, parts[i] + 1)]
+        between = goals_between(a, b, np.arange(1, parts[i]) / parts[i])
+        poses += [tool_frame(target) for target in (*between, b)]
         owner += [i] * (parts[i] - 1) + [i + 1]
     exact = [k == 0 or i != owner[k - 1] for k, i in enumerate(owner)]
     return PosePath(poses, owner, exact)

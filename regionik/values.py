@@ -161,7 +161,7 @@ class Stop:
         That chose the place, as in `regionik.worlds.scene.Rules`.
     probability : float or None
         Proven lower bound: so probably do arm and base as within that circle, once the base has parked with
-        the error of `regionik.worlds.parking_accuracy.ParkingAccuracy`. None without one in the rules.
+        the error of `regionik.worlds.execution.ParkingAccuracy`. None without one in the rules.
     """
 
     base: Array

@@ -364,8 +364,8 @@ FAULTS = (
     Fault(
         "verify: the rim of a stop is not looked at",
         "regionik/verification/stops.py",
-        "np.zeros(RIM_POINTS)]) * stop.tolerance",
-        "np.zeros(RIM_POINTS)]) * 0.0",
+        "share * (RIM * stop.tolerance)",
+        "share * (RIM * 0.0)",
         ("tests/test_stops.py",),
     ),
     Fault(

@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 
 from benchmarks.clutter import CERTAIN, body_of, distance_to, keeps_off
-from regionik.planners.avoidance.avoiding_fabrik import AvoidanceResult, avoid_obstacles
-from regionik.planners.collision.link_clearance import links_clear, whole_pieces
+from regionik.planners.avoidance.avoiding_fabrik import (
+    AvoidanceResult,
+    avoid_obstacles,
+    links_clear,
+    whole_pieces,
+)
 from regionik.planners.collision.robot_bodies import Bodies, ContactTargets, bodies_from
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named

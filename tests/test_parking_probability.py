@@ -14,10 +14,9 @@ from hypothesis import strategies as st
 from scipy.stats import binom, multivariate_normal
 
 from regionik.output.plan_file import load_plan
-from regionik.parking.parking_probability import parking_probability
+from regionik.parking.parking_probability import normal_probability, parking_probability
 from regionik.parking.stops import stops
 from regionik.pipeline import plan
-from regionik.planners.geometry.normal_probability import normal_probability
 from regionik.values import Configuration, Plan, Stop
 from regionik.verification.stops import _reached, _rooms
 from regionik.verification.verifier import verify
@@ -25,8 +24,8 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import world_from_document, world_to_document
 from regionik.worlds.errors import InputError, NoPlanFound
+from regionik.worlds.execution import ParkingAccuracy
 from regionik.worlds.obstacles import Cylinder
-from regionik.worlds.parking_accuracy import ParkingAccuracy
 from regionik.worlds.scene import Floor, Rules, Target, World
 from tests import examples
 

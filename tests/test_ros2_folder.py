@@ -20,9 +20,8 @@ from shapely.geometry import box
 from regionik.cli import app
 from regionik.output.bag import bag_files
 from regionik.output.export import export
-from regionik.output.planning_scene import planning_scene
 from regionik.output.ros2 import base_trajectory
-from regionik.output.ros2_folder import arm_parameters, base_parameters, ros2_files
+from regionik.output.ros2_folder import arm_parameters, base_parameters, planning_scene, ros2_files
 from regionik.timing.trajectory import sample_plan, trajectory
 from regionik.values import Motion, Plan
 from regionik.worlds.arrays import Array

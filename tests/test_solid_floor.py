@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from regionik.output.urdf import robot_to_urdf
 from regionik.pipeline import why
-from regionik.planners.collision.link_clearance import links_clear
+from regionik.planners.avoidance.avoiding_fabrik import links_clear
 from regionik.planners.collision.proximity import nearest
 from regionik.postures.arm_guard import SPARE, guard_of
 from regionik.postures.poses import Pose

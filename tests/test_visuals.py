@@ -24,8 +24,7 @@ from regionik.worlds.links import BASE, LinkCapsule
 from regionik.worlds.readers.collada import read_surfaces
 from regionik.worlds.robot import Robot, Tool
 from regionik.worlds.scene import Floor, Target, World
-from regionik.worlds.urdf.loader import load_robot
-from regionik.worlds.urdf.visuals import GREY, TRIANGLES
+from regionik.worlds.urdf.loader import GREY, TRIANGLES, load_robot
 from regionik.worlds.visual_surfaces import VisualSurface, coarsened
 
 DAE = """\

@@ -13,10 +13,9 @@ from shapely.geometry import MultiPolygon, Polygon
 from regionik.worlds.arrays import Array, freeze, frozen, one_line, unit_vector
 from regionik.worlds.criteria import Criteria
 from regionik.worlds.errors import InputError
-from regionik.worlds.execution import Execution
+from regionik.worlds.execution import Execution, ParkingAccuracy
 from regionik.worlds.frames import FrameNames
 from regionik.worlds.obstacles import Box, Prism, Solid, as_polygon
-from regionik.worlds.parking_accuracy import ParkingAccuracy
 from regionik.worlds.robot import Robot
 from regionik.worlds.speeds import Speeds
 

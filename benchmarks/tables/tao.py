@@ -25,8 +25,12 @@ from benchmarks.bench_avoidance import (
 )
 from benchmarks.tables.clock import seconds
 from benchmarks.tables.table import Table
-from regionik.planners.avoidance.avoiding_fabrik import MOST_ITERATIONS, AvoidanceResult, avoid_obstacles
-from regionik.planners.collision.link_clearance import links_clear
+from regionik.planners.avoidance.avoiding_fabrik import (
+    MOST_ITERATIONS,
+    AvoidanceResult,
+    avoid_obstacles,
+    links_clear,
+)
 from regionik.planners.search.fixed_base import WORDS, search_fixed_base
 
 SCENES = 200

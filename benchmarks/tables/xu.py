@@ -13,7 +13,7 @@ import numpy as np
 
 from benchmarks.tables.table import Table
 from regionik.planners.driving.pitch_arm import arm_share, heights
-from regionik.planners.driving.pose_tracking import TrackingRobot, track_poses
+from regionik.planners.driving.pose_tracking import TrackingRobot, track_runs
 from regionik.planners.geometry.angles import wrap
 from regionik.tracker import tracking_robot
 from regionik.worlds.arrays import Array
@@ -110,7 +110,7 @@ def simulation(poses: list[Array], pivot: float) -> Simulation:
     """Poses followed with joint 1 within plus and minus ``pivot`` [rad]."""
     limits = np.array([pivot, *[np.inf] * 4])
     robot = replace(tracked_robot(), lower=-limits, upper=limits)
-    found = track_poses(robot, poses)
+    (found,) = track_runs(robot, poses)
     mount = planar_pose(robot.ahead, 0, 0, robot.lift)
     tools = [
         planar_pose(*base) @ mount @ ROBOT.chain.forward(joints)

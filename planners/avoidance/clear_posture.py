@@ -24,7 +24,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regionik.planners.avoidance.avoiding_fabrik import MOST_ITERATIONS, avoid_obstacles
+from regionik.planners.avoidance.avoiding_fabrik import MOST_ITERATIONS, avoid_obstacles, links_clear
 from regionik.planners.avoidance.posture_proof import (
     MOST_REDUNDANT,
     PostureTask,
@@ -32,7 +32,6 @@ from regionik.planners.avoidance.posture_proof import (
     search_postures,
     solid_at_target,
 )
-from regionik.planners.collision.link_clearance import links_clear
 from regionik.planners.collision.proximity import Touch, describe, nearest, room_of
 from regionik.planners.collision.robot_bodies import Bodies, ContactTargets
 from regionik.planners.search.box_search import Verdict

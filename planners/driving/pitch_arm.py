@@ -21,24 +21,15 @@ ALIKE = 1e-9  # tolerance to which a chain must be such an arm [m]
 _POSTURES = np.array([[0.0, 0.0, 0.0, 0.0, 0.0], [0.7, -0.4, 0.9, 1.1, 0.0], [-1.9, 0.8, -1.3, -0.6, 0.0]])
 
 
-class PoseError(RegionikError):
-    """A tool pose out of reach; ``index`` counts from 0."""
-
-    def __init__(self, reason: str, index: int) -> None:
-        super().__init__(reason)
-        self.index = index
-
-
-class HeightError(PoseError):
-    """A tool pose at a height that the arm attains nowhere; heights over the floor [m]."""
+class HeightError(RegionikError):
+    """A tool pose, counted from 0, at a height that the arm attains nowhere; heights over the floor [m]."""
 
     def __init__(self, index: int, height: float, low: float, high: float) -> None:
         super().__init__(
             f"pose {index + 1}: height {height:.5f} m cannot be taken with this tool direction, "
-            f"attainable: {low:.5f} to {high:.5f} m",
-            index,
+            f"attainable: {low:.5f} to {high:.5f} m"
         )
-        self.height, self.low, self.high = height, low, high
+        self.index, self.height, self.low, self.high = index, height, low, high
 
 
 @dataclass(frozen=True)

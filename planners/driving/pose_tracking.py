@@ -10,30 +10,19 @@ The paper sets the heading along the chord of the tool's path, where its own dri
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 
 import numpy as np
 
 from regionik.planners.driving.arcs import arc_end
-from regionik.planners.driving.pitch_arm import ArmShare, PitchArm, PoseError, arm_share
+from regionik.planners.driving.pitch_arm import ArmShare, PitchArm, arm_share
 from regionik.planners.geometry.angles import wrap
 from regionik.worlds.arrays import Array
 
 SLACK = 1e-9  # beyond a joint's limit, for rounding [rad]
 SPREAD = 24  # headings of a full turn that a run is started with
-
-
-class SaturationError(PoseError):
-    """A leaning tool that joint 1 cannot hold any longer, whatever the base does; ``index`` counts from 0."""
-
-    def __init__(self, index: int, pivot: float, limit: float) -> None:
-        super().__init__(
-            f"pose {index + 1}: joint 1 would stand at {np.degrees(pivot):.1f} deg, its limits are "
-            f"{np.degrees(limit):.1f} deg to either side; the tool must be lifted for the base to turn",
-            index,
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,34 +54,8 @@ class TrackedRun:
 _Row = tuple[Array, Array]  # of a `TrackedRun`: base and joints
 
 
-def track_poses(
-    robot: TrackingRobot, poses: Sequence[Array], *, heading: float | None = None, elbow: int = 1
-) -> TrackedRun:
-    """Follow tool poses with a base that rolls along arcs, whatever shoulder, elbow and roll come to.
-
-    Parameters
-    ----------
-    poses : sequence of (4, 4) array
-        Of the tool, in the world.
-    heading : float, optional
-        Of the base at the first pose; by default along the tool's first step, or as near to it as joint 1
-        allows [rad].
-    elbow : int
-        +1 or -1.
-
-    Raises
-    ------
-    HeightError
-        When a pose is out of the arm's reach in height.
-    SaturationError
-        When joint 1 would leave its limits under a leaning tool. Its axis then stands still over the floor,
-        and no wheels turn the base about a point ahead of them: the tool has to be lifted.
-    """
-    return _run_of(_rows(robot, poses, heading, elbow))
-
-
 def _rows(robot: TrackingRobot, poses: Sequence[Array], heading: float | None, elbow: int) -> Iterator[_Row]:
-    """Rows of a run, one for each pose."""
+    """Rows of a run, one for each pose as long as joint 1 keeps its limits."""
     arm, lift, limit = robot.arm, robot.lift, robot.pivot_limit
     yaw = _first_heading(poses) if heading is None else heading
     facing = 1 if abs(wrap(arm_share(arm, poses[0], lift, elbow=elbow).turn - yaw)) <= np.pi / 2 else -1
@@ -106,14 +69,20 @@ def _rows(robot: TrackingRobot, poses: Sequence[Array], heading: float | None, e
     for k in range(1, len(poses)):
         share = arm_share(arm, poses[k], lift, k, elbow=elbow, facing=facing)
         turn += wrap(share.turn - turn)
-        step, length, pivot = _step(robot, share, turn, poses[k][:2, 3], base, k)
+        found = _step(robot, share, turn, poses[k][:2, 3], base)
+        if found is None:
+            return
+        step, length, pivot = found
         base = np.array(arc_end(base[0], base[1], base[2], length, step))
         yield base, _joints(share, pivot, turn - base[2])
 
 
-def _run_of(rows: Iterable[_Row]) -> TrackedRun:
-    """Columns of rows, which may be none."""
-    base, joints = zip(*found, strict=True) if (found := list(rows)) else ((), ())
+def _run(robot: TrackingRobot, poses: Sequence[Array], heading: float | None, elbow: int) -> TrackedRun:
+    """Rows up to the first that leaves the joint limits, if any."""
+    lower, upper = robot.lower - SLACK, robot.upper + SLACK
+    rows = _rows(robot, poses, heading, elbow)
+    found = list(takewhile(lambda row: not ((row[1] < lower) | (row[1] > upper)).any(), rows))
+    base, joints = zip(*found, strict=True) if found else ((), ())
     return TrackedRun(np.array(base).reshape(-1, 3), np.array(joints).reshape(-1, 5))
 
 
@@ -129,37 +98,43 @@ def track_runs(
 
     Between two runs the tool must be lifted and the base driven from the last pose of one to the first of the
     next. The first run starts with ``heading``; each other with that of `start_headings` from which it goes
-    farthest. Parameters are as for `track_poses`.
+    farthest.
+
+    Parameters
+    ----------
+    poses : sequence of (4, 4) array
+        Of the tool, in the world.
+    heading : float, optional
+        Of the base at the first pose; by default along the tool's first step, or as near to it as joint 1
+        allows [rad].
+    elbow : int
+        +1 or -1.
+    most : float
+        Number of runs.
 
     Returns
     -------
     tuple of TrackedRun
         Empty where some pose is beyond the limits from every heading, or more than ``most`` runs are needed.
+
+    Raises
+    ------
+    HeightError
+        When a pose is out of the arm's reach in height.
     """
     for k, pose in enumerate(poses):
         arm_share(robot.arm, pose, robot.lift, k, elbow=elbow)
 
-    def run(first: int, yaw: float | None) -> TrackedRun:
-        return _run_of(_within_limits(robot, _rows(robot, poses[first:], yaw, elbow)))
-
-    runs = [run(0, heading)]
+    runs = [_run(robot, poses, heading, elbow)]
     done = len(runs[0].base)
     while runs[-1].base.size and done < len(poses):
         if len(runs) >= most:
             return ()
         tried = start_headings(robot, poses[done], elbow)
-        runs.append(max((run(done, yaw) for yaw in tried), key=lambda found: len(found.base)))
+        ways = (_run(robot, poses[done:], yaw, elbow) for yaw in tried)
+        runs.append(max(ways, key=lambda found: len(found.base)))
         done += len(runs[-1].base)
     return tuple(runs) if runs[-1].base.size else ()
-
-
-def _within_limits(robot: TrackingRobot, rows: Iterator[_Row]) -> Iterator[_Row]:
-    """Rows up to the first that leaves the joint limits."""
-    with suppress(SaturationError):
-        for base, joints in rows:
-            if (joints < robot.lower - SLACK).any() or (joints > robot.upper + SLACK).any():
-                return
-            yield base, joints
 
 
 def start_headings(robot: TrackingRobot, pose: Array, elbow: int = 1) -> tuple[float | None, ...]:
@@ -173,12 +148,15 @@ def start_headings(robot: TrackingRobot, pose: Array, elbow: int = 1) -> tuple[f
 
 
 def _step(
-    robot: TrackingRobot, share: ArmShare, world_turn: float, spot: Array, base: Array, index: int
-) -> tuple[float, float, float]:
+    robot: TrackingRobot, share: ArmShare, world_turn: float, spot: Array, base: Array
+) -> tuple[float, float, float] | None:
     """Turn and length of the base's arc, and joint 1, that bring the tool to a spot.
 
     The lever from the wheels to the tool turns with the base by T; its end gets to (x, y), seen from the
     base, where the chord has the heading T / 2: tan(T / 2) = (y - lever_y) / (x + lever_x).
+
+    None where joint 1 would leave its limits under a leaning tool. Its axis then stands still over the floor,
+    and no wheels turn the base about a point ahead of them: the tool has to be lifted.
     """
     ahead, limit = robot.ahead, robot.pivot_limit
     x, y = _seen_from(base, spot)
@@ -192,9 +170,7 @@ def _step(
     x, y = x - share.out * np.cos(facing), y - share.out * np.sin(facing)
     turn = 2 * _half_turn(y, x + ahead)
     pivot = facing - turn
-    if abs(pivot) > limit:
-        raise SaturationError(index, pivot, limit)
-    return turn, _arc_length(x, y, ahead, 0.0, turn), pivot
+    return (turn, _arc_length(x, y, ahead, 0.0, turn), pivot) if abs(pivot) <= limit else None
 
 
 def _half_turn(y: float, x: float) -> float:

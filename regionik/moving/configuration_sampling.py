@@ -162,26 +162,24 @@ class ConfigurationSampler:
         """What else is clear: as M-FABRIK goes on from here, led round, or elsewhere in the area."""
         if not self.guard.on:
             return
-        target, order = self.world.task[i], self._order(components, here)
-        near = order[: NEAREST if len(self.standing.sides) > 1 else None]
+        target, near, rest = self.world.task[i], components, list[int]()
+        if len(self.standing.sides) > 1:  # those of some headings only by nearness
+            ordered = self._by_nearness(components, here)
+            near, rest = ordered[:NEAREST], ordered[NEAREST:]
         for k in near:
             onward = self.solver(k)(target, here.base, here.joints)
             if onward.converged:
                 candidate = Candidate(onward, k)
                 yield from [candidate] if self.clear(i, candidate.pose) else self.around(i, candidate)
         nothing = True
-        for n, k in enumerate(order):
-            if n >= len(near) and not nothing:
-                break
-            for candidate in self._elsewhere(i, k, here):
+        for some in (near, *([k] for k in rest)):
+            for candidate in one_after_another.from_iterable(self._elsewhere(i, k, here) for k in some):
                 nothing = False
                 yield candidate
+            if not nothing:
+                break
         if nothing:
             yield from self._mended(i, near)
-
-    def _order(self, components: Sequence[int], here: Pose) -> Sequence[int]:
-        """Components as they are looked through: those of some headings only by nearness."""
-        return components if len(self.standing.sides) == 1 else self._by_nearness(components, here)
 
     def _by_nearness(self, components: Sequence[int], here: Pose) -> list[int]:
         """Components, those that the base has the least way to first."""

@@ -102,16 +102,12 @@ class PathSegment:
 
     def families(self, at: SegmentPoint) -> list[Family]:
         """Posture families at both ends of a leg."""
-        return [self.family[round(tool)] for tool in self._tool(at)]
+        return [self.family[round(tool)] for tool in self.base.tool[at.leg : at.leg + 2].tolist()]
 
     def pitch(self, at: SegmentPoint) -> float:
         """Pitch of the last link at a place [rad]."""
         first, last = (family.pitch for family in self.families(at))
         return first + at.share * wrap(last - first)
-
-    def _tool(self, at: SegmentPoint) -> list[float]:
-        """Shares of the tool's way at both ends of a leg."""
-        return self.base.tool[at.leg : at.leg + 2].tolist()
 
 
 @dataclass(frozen=True, eq=False)

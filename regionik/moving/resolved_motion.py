@@ -19,7 +19,7 @@ from regionik.moving.path_following import LOOKED_AT, SAG_SHARE, turned_as_asked
 from regionik.moving.resolved_states import ResolvedStates
 from regionik.planners.driving.footprint import arc_is_free, slide_is_free
 from regionik.planners.solvers.aims import in_columns
-from regionik.postures.arm import aim_of, goal_between
+from regionik.postures.arm import aim_of, goals_between
 from regionik.postures.arm_guard import Guard
 from regionik.postures.poses import Pose, arrays
 from regionik.worlds.scene import Target, World
@@ -45,13 +45,10 @@ class ResolvedMotion:
         poses = [here]
         for k in range(len(asked)):
             pose = self.states.state(aims.part(slice(k, k + 1)), poses[-1], turning=turning)
-            if pose is None or not self._within_step(poses[-1], pose):
+            if pose is None or math.dist(poses[-1].base[:2], pose.base[:2]) > self.world.rules.step:
                 return None
             poses.append(pose)
         return poses[1:] if self._holds([self.world.task[i], *asked], poses) else None
-
-    def _within_step(self, here: Pose, there: Pose) -> bool:
-        return math.dist(here.base[:2], there.base[:2]) <= self.world.rules.step
 
     @cached_property
     def states(self) -> ResolvedStates:
@@ -64,7 +61,7 @@ class ResolvedMotion:
         if a.direction is not None and b.direction is not None:
             turn = math.acos(min(max(float(a.direction @ b.direction), -1.0), 1.0))
         count = max(1, math.ceil(math.dist(a.position, b.position) / STRIDE), math.ceil(turn / TURN_STRIDE))
-        return [goal_between(a, b, k / count) for k in range(1, count + 1)]
+        return [*goals_between(a, b, np.arange(1, count) / count), b]
 
     def drives(self, poses: list[Pose]) -> bool:
         """Whether the base's way through poses is proven free."""

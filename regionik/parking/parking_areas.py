@@ -49,11 +49,6 @@ class StopPart:
     setpoints: tuple[int, ...]
     held: HeldPostures | None = None  # at the set-points, where a place does not give the arm its posture
 
-    def of(self, setpoints: tuple[int, ...]) -> StopPart:
-        """Return the part for some of the set-points."""
-        held, at = self.held, [self.setpoints.index(i) for i in setpoints]
-        return replace(self, setpoints=setpoints, held=None if held is None else held.of(at))
-
 
 @dataclass(frozen=True, eq=False)
 class ParkingAreas:

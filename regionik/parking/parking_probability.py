@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
-from scipy.special import ndtr, ndtri
+from scipy.special import ndtr, ndtri, owens_t
 from shapely.affinity import translate
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
@@ -22,12 +22,11 @@ from regionik.areas.reach_model import ReachQuery
 from regionik.areas.reachable import rows_of
 from regionik.explain.constraints import setpoint_at
 from regionik.planners.driving.heading_slabs import convex_scene, free_at_all
-from regionik.planners.geometry.normal_probability import normal_probability
 from regionik.planners.geometry.offsets import shrunk
 from regionik.postures.poses import axis_of
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation
-from regionik.worlds.parking_accuracy import ParkingAccuracy
+from regionik.worlds.execution import ParkingAccuracy
 from regionik.worlds.scene import World
 
 DEVIATIONS = 5.5  # on either side of the stop within which poses count
@@ -38,6 +37,8 @@ LIKELY = 0.01  # by which an estimate may be too low
 GAIN = 1e-4  # less than this more slices are not worth
 ARCS = 144  # vertices of a full circle
 ROUNDING = 1e-9
+LEAST_VARIANCE = 1e-14  # added in both directions, so that none is zero [m2]
+ON_EDGE = 1e-200  # distance of an edge from the mean that counts as none, in standard deviations
 
 
 def parking_probability(world: World, base: Array, setpoints: tuple[int, ...]) -> float:
@@ -180,3 +181,49 @@ def _reaching(
     areas = [shapely.union_all(shapes[which == n]) for n in range(len(targets))]
     common = shapely.intersection_all(areas)
     return translate(shrunk(common, off, outside=False) if off else common, *-axis)
+
+
+def normal_probability(shape: BaseGeometry, mean: Array, covariance: Array) -> float:
+    """Return the probability that a normal point lies in a shape, holes and parts and all.
+
+    With variances of one, that of the triangle of an edge with the mean is the angle that it fills, less two
+    values of Owen's T (Owen 1956, Tables for computing bivariate normal probabilities).
+
+    Parameters
+    ----------
+    shape : BaseGeometry
+        Polygons [m].
+    mean : (2,) array
+        [m]
+    covariance : (2, 2) array
+        Positive semidefinite [m2].
+
+    Examples
+    --------
+    >>> half = shapely.box(0, -99, 99, 99)
+    >>> round(normal_probability(half, np.zeros(2), np.eye(2)), 12)
+    0.5
+    """
+    parts = shapely.get_parts(shape)
+    rings = shapely.get_rings(shapely.orient_polygons(parts[shapely.get_dimensions(parts) == 2]))
+    if not len(rings):
+        return 0.0
+    corners, ring = shapely.get_coordinates(rings, return_index=True)
+    variances, axes = np.linalg.eigh(covariance)
+    whitened = (corners - mean) @ axes / np.sqrt(np.maximum(variances, 0.0) + LEAST_VARIANCE)
+    same = ring[1:] == ring[:-1]
+    a, b = whitened[:-1][same], whitened[1:][same]
+    length = np.hypot(*(b - a).T)
+    a, b, length = (rows[length > 0] for rows in (a, b, length))
+    along, across = (b - a) / length[:, None], (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / length
+    away = np.maximum(np.abs(across), ON_EDGE)
+    first, last = ((one * along).sum(axis=1) for one in (a, b))
+    whole = _sector(away, last) - _sector(away, first)
+    signed = float((np.sign(across) * whole).sum())
+    return min(abs(signed), 1.0)  # the axes may mirror the shape
+
+
+def _sector(away: Array, along: Array) -> Array:
+    """Probability of the right triangle of the mean and a stretch of a line, by its distance and length."""
+    found: Array = np.arctan2(along, away) / (2 * np.pi) - owens_t(away, along / away)
+    return found

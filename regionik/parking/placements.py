@@ -23,14 +23,15 @@ from regionik.parking.parking_probability import (
     parking_probability,
 )
 from regionik.parking.pivot_turns import ON_EDGE, PivotTurns, gathered
-from regionik.parking.posture_scores import posture_score
 from regionik.planners.coverage.set_cover import undominated
+from regionik.planners.solvers.serial_chain import chain_frames, chain_jacobian, serial_arm
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.families import Family
 from regionik.postures.poses import Pose, axis_of, pose_of
 from regionik.values import Configuration, Stop
 from regionik.worlds.arms import pivot_index
 from regionik.worlds.arrays import Array
+from regionik.worlds.chain import Chain
 from regionik.worlds.errors import NoPlanFound
 from regionik.worlds.scene import World
 
@@ -196,12 +197,13 @@ class PlacementSearch:
         return max(whole, key=self._score, default=None)
 
     def _best_of_side(self, group: StopGroup, side: int) -> BasePlacement | None:
-        """Best placement at one side of those that serve all set-points; None where there is none."""
-        best = self._served(list(self._spread(group, side)), group)
-        return None if best is None else self._refined(group, side, best)
+        """Best placement at one side of those that serve all set-points; None where there is none.
 
-    def _refined(self, group: StopGroup, side: int, placement: BasePlacement) -> BasePlacement:
-        """Best placement by pattern search: ever smaller steps in eight directions."""
+        By pattern search from the best of those spread over it: ever smaller steps in eight directions.
+        """
+        placement = self._served(list(self._spread(group, side)), group)
+        if placement is None:
+            return None
         x0, y0, x1, y1 = group.places[side].bounds
         step, score = max(x1 - x0, y1 - y0) / 8, self._score(placement)
         turns = np.arange(8) * np.pi / 4
@@ -422,6 +424,19 @@ class PlacementSearch:
         if model_of(self.world, self.world.task[i]).exact:
             return self.posture(i, placement.chain[at], placement.base).joints
         return near[at]
+
+
+def posture_score(chain: Chain, joints: Array, criterion: str) -> float:
+    """Score of a posture: its manipulability, or minus its largest joint torque by load [N m / N].
+
+    Manipulability is sqrt(det J J^T) (Yoshikawa 1985), the load one newton at the tool.
+    """
+    arm, frames, J = serial_arm(chain), np.empty((len(chain.joints) + 1, 4, 4)), np.empty((6, chain.dof))
+    chain_frames(arm, joints, frames)
+    chain_jacobian(arm, frames, J)
+    if criterion == "effort":
+        return -float(np.abs(J[2]).max())
+    return float(np.sqrt(max(np.linalg.det(J[:3] @ J[:3].T), 0.0)))
 
 
 @lru_cache(maxsize=256)

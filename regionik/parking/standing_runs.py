@@ -20,7 +20,7 @@ from regionik.areas.ground import united
 from regionik.areas.reachable import model_of
 from regionik.areas.standing import Standing, into_span, spread
 from regionik.parking.held_postures import PostureCarrier
-from regionik.postures.arm import deviation, goal_between
+from regionik.postures.arm import deviation, goals_between
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import axis_of, pose_of
 from regionik.pruning import Pruned
@@ -142,7 +142,7 @@ def _laid_out(targets: Sequence[Target]) -> _Run:
     for a, b in zip(targets[:-1], targets[1:], strict=True):
         way, turn = float(np.linalg.norm(b.position - a.position)), _turn(a, b)
         count = max(1, int(np.ceil(max(way / STRIDE, turn / TURN))))
-        laid += [goal_between(a, b, k / count) for k in range(1, count + 1)]
+        laid += [*goals_between(a, b, np.arange(1, count) / count), b]
         setpoints.append(len(laid) - 1)
     return _Run(tuple(laid), np.array(setpoints))
 

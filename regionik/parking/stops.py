@@ -14,7 +14,7 @@ from regionik.explain.arm_failures import no_posture
 from regionik.parking.arm_roadmap import HeldPostures
 from regionik.parking.arm_tour import in_short_order
 from regionik.parking.fewest_stops import park
-from regionik.parking.parking_areas import Parking, StopGroup, StopPart
+from regionik.parking.parking_areas import Parking, ParkingAreas, StopGroup, StopPart
 from regionik.parking.placements import BasePlacement, PlacementSearch
 from regionik.parking.sampled_poses import PoseCover
 from regionik.parking.stop_sequence import StopSequence, stop_sequence
@@ -119,15 +119,10 @@ def _by_one_heading(world: World, parking: Parking) -> tuple[StopGroup, ...]:
         parts = [part for group in groups for part in _parts(placements, group)]
         if len(parts) <= max(len(groups), parking.lower):
             return groups
-        parts = _covering([*parts, *_from_places(placements, parking)], len(world.task))
+        parts += _from_places(placements, parking)
     else:
         parts = _from_poses(placements, parking)
-    areas = parking.parking_areas
-    places = ({part.side: areas.shared(part.setpoints, part.side, part.axis)} for part in parts)
-    return tuple(
-        StopGroup(part.setpoints, place, part.axis, part.held)
-        for part, place in zip(parts, places, strict=True)
-    )
+    return tuple(_covering(parking.parking_areas, parts))
 
 
 def _from_places(placements: PlacementSearch, parking: Parking) -> Iterator[StopPart]:
@@ -139,26 +134,29 @@ def _from_places(placements: PlacementSearch, parking: Parking) -> Iterator[Stop
 
 
 def _from_poses(placements: PlacementSearch, parking: Parking) -> list[StopPart]:
-    """The least cover by sampled poses, and parts of stops for what none of these serves."""
+    """What the least cover by sampled poses serves, and parts of stops for what none of these serves."""
     parts = PoseCover(placements.world, parking).fewest()
     served = {i for part in parts for i in part.setpoints}
     for group in parking.groups:
         left = tuple(i for i in group.setpoints if i not in served)
         parts += _parts(placements, group.of(left))
-    return _covering(parts, len(placements.world.task))
+    return parts
 
 
-def _covering(parts: Sequence[StopPart], count: int) -> list[StopPart]:
-    """The least cover of all set-points by parts, each set-point left to one of them."""
-    inside = np.zeros((len(parts), count), dtype=bool)
+def _covering(areas: ParkingAreas, parts: Sequence[StopPart]) -> Iterator[StopGroup]:
+    """Yield the least cover of all set-points by parts, each set-point left to one of them."""
+    inside = np.zeros((len(parts), areas.ladder.count), dtype=bool)
     for row, part in zip(inside, parts, strict=True):
         row[list(part.setpoints)] = True
     _, first = np.unique(inside, axis=0, return_index=True)
     best = first[undominated(inside[first])]
     chosen = best[list(least_cover(inside[best]).chosen)]
     owner = np.argmax(inside[chosen], axis=0)
-    members = [tuple(np.flatnonzero(owner == n).tolist()) for n in range(len(chosen))]
-    return [parts[k].of(own) for k, own in zip(chosen.tolist(), members, strict=True) if own]
+    for n, k in enumerate(chosen.tolist()):
+        part, own = parts[k], tuple(np.flatnonzero(owner == n).tolist())
+        if own:
+            places = {part.side: areas.shared(own, part.side, part.axis)}
+            yield StopGroup(part.setpoints, places, part.axis, part.held).of(own)
 
 
 def _parts(placements: PlacementSearch, group: StopGroup) -> Iterator[StopPart]:

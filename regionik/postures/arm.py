@@ -100,7 +100,7 @@ def goals_between(a: Target, b: Target, shares: Array) -> list[Target]:
     A direction goes along the shorter arc, an orientation the shorter way; what only one end asks for is not
     asked on the way. The cone goes evenly from one to the other.
     """
-    if a is b:
+    if a is b or not len(shares):
         return [a] * len(shares)
     asked: list[dict[str, Array]] = [{}] * len(shares)
     if a.orientation is not None and b.orientation is not None:

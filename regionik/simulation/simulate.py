@@ -2,21 +2,160 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
+from dataclasses import replace
 
 import numpy as np
 
-from regionik.simulation.noise import Noise, PoseEstimate
-from regionik.simulation.physics import Physics
-from regionik.simulation.reference import PERIOD, reference
-from regionik.simulation.run import SimulatedRun
-from regionik.simulation.simulated_robot import SUBSTEPS, SimulatedRobot
-from regionik.simulation.tracking import TrackingController
-from regionik.timing.trajectory import trajectory
+from regionik.simulation.noise import SLIP_TIME, Noise, PoseEstimate
+from regionik.simulation.physics import STEP, Overlap, Physics
+from regionik.simulation.reference import PERIOD, Reference, reference
+from regionik.simulation.run import Contact, SimulatedRun
+from regionik.simulation.tracking import LAG, Command, TrackingController
+from regionik.timing.trajectory import Trajectory, trajectory
 from regionik.values import Plan
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
+from regionik.worlds.robot import Robot
+from regionik.worlds.scene import World
+from regionik.worlds.self_collision import BODY, base_name
 from regionik.worlds.speeds import Speeds
+
+SERVO = 100.0  # natural frequency of the joints' servos [rad/s]
+SUBSTEPS = round(PERIOD / STEP)
+POSTURES = 50  # of the plan, for which the servos are made
+_SHARE = 1 - math.exp(-STEP / LAG)  # of the way to the commanded speed that is made in a step
+
+
+class BaseDrives:
+    """Drives of a base: ``twist`` (3,) is what its wheels say, of the base in its own frame [m/s], [rad/s].
+
+    A base that rolls is a unicycle, or a bicycle that steers: wheels whose contacts are solved for would slip
+    by what the solver makes of friction, not by what is asked for.
+
+    Parameters
+    ----------
+    robot : Robot
+    speeds : Speeds
+        A car steers no faster.
+    slips : (n, 3) array
+        Factors of what the base does to what its wheels say, one row a second.
+    curvature : float
+        That a car's wheels are turned to at first [1/m].
+    """
+
+    def __init__(self, robot: Robot, speeds: Speeds, slips: Array, curvature: float) -> None:
+        self.twist = np.zeros(3)
+        self._wheelbase = robot.turning_radius if not robot.drive.turns_on_the_spot else 0.0
+        self._steering = math.atan(self._wheelbase * curvature)
+        self._fastest = speeds.steering_velocity * STEP
+        self._slips = slips
+        self._steps = 0
+
+    def step(self, asked: Array, curvature: float, yaw: float) -> tuple[float, float, float]:
+        """Go on by a step, asked for a twist (3,) and, of a car, a curvature [1/m]; the base's velocity.
+
+        Of a base with a heading, in the world: x, y [m/s], yaw [rad/s].
+        """
+        twist, before = self.twist, self.twist.copy()
+        twist += (asked - twist) * _SHARE
+        if self._wheelbase:
+            wanted = math.atan(self._wheelbase * curvature)
+            self._steering += min(max(wanted - self._steering, -self._fastest), self._fastest)
+            twist[2] = twist[0] * math.tan(self._steering) / self._wheelbase
+        # MuJoCo goes on by the speed that a step ends with: that has to be its middle's.
+        gone = (before + twist) / 2 * self._slips[int(self._steps * STEP / SLIP_TIME)]
+        ahead, left, turn = gone.tolist()
+        self._steps += 1
+        middle = yaw + turn * STEP / 2
+        c, s = math.cos(middle), math.sin(middle)
+        return c * ahead - s * left, s * ahead + c * left, turn
+
+
+class SimulatedRobot:
+    """A robot that carries out commands, one each `PERIOD`.
+
+    Attributes
+    ----------
+    physics : Physics
+    contacts : dict
+        `Contact` by the names of the two solids.
+    """
+
+    def __init__(self, world: World, way: Reference, slips: Array, tolerance: float) -> None:
+        rows = np.linspace(0, len(way.time) - 1, min(len(way.time), POSTURES)).astype(int)
+        self.physics = Physics(world, way.base[0], way.joints[rows], SERVO)
+        self.contacts: dict[tuple[str, str], Contact] = {}
+        self._world, self._deepest = world, world.rules.contact_depth + tolerance
+        self._drives = BaseDrives(world.robot, world.speeds or Speeds(), slips, way.curvature[0])
+        last = len(world.robot.chain.joints) - 1
+        self._tips = {k for k, solid in enumerate(world.robot.solids) if solid.link == last}
+        self._spots: dict[int, list[list[float]]] = {}
+        self._added = np.zeros(world.robot.chain.dof)
+
+    @property
+    def twist(self) -> Array:
+        """What the wheels say of the base's motion in its own frame, (3,) [m/s], [rad/s]."""
+        return self._drives.twist
+
+    def setpoints(self, way: Trajectory, rows: int) -> Array:
+        """Set-points that the servos of all joints need for a plan of so many rows, one row each step."""
+        times = np.minimum(STEP * np.arange((rows - 1) * SUBSTEPS), way.duration)
+        return self.physics.setpoints(*way.sample(times).columns)
+
+    def run(self, command: Command, setpoints: Array, time: float) -> Array:
+        """Carry out a command from a time on; the mean twist that the wheels say meanwhile, (3,).
+
+        Parameters
+        ----------
+        command : Command
+        setpoints : (SUBSTEPS, n) array
+            That the servos need for the plan; what the command adds, they add evenly.
+        time : float
+            [s]
+        """
+        physics, travelled = self.physics, np.zeros(3)
+        rate = (command.added - self._added) / PERIOD
+        coupling = self._world.robot.chain.coupling
+        first = self._added + rate / SERVO  # half of its lag is made up for: with all of it, it overshoots
+        for j, setpoint in enumerate(setpoints):
+            velocity = self._drives.step(command.twist, command.curvature, float(physics.position[2]))
+            physics.step(velocity, setpoint + coupling @ (first + rate * (j * STEP)))
+            travelled += self.twist
+            if physics.touching:
+                self._keep_contacts(time + (j + 1) * STEP)
+        self._added = command.added
+        return travelled / len(setpoints)
+
+    def _keep_contacts(self, time: float) -> None:
+        for touch in self.physics.touches():
+            if self._is_allowed(touch):
+                continue
+            other = self._robot_solid(touch.other) if touch.own else self._world.solids[touch.other].name
+            names = self._robot_solid(touch.robot), other
+            known = self.contacts.setdefault(names, Contact(time, *names, touch.depth))
+            self.contacts[names] = replace(known, depth=max(known.depth, touch.depth))
+
+    def _is_allowed(self, touch: Overlap) -> bool:
+        """True where the last link touches what a set-point at hand lies on, near the tool and not deep."""
+        reach, tool = self._world.rules.tool_contact, self.physics.tool.tolist()
+        if touch.own or touch.robot not in self._tips or touch.depth > self._deepest:
+            return False
+        spots = self._worked_on(touch.other)
+        return math.dist(touch.point, tool) <= reach and any(math.dist(spot, tool) <= reach for spot in spots)
+
+    def _worked_on(self, solid: int) -> list[list[float]]:
+        """Set-points that lie on a solid, or within ``tool_contact`` of it [m]."""
+        if solid not in self._spots:
+            reach, one = self._world.rules.tool_contact, self._world.solids[solid]
+            spots = [target.position for target in self._world.task]
+            self._spots[solid] = [spot.tolist() for spot in spots if one.distance(spot) <= reach]
+        return self._spots[solid]
+
+    def _robot_solid(self, index: int) -> str:
+        robot = self._world.robot
+        return base_name(robot) if index == BODY else robot.all_solids[index].name
 
 
 def simulate(

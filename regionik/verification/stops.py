@@ -1,4 +1,4 @@
-"""Proof that the base stands still at its stops, and checks that it may park anywhere in their circles."""
+"""Proof that the base stands still at its stops, and checks of a plan with the base off its place."""
 
 from __future__ import annotations
 
@@ -15,11 +15,14 @@ from regionik.verification.led_postures import postures_led_to
 from regionik.verification.motion import wrap_angle
 from regionik.verification.proofs import Finding, StateNames, finding
 from regionik.worlds.arrays import Array
+from regionik.worlds.chain import Chain
 from regionik.worlds.scene import Target, World
 
 EXACT = 1e-9  # [m] or [rad]
 TOUCH = 1e-6  # by which a footprint may pass the floor's edge or a clearance [m]
 RIM_POINTS = 8  # places on the rim of a circle where the arm is tried
+_ANGLES = 2 * np.pi * np.arange(RIM_POINTS) / RIM_POINTS
+RIM = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES), np.zeros(RIM_POINTS)])  # of a radius of 1
 RIM_STEPS = 4  # on the way out to the rim, each posture the start of the next
 RESTARTS = 32  # random postures tried where the one led on fails
 FOOTPRINTS = 512  # parkings after which the room of the base is looked at
@@ -146,13 +149,11 @@ def _reached(plan: Plan, stop: Stop, poses: Array) -> NDArray[np.bool_]:
 def _worst_on_rim(plan: Plan, stop: Stop) -> tuple[int, float]:
     """The set-point missed farthest on the rim of the circle, and by how much beyond its tolerance."""
     task = [plan.world.task[i] for i in stop.setpoints]
-    angle = 2 * np.pi * np.arange(RIM_POINTS) / RIM_POINTS
-    out = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(RIM_POINTS)]) * stop.tolerance
     base = np.tile(stop.base, (len(task), RIM_POINTS, 1))
     joints = np.repeat([plan.setpoints[i].joints for i in stop.setpoints], RIM_POINTS, axis=0)
     targets = [target for target in task for _ in range(RIM_POINTS)]
     for share in np.arange(1, RIM_STEPS + 1) / RIM_STEPS:
-        poses = (base + share * out).reshape(-1, 3)
+        poses = (base + share * (RIM * stop.tolerance)).reshape(-1, 3)
         joints, excess = postures_led_to(plan.world, targets, poses, joints)
     missed = np.flatnonzero(excess > 0)
     if len(missed):
@@ -174,3 +175,47 @@ def _restarted(world: World, targets: Sequence[Target], poses: Array) -> Array:
         if not len(left):
             break
     return best
+
+
+def verify_execution(plan: Plan, names: StateNames) -> Finding:
+    """The arm reaches every set-point with the base as far off as ``rules.execution`` has it.
+
+    It is tried from the rim of the base's error, by damped least squares from the plan's posture, within the
+    joint limits. That nothing is touched is proven elsewhere, by clearances that hold the errors too.
+    """
+    offsets = _rim(plan.world)
+    if not len(offsets):
+        return finding("execution", np.inf, [])
+    poses = np.array([one.base for one in plan.setpoints])[:, None] + offsets
+    joints = np.repeat([one.joints for one in plan.setpoints], len(offsets), axis=0)
+    targets = [target for target in plan.world.task for _ in offsets]
+    led, missed = postures_led_to(plan.world, targets, poses.reshape(-1, 3), joints)
+    excess = missed.reshape(-1, len(offsets))
+    violations = []
+    for i in np.flatnonzero(excess.max(axis=1) > 0).tolist():
+        k, worst = int(excess[i].argmax()), float(excess[i].max())
+        off, at_limit = offsets[k], _at_limit(plan.world.robot.chain, led[i * len(offsets) + k])
+        text = f"with the base {np.hypot(off[0], off[1]):.4f} m and {abs(off[2]):.4f} rad off its place, "
+        text += f"no posture near the planned one reaches {names.setpoint(i)}; the nearest misses its "
+        text += f"tolerance by {worst:.4f} m or rad"
+        if at_limit:
+            text += f", {at_limit} at its limit, which criteria.joint_margin keeps it off"
+        violations.append(Violation("execution", None, i, worst, text))
+    return finding("execution", np.inf, violations)
+
+
+def _at_limit(chain: Chain, joints: Array) -> str | None:
+    """The first joint that is at one of its limits."""
+    near = np.minimum(joints - chain.lower, chain.upper - joints) <= 0.0
+    return next(
+        (joint.name for joint, is_near in zip(chain.active_joints, near, strict=True) if is_near), None
+    )
+
+
+def _rim(world: World) -> Array:
+    """Offsets (n, 3) of the base at the largest errors that the rules allow for; none where they are zero."""
+    errors = world.rules.errors
+    if not errors.base_error and not errors.heading_error:
+        return np.empty((0, 3))
+    turns = np.unique([-errors.heading_error, errors.heading_error])
+    return np.concatenate([errors.base_error * RIM + (0.0, 0.0, turn) for turn in turns])

@@ -16,7 +16,6 @@ from regionik.values import Answer, Configuration, Motion, Plan, Report, Violati
 from regionik.verification.arm_clearance import verify_arm_clearance
 from regionik.verification.base_clearance import verify_base_clearance, verify_floor
 from regionik.verification.derived_fields import verify_derived_fields
-from regionik.verification.execution import verify_execution
 from regionik.verification.limits import (
     verify_base_steps,
     verify_criteria,
@@ -28,7 +27,7 @@ from regionik.verification.motion import MotionSegments, wrap_angle
 from regionik.verification.proofs import Finding, StateNames, finding
 from regionik.verification.self_collision import verify_self_collision
 from regionik.verification.speeds import verify_speeds
-from regionik.verification.stops import verify_stops
+from regionik.verification.stops import verify_execution, verify_stops
 from regionik.verification.structure import inconsistencies, malformations
 from regionik.verification.tool_path import (
     verify_direction,

@@ -327,7 +327,10 @@ def _changes(world: World, explanation: Explanation, i: int) -> Iterator[SceneMe
             start, move = position, np.array(repair.vector)
             mesh, opacity = triangle_meshes.spheres((start + move)[None], 1.5 * MARK_RADIUS), 1.0
         elif repair.kind == "move-obstacle":
-            before, after = (_obstacle(one, repair.name) for one in (world, repaired(world, repair)))
+            before, after = (
+                next(solid for solid in one.obstacles if solid.name == repair.name)
+                for one in (world, repaired(world, repair))
+            )
             center = triangle_meshes.shadow_polygon(before).centroid
             start = np.array([center.x, center.y, before.z_range[1] + 3 * _SHAFT])  # above the obstacle
             move = np.array([*repair.vector, 0.0])
@@ -337,7 +340,3 @@ def _changes(world: World, explanation: Explanation, i: int) -> Iterator[SceneMe
         arrow = triangle_meshes.arrow(start, start + move, _SHAFT)
         for path, part, seen in ((f"why/move {k}", arrow, 1.0), (f"why/moved {k}", mesh, opacity)):
             yield SceneMesh(path, part, Color.REPAIR, seen, label="what a repair moves", name=repair.text)
-
-
-def _obstacle(world: World, name: str) -> Solid:
-    return next(solid for solid in world.obstacles if solid.name == name)

@@ -23,10 +23,9 @@ from regionik.worlds.documents.frames import FramesPart, read_frames
 from regionik.worlds.documents.robots import RobotPart, read_robot, robot_to_document
 from regionik.worlds.documents.tasks import PiecePart, read_task, task_to_document
 from regionik.worlds.errors import InputError, located, located_error
-from regionik.worlds.execution import Execution
+from regionik.worlds.execution import Execution, ParkingAccuracy
 from regionik.worlds.frames import FrameNames
 from regionik.worlds.obstacles import Solid
-from regionik.worlds.parking_accuracy import ParkingAccuracy
 from regionik.worlds.readers.text import SUFFIXES, is_file_name, plain_mapping, read_document
 from regionik.worlds.readers.validation import (
     Many,
@@ -78,7 +77,7 @@ class ExecutionPart(Strict):
 
 
 class ParkingPart(Strict):
-    """The fields of `regionik.worlds.parking_accuracy.ParkingAccuracy`, checked."""
+    """The fields of `regionik.worlds.execution.ParkingAccuracy`, checked."""
 
     covariance: Matrix3 | None = Field(
         default=None, description="of x, y [m2], yaw [rad2] in the world's axes"

@@ -17,7 +17,8 @@ stands higher, such as a mast, becomes solids of its own.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -25,26 +26,31 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.arrays import Array, frozen, transform_points
 from regionik.worlds.bundled import robot_named, robot_names
 from regionik.worlds.chain import Chain, planar_pose
 from regionik.worlds.drives import BaseKind, drive_of
 from regionik.worlds.errors import InputError, RobotNote, located, located_error, suggestion
-from regionik.worlds.links import BASE
+from regionik.worlds.links import BASE, CUBE_CORNERS
+from regionik.worlds.readers.collada import Surface
 from regionik.worlds.readers.text import is_file_name, join_names
 from regionik.worlds.readers.validation import LARGEST
 from regionik.worlds.rest_posture import rest_posture
 from regionik.worlds.robot import BODY_HEIGHT, Robot, Tool, check_turning_radius, with_tool, without_limits
 from regionik.worlds.self_collision import bodies_clear, disabled_pairs
+from regionik.worlds.urdf.bounding import hull_triangles
 from regionik.worlds.urdf.collision import CollisionModel, collision_model, solid_part
-from regionik.worlds.urdf.elements import SUFFIXES, UrdfModel, read_urdf
+from regionik.worlds.urdf.decomposition import CollisionPart
+from regionik.worlds.urdf.elements import SUFFIXES, CollisionShape, UrdfModel, read_urdf
 from regionik.worlds.urdf.kinematic_tree import (
     LinkPlacement,
+    PlacedLink,
     chain_along,
     kinematic_path,
     link_masses,
     place_links,
 )
+from regionik.worlds.urdf.meshes import MeshFiles
 from regionik.worlds.urdf.srdf import (
     NO_SEMANTICS,
     SemanticModel,
@@ -53,10 +59,14 @@ from regionik.worlds.urdf.srdf import (
     semantic_pairs,
     srdf_beside,
 )
-from regionik.worlds.urdf.visuals import visual_surfaces
+from regionik.worlds.visual_surfaces import VisualSurface, coarsened
 
 _UPRIGHT = 1e-9
 DEEP_TIP = 1e-3  # of the tool point in its own link, from which on it is told [m]
+TRIANGLES = 12_000  # of what is seen of a robot, coarse enough for a page
+LARGEST_MESH = 500_000  # triangles of one that is read
+GREY = 0x8A939C  # where a file gives no colour
+_FACETS = 20  # round a circle
 
 
 def load_robot(
@@ -322,3 +332,59 @@ def _numbers(values: ArrayLike, shape: tuple[int | None, ...], what: str) -> Arr
     if array.size and np.abs(array).max() > LARGEST:
         raise InputError(f"{what}: expected numbers of at most {LARGEST:g} in size")
     return array
+
+
+def visual_surfaces(
+    model: UrdfModel, links: Iterable[PlacedLink], parts: Iterable[CollisionPart]
+) -> tuple[VisualSurface, ...]:
+    """Return what is seen of links, one surface for each colour of what moves together.
+
+    Elements that cannot be read are passed over: pictures do without. The first surface on a link stands for
+    those parts of it that are of links with surfaces.
+    """
+    meshes = MeshFiles(model.path)
+    pieces: dict[tuple[int, int], list[Array]] = {}
+    seen: set[str] = set()
+    for link in links:
+        for shape, color in model.visuals[link.name]:
+            for one in _surfaces(shape, meshes):
+                paint = color if color is not None else GREY if one.color is None else one.color
+                placed = transform_points(link.T_owner_link @ shape.T_link_shape, one.triangles)
+                pieces.setdefault((link.owner, paint), []).append(placed)
+                seen.add(link.name)
+    surfaces = []
+    for (owner, paint), some in pieces.items():
+        corners = np.concatenate(some).reshape(-1, 3)
+        if np.isfinite(corners).all() and len(corners):
+            surfaces.append(VisualSurface(owner, paint, corners, np.arange(len(corners)).reshape(-1, 3)))
+    shown: dict[int, tuple[str, ...]] = {}
+    for part in parts:
+        if part.sources & seen:
+            shown[part.link] = (*shown.get(part.link, ()), part.solid.name)
+    coarse = coarsened(tuple(surfaces), TRIANGLES)
+    return tuple(replace(one, stands_for=shown.pop(one.link, ())) for one in coarse)
+
+
+def _surfaces(shape: CollisionShape, meshes: MeshFiles) -> Iterator[Surface]:
+    """Yield the surface of a visual element in its own frame."""
+    if shape.kind != "mesh":
+        yield Surface(hull_triangles(_corners(shape)), None)
+        return
+    with suppress(InputError):
+        yield from (one for one in meshes.colored(shape) if len(one.triangles) <= LARGEST_MESH)
+
+
+def _corners(shape: CollisionShape) -> Array:
+    """Return corners whose hull is a box, a cylinder or a sphere (n, 3)."""
+    if shape.kind == "box":
+        box: Array = CUBE_CORNERS * np.array(shape.size) / 2
+        return box
+    angle = 2 * np.pi * np.arange(_FACETS) / _FACETS
+    ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(_FACETS)])
+    up = np.array([0.0, 0.0, 1.0])
+    if shape.kind == "cylinder":
+        radius, length = shape.size
+        return np.concatenate([radius * ring + end * length / 2 * up for end in (-1, 1)])
+    heights = np.linspace(-1, 1, _FACETS // 2 + 1)
+    sphere = [np.sqrt(1 - z * z) * ring + z * up for z in np.sin(heights * np.pi / 2).tolist()]
+    return np.unique(shape.size[0] * np.concatenate(sphere), axis=0)
