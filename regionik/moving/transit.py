@@ -158,7 +158,9 @@ class TransitPlanner:
         if lead is not None and tail is not None:
             ways.append(distinct([here, *lead, *old, *tail, there]))
         clear = [shortcuts.quicker(shortcuts.shorter(way)) for way in ways if self.interpolator.clear(way)]
-        return min(clear, key=Clock(self.world).whole)[1:-1] if clear else None
+        if not clear:
+            return None
+        return self.shortened(here, min(clear, key=Clock(self.world).whole)[1:-1], there, piece)
 
     def _shortest(self, shortcuts: Shortcuts, poses: list[Pose]) -> list[Pose]:
         """The shortest motion found with the same ends."""
