@@ -129,7 +129,8 @@ class ResolvedStates:
         if touch.kind == "none":
             return []
         room = self.guard.room(touch) - self.guard.spare - TO_SPARE
-        change = self._by_motion(self._keeper.approach(touch, pose.base, pose.joints)[None], start, motion)[0]
+        here = np.concatenate([pose.base, pose.joints])[None]
+        change = self._by_motion(self._keeper.approach([touch], here), start, motion)[0]
         least = -max(room / 2, room - ARM_MARGIN, 0.0) if room > -TO_SPARE else -room
         return [_Row(change, float(change @ motion) + least)]
 
