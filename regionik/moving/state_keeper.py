@@ -89,12 +89,12 @@ class StateKeeper:
     def _clear(self, states: Array) -> HalfSpaces:
         """Links that are near to something come no nearer than they may."""
         bodies, contact = self.guard.bodies, self.guard.contact
-        looked_at = [
-            (k, nearest(bodies, states[k, :3], states[k, 3:], contact=contact, within=NEAR))
+        found = {
+            k: nearest(bodies, states[k, :3], states[k, 3:], contact=contact, within=NEAR)
             for k in self._near(states)
-        ]
-        near = [(k, touch) for k, touch in looked_at if touch.kind != "none"]
-        k, touches = np.array([k for k, _ in near], dtype=np.int64), [touch for _, touch in near]
+        }
+        found = {k: touch for k, touch in found.items() if touch.kind != "none"}
+        k, touches = np.array(list(found), dtype=np.int64), list(found.values())
         room = np.array([self.guard.room(touch) for touch in touches]) - self.demanded[k]
         normal = self.approach(touches, states[k])
         return HalfSpaces(k, normal, _least(room, ARM_MARGIN), np.full(len(k), ARM_COST))
@@ -104,18 +104,17 @@ class StateKeeper:
         bodies, contact = self.guard.bodies, self.guard.contact
         base, joints, k = states[:, :3].copy(), states[:, 3:].copy(), 0
         while k < len(states):
-            clear = path_clear(bodies, base[k:], joints[k:], NEAR, contact)[0]
-            if not clear and not state_clear(bodies, base[k], joints[k], NEAR, contact):
+            if state_clear(bodies, base[k], joints[k], NEAR, contact):
+                k += path_clear(bodies, base[k:], joints[k:], NEAR, contact)[0]
+            else:
                 yield k
-            k += clear + 1
+            k += 1
 
     def approach(self, touches: Sequence[Touch], states: Array) -> Array:
         """How the distances of touches in n states change with each coordinate, (n, m)."""
         solids = self.robot.all_solids
-        on_solid, on_other = (
-            np.array([getattr(touch, name) for touch in touches]).reshape(-1, 3)
-            for name in ("on_solid", "on_other")
-        )
+        on_solid = np.reshape([touch.on_solid for touch in touches], (-1, 3))
+        on_other = np.reshape([touch.on_other for touch in touches], (-1, 3))
         apart = on_solid - on_other
         signs = np.where([touch.distance >= 0 for touch in touches], 1.0, -1.0)
         lengths = np.array([max(float(np.linalg.norm(way)), 1e-12) for way in apart])
