@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -178,7 +179,6 @@ def path_areas(
         np.concatenate([rows for rows, _, _ in found]),
         tuple(one for _, families, _ in found for one in families),
         np.repeat(np.arange(len(sides)), [len(rows) for rows, _, _ in found]),
-        np.concatenate([rings for _, _, rings in found]),
         np.concatenate(areas),
     )
     return by_side.sorted_by(by_side.target)
@@ -314,10 +314,13 @@ def planned_areas(
     world: World, areas: PathAreas, pruned: Callable[[int], BaseGeometry]
 ) -> tuple[PlannedArea, ...]:
     """Admissible, pruned and rejected parts of every set-point, as a plan carries them."""
-    found = []
-    bounds = np.searchsorted(areas.target, np.arange(len(world.task) + 1))
-    for i, (a, b) in enumerate(zip(bounds[:-1], bounds[1:], strict=True)):
-        reach, admissible = united(areas.reach[a:b]), united(areas.inner[a:b])
-        rejected = Polygon() if admissible is reach else reach - admissible
-        found.append(PlannedArea(admissible, pruned(i), rejected))
-    return tuple(found)
+    facings = sorted({family.facing for family in areas.family})
+    rows, _, rings = reach_rows(world, world.task, facings, inner=True, span=span_of_rules(world))
+    ends = np.arange(len(world.task) + 1)
+    reach, admissible = (
+        np.array([united(shapes[a:b]) for a, b in pairwise(np.searchsorted(which, ends))], dtype=object)
+        for which, shapes in ((rows, rings), (areas.target, areas.inner))
+    )
+    rejected = shapely.difference(reach, admissible)
+    parts = zip(admissible, rejected, strict=True)
+    return tuple(PlannedArea(one, pruned(i), other) for i, (one, other) in enumerate(parts))

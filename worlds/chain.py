@@ -225,16 +225,16 @@ class Chain:
         tool: Array = self.frames(joints)[..., -1, :, :]
         return tool
 
-    def point_jacobian(self, frames: Array, point: Array, moving: int) -> Array:
+    def point_jacobian(self, frames: Array, point: Array, moving: ArrayLike) -> Array:
         """Velocities of a point per unit speed of each active joint, (..., dof, 3).
 
         Link and tool frames (..., n + 1, 4, 4) and point (..., 3) are in one frame [m]; the first ``moving``
-        of all joints move the point.
+        (...) of all joints move the point.
         """
         axes = self._turned_axes(frames)
         turned = cross(axes, point[..., None, :] - frames[..., :-1, :3, 3])
-        columns = np.where(self.revolute[:, None], turned, axes)
-        columns[..., moving:, :] = 0.0
+        moves = np.arange(len(self.joints)) < np.asarray(moving)[..., None]
+        columns = np.where(moves[..., None], np.where(self.revolute[:, None], turned, axes), 0.0)
         return np.asarray(self.coupling.T @ columns)
 
     def turn_jacobian(self, frames: Array) -> Array:

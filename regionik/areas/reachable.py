@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import EVERY, GUARD, Geometries
+from regionik.areas.ground import EVERY, GUARD, Geometries, united
 from regionik.areas.planar_reach import PlanarReach
 from regionik.areas.reach_model import (
     FineRows,
@@ -251,17 +251,23 @@ class PivotedReach(ReachModel):
         return which, (Family(FRONT),) * len(which), sector_polygons(rings, query)
 
     def _sectors(self, positions: Array, query: ReachQuery) -> Rows:
-        """Rings cut to the azimuths that pivot and base turn the tool to; see `inner_sectors`."""
-        found = [inner_sectors(self.chain, z - self.height) for z in positions[:, 2].tolist()]
-        which = np.repeat(np.arange(len(found)), [len(some) for some in found])
-        low, high, right, left = np.array([row for some in found for row in some]).reshape(-1, 4).T
+        """Rings cut to the azimuths that pivot and base turn the tool to, united; see `inner_sectors`."""
+        heights, level = np.unique(positions[:, 2], return_inverse=True)
+        found = np.array([self._sectors_at(z, query) for z in heights.tolist()], dtype=object)[level]
+        real = np.flatnonzero(~shapely.is_empty(found))
+        by = np.repeat(positions[real, :2], shapely.get_num_coordinates(found[real]), axis=0)
+        return real, (Family(FRONT),) * len(real), shapely.transform(found[real], lambda at: at + by)
+
+    def _sectors_at(self, z: float, query: ReachQuery) -> BaseGeometry:
+        """Sectors of a target at a height, above the floor's origin."""
+        rows = np.reshape(inner_sectors(self.chain, z - self.height), (-1, 4))
+        low, high, right, left = rows.T
         pivot, span = self.pivot(query.rules), query.span
         half = (pivot[1] - pivot[0] + span[1] - span[0] - (left - right)) / 2 - query.guard
         middle = float(self.robot.mount[3]) + (sum(pivot) + sum(span) + right + left) / 2
         real = wide_enough(low, high, query) & (half > 0)
-        rings = Sectors(positions[which, :2], low, high, middle + np.pi, half)
-        rings = Sectors(*(part[real] for part in rings))
-        return which[real], (Family(FRONT),) * int(real.sum()), sector_polygons(rings, query)
+        rings = Sectors(np.zeros((len(rows), 2)), low, high, middle + np.pi, half)
+        return united(sector_polygons(Sectors(*(part[real] for part in rings)), query))
 
     def distances(self, criteria: Criteria | None, heights: Array, *, inner: bool) -> list[Array]:
         """R(z) at each height; see `ReachModel`."""

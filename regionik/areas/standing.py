@@ -57,7 +57,7 @@ class Pieces(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PathAreas:
-    """Admissible inner areas of many targets, one row for each target, family and reach interval.
+    """Admissible inner areas of many targets, one row for each target, side, family and reach interval.
 
     Attributes
     ----------
@@ -67,21 +67,19 @@ class PathAreas:
         One for each row.
     side : (m,) array of int
         Side of the standing that the row is about.
-    reach, inner : (m,) array of geometry
-        Before and after rejection.
+    inner : (m,) array of geometry
     """
 
     target: NDArray[np.intp]
     family: tuple[Family, ...]
     side: NDArray[np.intp]
-    reach: Geometries
     inner: Geometries
 
     def sorted_by(self, target: Index) -> PathAreas:
         """Return the rows in the order of other numbers of their targets, (m,)."""
         by = np.argsort(target, kind="stable")
         family = tuple(self.family[k] for k in by.tolist())
-        return PathAreas(target[by], family, self.side[by], self.reach[by], self.inner[by])
+        return PathAreas(target[by], family, self.side[by], self.inner[by])
 
 
 @dataclass(frozen=True, eq=False)

@@ -99,17 +99,18 @@ class ConfigurationSampler:
     _nearly: dict[int, list[tuple[float, Candidate]]] = field(default_factory=dict)
 
     def options(
-        self, i: int, components: Sequence[int], here: Pose, nominal: Candidate
+        self, i: int, components: Sequence[int], here: Pose, nominal: Candidate, *, together: bool = False
     ) -> Iterator[Candidate]:
         """Clear configurations at set-point i with the base in some components, the likeliest first.
 
-        The robot comes from ``here``, and M-FABRIK found the ``nominal`` one.
+        The robot comes from ``here``, and M-FABRIK found the ``nominal`` one, which is far where base and
+        joints have gone on ``together`` to here: then they go on so first.
         """
         poses = iter(()) if self.layers is None else self.layers.onward(i, components, here.base)
+        known = self.nominal(i, components, here, nominal), self.resolved_onward(i, here)
         found = one_after_another(
             self._stood(i, poses, here),
-            self.nominal(i, components, here, nominal),
-            self.resolved_onward(i, here),
+            *(known[::-1] if together else known),
             self._sought(i, components, here),
         )
         return (candidate for candidate in found if self.meets(candidate.pose))

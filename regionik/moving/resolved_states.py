@@ -32,6 +32,7 @@ from regionik.worlds.scene import World
 from regionik.worlds.speeds import Speeds
 
 ROUNDS = 20  # of Newton's method
+PATIENCE = 4  # of these that bring the tool no nearer than it was, after which it ends
 EXACT = 1e-8  # miss of the tool, angles as lengths [m]
 TO_SPARE = 0.002  # of what is near, left for the way between states [m]
 NEAREST = 0.999  # share of the way from the middle of a joint's range to its end that weighs most
@@ -75,13 +76,17 @@ class ResolvedStates:
         by_turn[n - 1] = turning
         fixed[list(still)] = True
         low[fixed] = high[fixed] = 0.0
+        missed = list[float]()
         for _ in range(ROUNDS):
             pose = self._moved(start, motion)
             miss, J = missed_by(self.world.robot, aim, np.concatenate([pose.base, pose.joints])[None])
             touch = self._near(pose)
             room = self.guard.room(touch) - self.guard.spare
-            if float(np.linalg.norm(miss)) <= EXACT and room > 0 and self._turns_enough(motion):
+            missed.append(max(float(np.linalg.norm(miss)), EXACT))
+            if missed[-1] == EXACT and room > 0 and self._turns_enough(motion):
                 return pose
+            if min(missed[-PATIENCE:]) > min(missed):
+                return None
             rows += self._touch_rows(touch, pose, start, motion)
             asked = rows + self._arc_rows(motion)
             weight = np.where(fixed, 1.0, self._lightness(start.joints, motion) * by_turn) ** -2
@@ -129,7 +134,8 @@ class ResolvedStates:
         if touch.kind == "none":
             return []
         room = self.guard.room(touch) - self.guard.spare - TO_SPARE
-        change = self._by_motion(self._keeper.approach(touch, pose.base, pose.joints)[None], start, motion)[0]
+        here = np.concatenate([pose.base, pose.joints])[None]
+        change = self._by_motion(self._keeper.approach([touch], here), start, motion)[0]
         least = -max(room / 2, room - ARM_MARGIN, 0.0) if room > -TO_SPARE else -room
         return [_Row(change, float(change @ motion) + least)]
 

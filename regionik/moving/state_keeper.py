@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,7 +15,7 @@ from regionik.planners.driving.footprint import FootprintScene
 from regionik.planners.smoothing.path_smoothing import HalfSpaces
 from regionik.postures.arm_guard import Guard
 from regionik.postures.poses import axis_of
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Index
 from regionik.worlds.robot import Robot
 
 AREA_MARGIN, ARM_MARGIN = 0.03, 0.01  # kept where there is room [m]
@@ -39,7 +39,7 @@ class StateKeeper:
         """Half-spaces about given states, see `path_smoothing`."""
         parts = [self._inside(states)] if not self.robot.drive.rolls else []
         parts += [self.on_floor(states)] if self.room else []
-        parts += self._clear(states) if self.guard.on else []
+        parts += [self._clear(states)] if self.guard.on else []
         if not parts:
             return HalfSpaces(np.empty(0, np.int64), np.empty((0, states.shape[1])), np.empty(0), np.empty(0))
         columns = ((one.state, one.normal, one.least, one.cost) for one in parts)
@@ -86,48 +86,53 @@ class StateKeeper:
         normal[:, 2] = unit[:, 1] * lever[:, 0] - unit[:, 0] * lever[:, 1]
         return HalfSpaces(k, normal, _least(room[kept], AREA_MARGIN), np.full(len(k), AREA_COST))
 
-    def _clear(self, states: Array) -> list[HalfSpaces]:
+    def _clear(self, states: Array) -> HalfSpaces:
         """Links that are near to something come no nearer than they may."""
         bodies, contact = self.guard.bodies, self.guard.contact
-        rows = []
-        for k in self._near(states):
-            base, joints = states[k, :3].copy(), states[k, 3:].copy()
-            touch = nearest(bodies, base, joints, contact=contact, within=NEAR)
-            if touch.kind != "none":
-                room = np.array([self.guard.room(touch) - self.demanded[k]])
-                normal = self.approach(touch, base, joints)[None]
-                least = _least(room, ARM_MARGIN)
-                rows.append(HalfSpaces(np.array([k]), normal, least, np.array([ARM_COST])))
-        return rows
+        found = {
+            k: nearest(bodies, states[k, :3], states[k, 3:], contact=contact, within=NEAR)
+            for k in self._near(states)
+        }
+        found = {k: touch for k, touch in found.items() if touch.kind != "none"}
+        k, touches = np.array(list(found), dtype=np.int64), list(found.values())
+        room = np.array([self.guard.room(touch) for touch in touches]) - self.demanded[k]
+        normal = self.approach(touches, states[k])
+        return HalfSpaces(k, normal, _least(room, ARM_MARGIN), np.full(len(k), ARM_COST))
 
     def _near(self, states: Array) -> Iterator[int]:
         """States that are not proven clear by a distance; long ways that are take one proof."""
         bodies, contact = self.guard.bodies, self.guard.contact
         base, joints, k = states[:, :3].copy(), states[:, 3:].copy(), 0
         while k < len(states):
-            clear = path_clear(bodies, base[k:], joints[k:], NEAR, contact)[0]
-            if not clear and not state_clear(bodies, base[k], joints[k], NEAR, contact):
+            if state_clear(bodies, base[k], joints[k], NEAR, contact):
+                k += path_clear(bodies, base[k:], joints[k:], NEAR, contact)[0]
+            else:
                 yield k
-            k += clear + 1
+            k += 1
 
-    def approach(self, touch: Touch, base: Array, joints: Array) -> Array:
-        """How the distance of a touch changes with each coordinate, (m,)."""
-        apart = touch.on_solid - touch.on_other
-        unit = apart / max(float(np.linalg.norm(apart)), 1e-12) * (1.0 if touch.distance >= 0 else -1.0)
-        frames, solids = self.robot.frames(base, joints), self.robot.all_solids
-        moved = self._moved(frames, base, solids[touch.solid].link, touch.on_solid)
-        if touch.kind == "self":
-            moved = moved - self._moved(frames, base, solids[touch.other].link, touch.on_other)
-        if touch.kind == "base":
-            moved = moved - self._moved(frames, base, -1, touch.on_other)
-        return unit @ moved
+    def approach(self, touches: Sequence[Touch], states: Array) -> Array:
+        """How the distances of touches in n states change with each coordinate, (n, m)."""
+        solids = self.robot.all_solids
+        on_solid = np.reshape([touch.on_solid for touch in touches], (-1, 3))
+        on_other = np.reshape([touch.on_other for touch in touches], (-1, 3))
+        apart = on_solid - on_other
+        signs = np.where([touch.distance >= 0 for touch in touches], 1.0, -1.0)
+        lengths = np.array([max(float(np.linalg.norm(way)), 1e-12) for way in apart])
+        unit = apart / lengths[:, None] * signs[:, None]
+        frames = self.robot.frames(states[:, :3], states[:, 3:])
+        links = np.array([solids[touch.solid].link for touch in touches], dtype=np.int64)
+        others = [solids[touch.other].link if touch.kind == "self" else -1 for touch in touches]
+        moved = self._moved(frames, states, links, on_solid)
+        own = np.array([touch.kind != "obstacle" for touch in touches], dtype=bool)
+        moved[own] -= self._moved(frames, states, np.array(others, dtype=np.int64), on_other)[own]
+        return np.asarray(unit[:, None] @ moved)[:, 0]
 
-    def _moved(self, frames: Array, base: Array, link: int, point: Array) -> Array:
-        """Velocity of a point of a link for each coordinate's unit speed, (3, m)."""
-        J = np.zeros((3, 3 + self.robot.chain.dof))
-        J[0, 0] = J[1, 1] = 1.0
-        J[:2, 2] = base[1] - point[1], point[0] - base[0]
-        J[:, 3:] = self.robot.chain.point_jacobian(frames, point, link + 1).T
+    def _moved(self, frames: Array, states: Array, links: Index, points: Array) -> Array:
+        """Velocities of points (n, 3) of links for each coordinate's unit speed, (n, 3, m)."""
+        J = np.zeros((len(states), 3, states.shape[1]))
+        J[:, 0, 0] = J[:, 1, 1] = 1.0
+        J[:, 0, 2], J[:, 1, 2] = states[:, 1] - points[:, 1], points[:, 0] - states[:, 0]
+        J[:, :, 3:] = self.robot.chain.point_jacobian(frames, points, links + 1).swapaxes(1, 2)
         return J
 
     @cached_property
