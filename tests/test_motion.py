@@ -108,12 +108,14 @@ def test_nothing_jumps(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["shelf", "pipe", "free", "wall", "l_shape"])
 def test_the_elbow_does_not_flip_on_the_path(name: str) -> None:
+    """It may go through straight, as where the wrist makes up for it, but not from one side to the other."""
     found = planned(name)
     elbow = planar_arm(found.world.robot.chain).bends(found.motion.joints)[:, 1]
     lifted = np.cumsum(found.motion.kind == "transit")
     spots = np.flatnonzero(found.motion.kind == "setpoint")
     unbroken = lifted[spots[1:]] == lifted[spots[:-1]]
-    flips = (np.sign(elbow[spots[1:]]) != np.sign(elbow[spots[:-1]])) & unbroken
+    before, after = elbow[spots[:-1]], elbow[spots[1:]]
+    flips = (np.sign(before) != np.sign(after)) & (np.abs(after - before) > 0.1) & unbroken
     assert unbroken.sum() >= len(spots) - 2
     assert not flips.any()
 

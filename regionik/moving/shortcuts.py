@@ -133,10 +133,8 @@ class Shortcuts:
 
     def _at(self, poses: list[Pose], u: float) -> Pose:
         """Place on a motion, in states."""
-        k = int(u)
-        return (
-            poses[k] if u == k else pose_between(poses[k], poses[k + 1], u - k, self.driver.world.robot.drive)
-        )
+        k, drive = int(u), self.driver.world.robot.drive
+        return poses[k] if u == k else pose_between(poses[k], poses[k + 1], u - k, drive)
 
 
 @dataclass(frozen=True, eq=False)

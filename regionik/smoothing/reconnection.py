@@ -30,9 +30,8 @@ class Reconnection:
             way = self._way(here, there, [_pose(old, k) for k in range(was.start - 1, was.stop + 1)])
             if way is None:
                 return None
-            rows = lifted_rows(
-                here, way, there, int(new.setpoint[now.start - 1]), self.planner.world.robot.drive
-            )
+            owner, drive = int(new.setpoint[now.start - 1]), self.planner.world.robot.drive
+            rows = lifted_rows(here, way, there, owner, drive)
             parts += [new.part(done, now.start), *([columns(rows)] if rows else [])]
             done = now.stop
         return Motion.joined([*parts, new.part(done, len(new))])
