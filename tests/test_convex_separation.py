@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import pose, translation
-from regionik.worlds.self_collision import ConvexBody, separated
+from regionik.worlds.self_collision import ConvexBody, apart_somewhere, separated
 
 HERE = np.eye(4)[None]
 
@@ -61,3 +61,16 @@ def test_each_pair_of_poses_by_itself() -> None:
     spots = np.array([0.9, 1.1, 0.0, 5.0])
     moved = np.stack([translation(x, 0, 0) for x in spots])
     assert separated(ball, np.repeat(HERE, 4, 0), ball, moved).tolist() == [False, True, False, True]
+
+
+@given(st.floats(-0.3, 0.3), st.floats(-0.3, 0.3), st.floats(1e-4, 0.02), st.floats(0.01, 0.1))
+def test_a_ball_over_the_middle_of_a_large_face_is_apart(
+    x: float, y: float, gap: float, radius: float
+) -> None:
+    """Where Gilbert's method is slow; a pair that were taken to touch always would not be checked."""
+    corners = np.array([[x, y, z] for x in (-0.35, 0.35) for y in (-0.35, 0.35) for z in (-0.3, 0.0)])
+    box, ball = ConvexBody(corners), ConvexBody(np.zeros((1, 3)), radius)
+    over, into = (np.array([np.eye(4)]) for _ in range(2))
+    over[0, :3, 3], into[0, :3, 3] = (x, y, radius + gap), (x, y, radius - gap)
+    assert apart_somewhere(box, HERE, ball, over)
+    assert not apart_somewhere(box, HERE, ball, into)

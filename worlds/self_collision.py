@@ -13,6 +13,7 @@ from functools import cached_property, lru_cache
 from itertools import combinations, compress
 
 import numpy as np
+from scipy.optimize import nnls
 from shapely.geometry import Polygon
 
 from regionik.worlds.arrays import Array, Mask
@@ -27,6 +28,8 @@ POSTURES, MANY_POSTURES = 64, 2000  # sampled: to find pairs, and to disable som
 OFTEN, MOSTLY, NEARLY_ALWAYS = 0.1, 0.75, 0.95  # of the postures
 SLIDE = 2.0  # travel of a joint without limits in these postures [m]
 _PARALLEL = 1e-6
+_TOUCHING = 1e-6  # apart by no more, by rounding [m]
+_SUM_WEIGHT = 1e3  # of the sums of weights, which are 1, against lengths [m]
 _LEVEL = 1e-9  # change of a height that is rounding [m]
 
 
@@ -63,6 +66,29 @@ def separated(one: ConvexBody, T_one: Array, other: ConvexBody, T_other: Array) 
         share = np.minimum(gain[on] / length[on], 1.0)
         left, v = left[on], v[on] - share[:, None] * step[on]
     return found
+
+
+def apart_somewhere(one: ConvexBody, T_one: Array, other: ConvexBody, T_other: Array) -> bool:
+    """True if two bodies do not touch in one of the poses (n, 4, 4) at least, decided to rounding.
+
+    A plane is soon found, where there is one; where none was, as between a large body and a small one near
+    the middle of its face, the nearest points are those of a least-squares problem.
+    """
+    if separated(one, T_one, other, T_other).any():
+        return True
+    radii = one.radius + other.radius + _TOUCHING
+    return any(_core_distance(one, A, other, B) > radii for A, B in zip(T_one, T_other, strict=True))
+
+
+def _core_distance(one: ConvexBody, T_one: Array, other: ConvexBody, T_other: Array) -> float:
+    """Distance of the hulls of two bodies' corners, of points weighed by 0 or more, 1 in all [m]."""
+    p, q = (body.corners @ T[:3, :3].T + T[:3, 3] for body, T in ((one, T_one), (other, T_other)))
+    sums = np.zeros((2, len(p) + len(q)))
+    sums[0, : len(p)] = sums[1, len(p) :] = _SUM_WEIGHT
+    weights, _ = nnls(
+        np.vstack([np.concatenate([p, -q]).T, sums]), np.array([0, 0, 0, _SUM_WEIGHT, _SUM_WEIGHT])
+    )
+    return float(np.linalg.norm(weights[: len(p)] @ p - weights[len(p) :] @ q))
 
 
 def base_name(robot: Robot) -> str:
@@ -106,11 +132,11 @@ def self_collision_pairs(robot: Robot) -> tuple[tuple[int, int], ...]:
         far = (
             k for k in range(len(solids)) if order[k] > first and {body.name, solids[k].name} not in allowed
         )
-        pairs += [(BODY, k) for k in far if separated(block, still, bodies[k], poses[k]).any()]
+        pairs += [(BODY, k) for k in far if apart_somewhere(block, still, bodies[k], poses[k])]
     for i, k in combinations(range(len(solids)), 2):
         if abs(order[i] - order[k]) < 2 or {solids[i].name, solids[k].name} in allowed:
             continue
-        if separated(bodies[i], poses[i], bodies[k], poses[k]).any():
+        if apart_somewhere(bodies[i], poses[i], bodies[k], poses[k]):
             pairs.append((i, k))
     return tuple(pairs)
 
