@@ -150,7 +150,7 @@ class TransitPlanner:
     def rejoined(self, here: Pose, old: list[Pose], there: Pose, piece: int) -> list[Pose] | None:
         """States strictly between two poses, on an old way whose ends are near to them or a new one.
 
-        The quicker of both, and on none where neither is clear.
+        The quicker of both; none where neither is clear, or the base would go farther round than before.
         """
         lead, tail = self.driver.direct(here, old[0], piece), self.driver.direct(old[-1], there, piece)
         folded, shortcuts = self.folded(here, there, piece), Shortcuts(self.interpolator, self.driver, piece)
@@ -160,7 +160,12 @@ class TransitPlanner:
         clear = [shortcuts.quicker(shortcuts.shorter(way)) for way in ways if self.interpolator.clear(way)]
         if not clear:
             return None
-        return self.shortened(here, min(clear, key=Clock(self.world).whole)[1:-1], there, piece)
+        way = self.shortened(here, min(clear, key=Clock(self.world).whole)[1:-1], there, piece)
+        return way if self._detour([here, *way, there]) <= max(WINDING, self._detour(old)) else None
+
+    def _detour(self, poses: list[Pose]) -> float:
+        """How far the base goes, the least way for its arm axis being 1."""
+        return travel(poses) / (self._least(poses[0], poses[-1]) + SAVED)
 
     def _shortest(self, shortcuts: Shortcuts, poses: list[Pose]) -> list[Pose]:
         """The shortest motion found with the same ends."""
