@@ -9,6 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from regionik.pipeline import search
+from regionik.smoothing.reconnection import Reconnection
 from regionik.timing.corner_rounding import rounded
 from regionik.timing.jerk_limited_timing import stretched
 from regionik.timing.limits import THICKNESS, motion_limits
@@ -17,6 +19,7 @@ from regionik.values import Motion
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
+from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError
 from regionik.worlds.speeds import Speeds
 from tests import examples
@@ -136,14 +139,22 @@ def test_the_robot_rests_only_about_what_its_rounded_motion_would_touch() -> Non
 
 
 @pytest.mark.slow
-def test_the_robot_rests_where_the_tool_comes_to_a_path_that_has_a_speed() -> None:
-    """It came there slowly, on a corner between two motions, and took longer to the speed than from rest."""
-    before = planned("slab")
-    found = retime(before, ASKED).motion
-    lifted = found.kind == "transit"
-    first = np.flatnonzero(lifted[:-1] & ~lifted[1:] & (found.setpoint[1:] >= 0))
-    assert len(first) == before.lift_offs + 1
-    assert all(np.array_equal(found.joints[k + 1], found.joints[k + 2]) for k in first.tolist())
+def test_the_robot_rests_where_the_tool_comes_to_a_path_that_has_a_speed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It came there slowly, on a corner between two motions, and took longer to the speed than from rest.
+
+    Runs begin where they were found, as one of them does on a corner that is rounded without a speed.
+    """
+    monkeypatch.setattr(Reconnection, "_way", lambda *_: None)
+    before = search(load_world("slab"))
+    for asked, rests in ((ASKED, True), (replace(ASKED, tool_velocity=None), False)):
+        found = retime(before, asked).motion
+        lifted = found.kind == "transit"
+        first = np.flatnonzero(lifted[:-1] & ~lifted[1:] & (found.setpoint[1:] >= 0))
+        assert len(first) == before.lift_offs + 1
+        again = [np.array_equal(found.joints[k + 1], found.joints[k + 2]) for k in first.tolist()]
+        assert all(again) == rests
 
 
 @pytest.mark.parametrize("blend", [1e-4, 3e-4, 5e-3])

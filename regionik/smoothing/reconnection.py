@@ -24,9 +24,9 @@ class Reconnection:
         """
         parts, done = list[Motion](), 0
         for was, now in zip(transits(old), transits(new), strict=True):
-            if all(map(_same, _ends(old, was), _ends(new, now))):
-                continue
             here, there = _ends(new, now)
+            if all(map(_same, _ends(old, was), (here, there))):
+                continue
             way = self._way(here, there, [_pose(old, k) for k in range(was.start - 1, was.stop + 1)])
             if way is None:
                 return None
