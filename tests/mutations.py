@@ -453,6 +453,20 @@ FAULTS = (
         ("tests/test_resolved_motion.py",),
     ),
     Fault(
+        "resolved motion: the tool turns beyond its cone",
+        "regionik/moving/resolved_states.py",
+        "max(turned - cone, 0.0)",
+        "0.0",
+        ("tests/test_resolved_motion.py",),
+    ),
+    Fault(
+        "footprint: of two corners before a wall one is looked after",
+        "regionik/moving/state_keeper.py",
+        "for way in (unit, lever)]",
+        "for way in (unit,)]",
+        ("tests/test_smoothing.py",),
+    ),
+    Fault(
         "closed form: one elbow of two",
         "planners/solvers/closed_form.py",
         "0.5 * (row_dot(g, g) - row_dot(b, b) - row_dot(d, d))):",

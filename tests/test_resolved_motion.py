@@ -9,8 +9,10 @@ import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from regionik.moving.resolved_motion import ResolvedMotion
+from regionik.postures.arm import deviation
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import Pose, arrays
 from regionik.worlds.arrays import Array
@@ -50,6 +52,20 @@ def test_the_tool_is_led_as_the_base_drives(base: BaseKind, bearing: float, far:
     assert (np.abs(slid[:, 2]) * robot.drive.turning_radius <= np.abs(length) + 1e-9).all()
     assert (joints >= robot.chain.lower).all()
     assert (joints <= robot.chain.upper).all()
+
+
+@given(bearing=st.floats(-np.pi, np.pi), tilt=st.floats(-0.2, 0.2), cone=st.floats(0.005, 0.2))
+def test_the_tool_turns_within_its_cone(bearing: float, tilt: float, cone: float) -> None:
+    """Wherever in it the tool begins; half of it is left for the way between states."""
+    world, here = world_of("omni", 0.05 * np.array([np.cos(bearing), np.sin(bearing), 0.5]))
+    axis = world.robot.tool(here.base, here.joints)[:3, 2]
+    wished = Rotation.from_rotvec(tilt * np.array([np.cos(bearing), np.sin(bearing), 0.0])).apply(axis)
+    task = tuple(replace(target, direction=wished, cone=2 * (abs(tilt) + cone)) for target in world.task)
+    states = ResolvedMotion(replace(world, task=task), guard_of(world)).onward(0, here)
+    assert states is not None
+    for pose in states:
+        turned = deviation(task[1], world.robot.tool(pose.base, pose.joints)[:3, :3])
+        assert turned <= task[1].cone / 2 + 1e-5
 
 
 def test_it_is_the_motion_of_all_that_moves() -> None:

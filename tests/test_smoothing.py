@@ -19,7 +19,7 @@ from regionik import pipeline
 from regionik.areas.standing import room_for, turns_matter
 from regionik.moving.state_keeper import AREA_MARGIN, NEAR, StateKeeper
 from regionik.planners.smoothing.quadratic_program import minimize_quadratic
-from regionik.planners.solvers.aims import missed_by, tool_jacobians
+from regionik.planners.solvers.aims import beyond_cones, missed_by, tool_jacobians
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, Aims
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import axis_of
@@ -243,6 +243,21 @@ def test_half_spaces_of_the_footprint_are_its_distance_and_how_it_changes() -> N
     assert seen > 30
 
 
+def test_both_front_corners_keep_their_distance() -> None:
+    """Before a hollow wall, which they come near to together, the base may not turn either of them in."""
+    outline = np.array([[0.5, 0.3], [-0.4, 0.3], [-0.4, -0.3], [0.5, -0.3]])
+    cart = replace(robot_named("youbot"), footprint=outline)
+    floor = shapely.Polygon([(-2, -2), (0.4, -2), (0.6, 0), (0.4, 2), (-2, 2)])
+    world = World("hollow", cart, Floor(floor), (), (Target(np.array([0, 0, 0.3])),), Rules())
+    state = np.concatenate([[0.55 - 0.5 + 0.015, 0.0, 0.0], np.zeros(cart.chain.dof)])[None]
+    keeper = StateKeeper(cart, guard_of(world), room_for(world), np.array([floor]), np.zeros(1))
+    spaces = keeper.on_floor(state)
+    held = spaces.least >= 0.0
+    turned = np.eye(state.shape[1])[2]
+    assert (spaces.normal[held] @ turned < 0).any()
+    assert (spaces.normal[held] @ turned > 0).any()
+
+
 def test_a_base_that_has_room_at_some_headings_only_is_smoothed() -> None:
     """A long base between two walls, and a post on its way."""
     cart = replace(
@@ -284,10 +299,11 @@ def test_of_a_turn_within_a_cone_only_its_angle_counts(kind: int) -> None:
     tools = robot.tool(states[:, :3], states[:, 3:])
     wished = turns @ tools[:, :3, :3]
     aims = Aims(tools[:, :3, 3], np.full(20, kind), wished, np.full(20, 0.05), np.zeros(20))
-    miss, J = missed_by(robot, aims, states)
+    miss, J = beyond_cones(aims, missed_by(robot, aims, states))
     h, step = 1e-6, rng.normal(size=states.shape)
     ahead, behind = (
-        np.linalg.norm(missed_by(robot, aims, states + s * step).miss[:, 3:], axis=1) for s in (h, -h)
+        np.linalg.norm(beyond_cones(aims, missed_by(robot, aims, states + s * step)).miss[:, 3:], axis=1)
+        for s in (h, -h)
     )
     beyond = np.linalg.norm(miss[:, 3:], axis=1)
     slope = np.einsum("ni,nij,nj->n", miss[:, 3:] / beyond[:, None], J[:, 3:], step)

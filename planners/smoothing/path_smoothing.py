@@ -19,7 +19,7 @@ from scipy.sparse.linalg import splu
 from regionik.planners.geometry.rolling import slips
 from regionik.planners.progress import track
 from regionik.planners.smoothing.quadratic_program import minimize_quadratic
-from regionik.planners.solvers.aims import missed_by
+from regionik.planners.solvers.aims import beyond_cones, missed_by
 from regionik.planners.solvers.damped_least_squares import Aims
 from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.robot import Robot
@@ -204,7 +204,7 @@ def _led_back(problem: PathProblem, states: Array) -> tuple[Array, _Equations]:
 
 
 def _equations(problem: PathProblem, states: Array) -> _Equations:
-    miss, J = missed_by(problem.robot, problem.aims, states)
+    miss, J = beyond_cones(problem.aims, missed_by(problem.robot, problem.aims, states))
     if not problem.aims.kinds.any():
         miss, J = miss[:, :3], J[:, :3]
     n, asked, m = J.shape

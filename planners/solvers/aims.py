@@ -27,22 +27,25 @@ class Missed(NamedTuple):
 
 
 def missed_by(robot: Robot, aims: Aims, states: Array) -> Missed:
-    """What states (n, m) of coordinates x, y, yaw and joints miss of n aims.
-
-    Of a turn within a cone only what is beyond it counts, and of motions how they change that angle.
-    """
+    """What states (n, m) of coordinates x, y, yaw and joints miss of n aims, their cones aside."""
     frame, J = tool_jacobians(robot, states)
     miss = np.zeros((len(states), 6))
     miss[:, :3] = aims.positions - frame[:, :3, 3]
-    miss[:, 3:] = turns_left(aims.kinds, aims.turns, frame[:, :3, :3].copy())
-    angle = np.linalg.norm(miss[:, 3:], axis=1)
-    way = miss[:, 3:] / np.maximum(angle, 1e-300)[:, None]
-    beyond = np.maximum(angle - aims.cones, 0.0)
-    miss[:, 3:] = ANGLE_LENGTH * beyond[:, None] * way
-    asked = np.where((aims.kinds > 0) & ((aims.cones == 0) | (beyond > 0)), ANGLE_LENGTH, 0.0)
-    J[:, 3:] *= asked[:, None, None]
+    miss[:, 3:] = ANGLE_LENGTH * turns_left(aims.kinds, aims.turns, frame[:, :3, :3].copy())
+    J[:, 3:] *= np.where(aims.kinds > 0, ANGLE_LENGTH, 0.0)[:, None, None]
     axis = frame[:, :3, 2] * (aims.kinds == DIRECTION)[:, None]
     J[:, 3:] -= axis[:, :, None] * np.einsum("ni,nij->nj", axis, J[:, 3:])[:, None]  # its roll is free
+    return Missed(miss, J)
+
+
+def beyond_cones(aims: Aims, missed: Missed) -> Missed:
+    """What is missed beyond the aims' cones: of a turn, how far it is from there and how that changes."""
+    miss, J = missed.miss.copy(), missed.J.copy()
+    angle = np.linalg.norm(miss[:, 3:], axis=1)
+    way = miss[:, 3:] / np.maximum(angle, 1e-300)[:, None]
+    beyond = np.maximum(angle - ANGLE_LENGTH * aims.cones, 0.0)
+    miss[:, 3:] = beyond[:, None] * way
+    J[:, 3:] *= ((aims.cones == 0) | (beyond > 0))[:, None, None]
     J[:, 3:] = np.where(
         (aims.cones > 0)[:, None, None],
         way[:, :, None] * np.einsum("ni,nij->nj", way, J[:, 3:])[:, None],

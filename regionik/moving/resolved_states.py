@@ -22,8 +22,8 @@ from regionik.moving.state_keeper import ARM_MARGIN, NEAR, StateKeeper
 from regionik.planners.collision.proximity import NOTHING, Touch, nearest
 from regionik.planners.driving.arcs import arc_end
 from regionik.planners.smoothing.quadratic_program import least_weighted
-from regionik.planners.solvers.aims import missed_by
-from regionik.planners.solvers.damped_least_squares import Aims
+from regionik.planners.solvers.aims import ANGLE_LENGTH, missed_by
+from regionik.planners.solvers.damped_least_squares import POSITION, Aims
 from regionik.postures.arm_guard import Guard
 from regionik.postures.poses import LARGEST_BEND, Pose
 from regionik.timing.limits import motion_limits
@@ -33,7 +33,7 @@ from regionik.worlds.speeds import Speeds
 
 ROUNDS = 20  # of Newton's method
 PATIENCE = 4  # of these that bring the tool no nearer than it was, after which it ends
-EXACT = 1e-8  # miss of the tool, angles as lengths [m]
+EXACT = 1e-6  # miss of the tool, angles as lengths [m]
 TO_SPARE = 0.002  # of what is near, left for the way between states [m]
 NEAREST = 0.999  # share of the way from the middle of a joint's range to its end that weighs most
 
@@ -76,22 +76,28 @@ class ResolvedStates:
         by_turn[n - 1] = turning
         fixed[list(still)] = True
         low[fixed] = high[fixed] = 0.0
-        missed = list[float]()
+        cone, missed = ANGLE_LENGTH * float(aim.cones[0]), list[float]()
+        led = 3 if cone > 0 or aim.kinds[0] == POSITION else 6  # equations; a cone is a half-space
         for _ in range(ROUNDS):
             pose = self._moved(start, motion)
-            miss, J = missed_by(self.world.robot, aim, np.concatenate([pose.base, pose.joints])[None])
-            touch = self._near(pose)
-            room = self.guard.room(touch) - self.guard.spare
-            missed.append(max(float(np.linalg.norm(miss)), EXACT))
-            if missed[-1] == EXACT and room > 0 and self._turns_enough(motion):
+            here = np.concatenate([pose.base, pose.joints])[None]
+            (miss,), (J,) = missed_by(self.world.robot, aim, here)
+            turned = float(np.linalg.norm(miss[3:]))
+            missed.append(max(math.hypot(*miss[:3], max(turned - cone, 0.0)), EXACT))
+            touch, met = NOTHING, missed[-1] == EXACT
+            if met or len(missed) == 1:  # between these the half-spaces of the first hold
+                touch = self._near(pose)
+            if met and self.guard.room(touch) > self.guard.spare and self._turns_enough(motion):
                 return pose
             if min(missed[-PATIENCE:]) > min(missed):
                 return None
+            J = self._by_motion(J, start, motion)
+            rows += _cone_rows(miss[3:], J[3:], motion, cone, first=len(missed) == 1)
             rows += self._touch_rows(touch, pose, start, motion)
             asked = rows + self._arc_rows(motion)
             weight = np.where(fixed, 1.0, self._lightness(start.joints, motion) * by_turn) ** -2
             step = least_weighted(
-                weight, self._by_motion(J[0], start, motion), miss[0],
+                weight, J[:led], miss[:led],
                 np.array([row.change for row in asked]).reshape(-1, len(motion)),
                 np.array([row.least - row.change @ motion for row in asked]),
                 low - motion, high - motion,
@@ -174,6 +180,15 @@ class ResolvedStates:
     def base_parts(self) -> int:
         """Number of coordinates of the base's motion."""
         return 2 if self.world.robot.drive.rolls else 3
+
+
+def _cone_rows(miss: Array, J: Array, motion: Array, cone: float, first: bool) -> list[_Row]:
+    """The tool's turn stays within a cone: on this side of its edge, and at ``first`` in a box about it."""
+    if cone == 0:
+        return []
+    ways = [*np.eye(3), *-np.eye(3)] if first else []
+    ways.append(miss / max(float(np.linalg.norm(miss)), 1e-300))
+    return [_Row(way @ J, float(way @ (J @ motion + miss)) - cone) for way in ways]
 
 
 def _rolling(here: Pose, motion: Array) -> Array:

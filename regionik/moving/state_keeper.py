@@ -61,7 +61,7 @@ class StateKeeper:
         return HalfSpaces(np.arange(len(states)), normal, least, np.full(len(states), AREA_COST))
 
     def on_floor(self, states: Array) -> HalfSpaces:
-        """Each side of the footprint keeps its distance from the nearest edge of the floor or an obstacle."""
+        """Front, back, left and right of the footprint keep their distances from what is nearest to each."""
         assert self.room is not None
         turned = np.einsum("nij,kj->nki", _turns(states[:, 2]), self.room.corners)
         outlines = shapely.convex_hull(
@@ -77,9 +77,10 @@ class StateKeeper:
         away = np.where(apart[:, None] > TOUCHING, away, inward)
         unit = away / np.linalg.norm(away, axis=1)[:, None]
         room = apart - self.room.clearance[edge] - self.demanded[k]
-        sides = np.floor((np.arctan2(unit[:, 1], unit[:, 0]) - states[k, 2]) / (np.pi / 2)).astype(int) % 4
-        order = np.lexsort([room, sides, k])
-        kept = order[np.unique(np.column_stack([k, sides])[order], axis=0, return_index=True)[1]]
+        lever = point - turned[k].mean(axis=1) - states[k, :2]
+        parts = [_quadrant(way, states[k, 2]) for way in (unit, lever)]
+        order = np.lexsort([room, *parts, k])
+        kept = order[np.unique(np.column_stack([k, *parts])[order], axis=0, return_index=True)[1]]
         k, unit, lever = k[kept], unit[kept], (point - states[k, :2])[kept]
         normal = np.zeros((len(k), states.shape[1]))
         normal[:, :2] = unit
@@ -145,6 +146,12 @@ class StateKeeper:
         ends = self.room.edges.reshape(-1, 2, 2)
         alone = (ends[:, 0] == ends[:, 1]).all(axis=1)  # the middle of what is round
         return shapely.STRtree(np.where(alone, shapely.points(ends[:, 0]), shapely.linestrings(ends)))
+
+
+def _quadrant(ways: Array, yaw: Array) -> Index:
+    """Which quarter of a turn from the heading ways (n, 2) point to, (n,)."""
+    quarter: Index = np.floor((np.arctan2(ways[:, 1], ways[:, 0]) - yaw) / (np.pi / 2)).astype(np.int64) % 4
+    return quarter
 
 
 def _turns(yaw: Array) -> Array:
