@@ -15,6 +15,7 @@ from regionik.areas.ground import Geometries
 from regionik.areas.standing import PathAreas, Standing
 from regionik.ladder import Ladder, Mask, build_ladder
 from regionik.parking.arm_roadmap import HeldPostures
+from regionik.parking.pivot_turns import ON_EDGE
 from regionik.planners.coverage.set_cover import fewest_runs
 from regionik.planners.geometry.offsets import shrunk
 from regionik.postures.poses import axis_of
@@ -111,6 +112,50 @@ class ParkingAreas:
         """The connected part of what areas share that is nearest to a place."""
         parts = shapely.get_parts(shapely.intersection_all(self.areas_at(side)[list(setpoints)]))
         return parts[int(np.argmin(shapely.distance(parts, shapely.Point(near))))]
+
+    def deepest_chain(
+        self, setpoints: Sequence[int], axis: Array, side: int, linked: bool
+    ) -> tuple[int, ...] | None:
+        """Component of each set-point around a position, the least depth the most; ``linked`` to the next."""
+        rows = list[dict[int, tuple[float, int]]]()
+        for i in setpoints:
+            row: dict[int, tuple[float, int]] = {}
+            for k in self._own(i, side):
+                if depth(self.narrow[k], axis) < -ON_EDGE:
+                    continue
+                room, before = depth(self.ladder.component[k], axis), -1
+                if rows:
+                    last = rows[-1]
+                    options = [m for m in self.back[k] if m in last] if linked else list(last)
+                    if not options:
+                        continue
+                    before = max(options, key=lambda m: last[m][0])
+                    room = min(room, last[before][0])
+                row[k] = (room, before)
+            if not row:
+                return None
+            rows.append(row)
+        k = max(rows[-1], key=lambda m: rows[-1][m][0])
+        chain = [k]
+        for row in rows[:0:-1]:
+            k = row[k][1]
+            chain.append(k)
+        return tuple(chain[::-1])
+
+    def nearest_chain(self, setpoints: Sequence[int], axis: Array, side: int) -> tuple[int, ...]:
+        """Component of each set-point nearest to a position, linked to the one before, while there is one."""
+        chain = list[int]()
+        for i in setpoints:
+            linked = [k for k in self._own(i, side) if not chain or chain[-1] in self.back[k]]
+            if not linked:
+                break
+            chain.append(min(linked, key=lambda k: -depth(self.ladder.component[k], axis)))
+        return tuple(chain)
+
+    def _own(self, i: int, side: int) -> list[int]:
+        """Components of a set-point at one side."""
+        rungs = self.ladder.rungs[i : i + 2].tolist()
+        return [k for k in range(*rungs) if self.ladder.side[k] == side]
 
     def _by_side(self, ends: dict[int, BaseGeometry]) -> dict[int, BaseGeometry]:
         sides = sorted({int(self.ladder.side[k]) for k in ends})

@@ -227,7 +227,8 @@ class PlacementSearch:
         if self.world.rules.order == "any" and self._gives_posture(group):
             faced = self._faced(group, axis, side)
             return None if faced is None else self._along(group, faced[0], axis, side, faced[1])
-        chain = self._chain(group, axis, side)
+        linked = self.world.rules.order == "given"
+        chain = self.parking_areas.deepest_chain(group.setpoints, axis, side, linked)
         return None if chain is None else self._along(group, chain, axis, side)
 
     def standing(self, group: StopGroup, pose: Pose) -> BasePlacement | None:
@@ -243,7 +244,8 @@ class PlacementSearch:
         carrier = PostureCarrier(
             self.world, guard_of(self.world), [self.world.task[i] for i in group.setpoints]
         )
-        chain, joints = self._nearest_chain(group, axis, side), carrier.led_from(pose)
+        chain = self.parking_areas.nearest_chain(group.setpoints, axis, side)
+        joints = carrier.led_from(pose)
         count = min(len(chain), len(joints))
         if count == 0:
             return None
@@ -335,48 +337,6 @@ class PlacementSearch:
         column = np.arange(len(group.setpoints))
         chain = np.where(rooms[k] > -np.inf, turns.component[facings[k], column], turns.component.max(axis=0))
         return tuple(chain.tolist()), float(turns.yaw[k % len(best)])
-
-    def _chain(self, group: StopGroup, axis: Array, side: int) -> tuple[int, ...] | None:
-        """Deepest component of each set-point around a position, each linked to the next."""
-        ladder, narrow = self.parking_areas.ladder, self.parking_areas.narrow
-        linked = self.world.rules.order == "given"
-        rungs, rows = ladder.rungs, list[dict[int, tuple[float, int]]]()
-        for i in group.setpoints:
-            row: dict[int, tuple[float, int]] = {}
-            for k in range(int(rungs[i]), int(rungs[i + 1])):
-                if ladder.side[k] != side or depth(narrow[k], axis) < -ON_EDGE:
-                    continue
-                room, before = depth(ladder.component[k], axis), -1
-                if rows:
-                    last = rows[-1]
-                    options = [m for m in self.parking_areas.back[k] if m in last] if linked else list(last)
-                    if not options:
-                        continue
-                    before = max(options, key=lambda m: last[m][0])
-                    room = min(room, last[before][0])
-                row[k] = (room, before)
-            if not row:
-                return None
-            rows.append(row)
-        k = max(rows[-1], key=lambda m: rows[-1][m][0])
-        chain = [k]
-        for row in rows[:0:-1]:
-            k = row[k][1]
-            chain.append(k)
-        return tuple(chain[::-1])
-
-    def _nearest_chain(self, group: StopGroup, axis: Array, side: int) -> tuple[int, ...]:
-        """Components of set-points nearest to a position, each linked to the one before."""
-        areas, chain = self.parking_areas, list[int]()
-        for i in group.setpoints:
-            own = range(int(areas.ladder.rungs[i]), int(areas.ladder.rungs[i + 1]))
-            linked = [
-                k for k in own if areas.ladder.side[k] == side and (not chain or chain[-1] in areas.back[k])
-            ]
-            if not linked:
-                break
-            chain.append(min(linked, key=lambda k: -depth(areas.ladder.component[k], axis)))
-        return tuple(chain)
 
     def _planes(self, group: StopGroup, chain: tuple[int, ...], axis: Array) -> Array:
         """Sum of base yaw and pivot that each set-point asks for, continuous along the path [rad]."""

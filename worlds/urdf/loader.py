@@ -1,8 +1,8 @@
 """Robots from URDF files.
 
 The chain runs over the moving joints from root to tip; fixed joints are folded into its frames. Masses are
-read, of all links that move with the chain; soft limits, moments of inertia and visual elements are not.
-Speed limits of 0, and limits of a million and more, count as none.
+read, of all links that move with the chain, and visual elements to be shown; soft limits and moments of
+inertia are not. Speed limits of 0, and limits of a million and more, count as none.
 
 Solids bound the collision elements of all links that move with the chain: boxes as they are, the least
 capsule around each cylinder and sphere, a few boxes and capsules around each mesh; some twenty in all, as
