@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 from rosbags.typesys import Stores, get_typestore
@@ -189,10 +189,11 @@ def arc(drive: BaseKind, speed: float, turn: float, seconds: float = 5.0) -> tup
     st.floats(-0.4, 0.4),
     st.tuples(st.floats(-0.05, 0.05), st.floats(-0.05, 0.05), st.floats(-0.1, 0.1)),
 )
+@example("differential", -0.3, 0.0, (0.0, 0.05, -0.1))
 def test_every_base_comes_back_to_its_way(
     drive: BaseKind, speed: float, turn: float, off: tuple[float, float, float]
 ) -> None:
-    robot, way = arc(drive, speed, turn)
+    robot, way = arc(drive, speed, turn, seconds=10.0)
     speeds = Speeds(base_velocity=0.5, turn_velocity=1.0)
     drives = BaseDrives(robot, speeds, np.ones((20, 3)), way.curvature[0])
     controller, pose, joints = TrackingController(robot, speeds, way), way.base[0] + off, way.joints[0]

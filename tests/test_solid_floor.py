@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from regionik.output.urdf import robot_to_urdf
@@ -85,6 +85,7 @@ def test_arms_are_not_carried_in_the_floor() -> None:
 
 @settings(max_examples=examples(60), deadline=None)
 @given(st.integers(0, 10**6), st.sampled_from([0.0, 0.04]))
+@example(471, 0.04)  # two links deep in the floor, the second the deeper
 def test_all_checks_agree_with_the_height_of_the_lowest_point(seed: int, clearance: float) -> None:
     joints = posture(seed)
     made = at_rest(joints, arm_clearance=clearance, tool_contact=0.0)

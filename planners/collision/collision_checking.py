@@ -198,7 +198,7 @@ def distance_bounds(scene: RobotScene, rest: MotionSegment, within: float, lower
                 if m >= hulls.world:
                     lower[k, m] = _bound_by_boxes(links, hulls, boxes, k, m)
                 elif not _touches_as_allowed(scene, rest, k, m, frames):
-                    lower[k, m] = box_distance(boxes[k], hulls.boxes[m]) - links.radius[k]
+                    lower[k, m] = _bound_apart(boxes[k], hulls.boxes[m], links.radius[k])
                 if -np.inf < lower[k, m] < nearest:
                     first_k, first_m, nearest = k, m, lower[k, m]
             m = hulls.next[m]
@@ -220,7 +220,14 @@ def _bound_by_boxes(links: LinkHulls, hulls: Hulls, boxes: Array, k: int, m: int
     if hulls.owner[m] < 0:
         return -np.inf  # the base's own body
     thick: float = links.radius[k] + hulls.disc[m] + hulls.ball[m]
-    return box_distance(boxes[k], boxes[hulls.owner[m]]) - thick
+    return _bound_apart(boxes[k], boxes[hulls.owner[m]], thick)
+
+
+@compiled
+def _bound_apart(a: Array, b: Array, thick: float) -> float:
+    """Lower bound of the distance of what boxes hold, grown by so much; how deep it may be boxes do not say."""
+    apart = box_distance(a, b)
+    return apart - thick if apart > 0.0 else -np.inf
 
 
 @compiled
