@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 
+import numpy as np
+
 from regionik.areas.standing import Standing
 from regionik.explain import arm_failures
 from regionik.moving.base_motion import Candidate
@@ -24,6 +26,8 @@ from regionik.worlds.errors import Explanation, NoPlanFound
 from regionik.worlds.scene import World
 
 TRIES = 16  # candidates tried at the next set-point, or to begin a run from
+SOON = 24  # candidates tried without getting farther before a run is begun in another posture
+ALIKE = 1.0  # change of a joint from which on postures are others [rad]
 TURNING = (1.0, 0.3)  # how lightly a base on wheels turns, one way after the other
 
 
@@ -85,12 +89,40 @@ class _Connection:
         begun = (first for first in starts if search.sampler.meets(first.pose))
         for first, turning in ((first, turning) for first in begun for turning in TURNING):
             steps = search.run(i, count, first, partial(self._together, turning))
-            whole = len(steps) == count
-            arrived = search.arrive(i, here, [first], search.transits.folded, hard=0) if whole else None
-            if arrived is not None:
-                return arrived[0], steps
+            if len(steps) == count and (way := self._unfolded(i, here, first)) is not None:
+                return way, steps
         way, first = self._arrive(i, here)
-        return way, search.run(i, count, first, self._ahead)
+        steps = search.run(i, count, first, self._ahead, SOON)
+        if len(steps) == count:
+            return way, steps
+        other = None if wheels else self._in_other_postures(i, here, count, first, len(steps))
+        return other or (way, search.run(i, count, first, self._ahead))
+
+    def _in_other_postures(
+        self, i: int, here: Pose | None, count: int, first: Candidate, reached: int
+    ) -> tuple[list[Row], list[SearchStep]] | None:
+        """A whole run of base and joints together, begun in another posture than the first; None for none.
+
+        Given up after the first that gets no farther than the ``reached`` set-points.
+        """
+        tried = [first.pose.joints]
+        start, goal = here or self.nominal[i].pose, self.nominal[i]
+        for other in islice(self.search.sampler.arrivals(i, self._kept(i), start, goal), TRIES):
+            if min(float(np.abs(other.pose.joints - joints).max()) for joints in tried) < ALIKE:
+                continue
+            steps = self.search.run(i, count, other, partial(self._together, 1.0))
+            if len(steps) == count and (way := self._unfolded(i, here, other)) is not None:
+                return way, steps
+            if len(steps) <= reached:
+                break
+            tried.append(other.pose.joints)
+        return None
+
+    def _unfolded(self, i: int, here: Pose | None, first: Candidate) -> list[Row] | None:
+        """The way to where a run begins with the tool lifted, the arm folded on it; None without one."""
+        search = self.search
+        arrived = search.arrive(i, here, [first], search.transits.folded, hard=0)
+        return None if arrived is None else arrived[0]
 
     def _starts(self, i: int, here: Pose | None) -> Iterator[Candidate]:
         """Where base and joints may begin to go on together: the least motion away, or as M-FABRIK found."""
