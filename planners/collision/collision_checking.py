@@ -225,7 +225,7 @@ def _bound_by_boxes(links: LinkHulls, hulls: Hulls, boxes: Array, k: int, m: int
 
 @compiled
 def _bound_apart(a: Array, b: Array, thick: float) -> float:
-    """Lower bound of the distance of what boxes hold, grown by so much; how deep it may be boxes do not say."""
+    """Lower bound of the distance of what boxes hold, grown by so much: boxes do not say how deep it is."""
     apart = box_distance(a, b)
     return apart - thick if apart > 0.0 else -np.inf
 

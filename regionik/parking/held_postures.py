@@ -36,6 +36,7 @@ NEAR = 8  # targets that a posture is led on to
 BEGINNINGS = 4  # postures that the search at a target begins from
 ENOUGH = 3  # of those that serve every set-point, so many are compared
 RIM = np.arange(8) * np.pi / 4  # directions in which a circle to park in is tried [rad]
+RIM_SHARE = 0.5  # of the tolerance that the tool may miss there, so that others find the posture too
 RIM_STEPS = 4  # on the way out to its rim, each posture the start of the next
 
 
@@ -251,15 +252,24 @@ class PostureCarrier:
         shares = radius * np.arange(1, RIM_STEPS + 1)[:, None] / RIM_STEPS
         for angle in RIM:
             places = axis + shares * (np.cos(angle), np.sin(angle))
-            found = self._carried(self._bound, places, float(base[2]), joints, some)
+            found = self._carried(self._bound, places, float(base[2]), joints, some, RIM_SHARE)
             if len(found) < RIM_STEPS:
                 return False
         return True
 
     def _carried(
-        self, solver: SerialSolver, axis: Array, heading: float, joints: Array, some: Index | None = None
+        self,
+        solver: SerialSolver,
+        axis: Array,
+        heading: float,
+        joints: Array,
+        some: Index | None = None,
+        share: float = 1.0,
     ) -> Array:
-        """Postures (k, dof) at the first k of some set-points, the base at one place or at one for each."""
+        """Postures (k, dof) at the first k of some set-points, the base at one place or at one for each.
+
+        They miss no more than a ``share`` of the tolerance.
+        """
         aims = self._aims(
             axis, heading + float(self.world.robot.mount[3]), slice(None) if some is None else some
         )
@@ -267,7 +277,7 @@ class PostureCarrier:
         rows = np.zeros((len(aims.positions), solver.chain.dof))
         rows[0, more:] = joints
         rows[0] = np.clip(rows[0], arm.lower, arm.upper)
-        count = polish_along(arm, aims, effort.reach, effort.tolerance, MOST_STEPS, rows)
+        count = polish_along(arm, aims, effort.reach, share * effort.tolerance, MOST_STEPS, rows)
         return rows[:count, more:]
 
     def _heading(self, heading: float, free: Array) -> float:
