@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 import shapely
 
+from regionik.moving.base_motion import Candidate
+from regionik.moving.path_search import PathSearch, SearchStep
 from regionik.parking.standing_runs import standing_runs
 from regionik.pipeline import plan
 from regionik.postures.poses import axis_of
 from regionik.pruning import choose_chain, whole_path
 from regionik.verification.verifier import verify
 from regionik.worlds.links import capsules_along
-from regionik.worlds.obstacles import Box
+from regionik.worlds.obstacles import Box, Cylinder
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Heading, Rules, Target, World
 from tests.test_closed_form import ARMS
@@ -70,3 +73,40 @@ def test_a_base_that_faces_its_targets_does_not_stand(heading: Heading) -> None:
         around = pruned.ladder.component[chosen[i]]
         assert around.distance(shapely.Point(axis_of(scene.robot, one.base))) < 1e-9
         assert one.converged
+
+
+@pytest.mark.slow
+def test_a_run_that_ends_early_is_begun_in_another_posture(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A circle on a wall that M-FABRIK begins beside the limits of two joints."""
+    runs, plain = list[list[SearchStep]](), PathSearch.run
+
+    def noted(self: PathSearch, i: int, count: int, first: Candidate, *how: Any) -> list[SearchStep]:
+        runs.append(plain(self, i, count, first, *how))
+        return runs[-1]
+
+    monkeypatch.setattr(PathSearch, "run", noted)
+    outline = np.array([[0.35, 0.25], [-0.35, 0.25], [-0.35, -0.25], [0.35, -0.25]])
+    cart = replace(
+        world(wide=0.5, post=0.15).robot,
+        footprint=outline,
+        mount=np.array([0.15, 0, 0.38, 0]),
+        body_height=0.38,
+    )
+    turns = np.linspace(0, 2 * np.pi, 24)
+    task = tuple(
+        Target(np.array([0.0, 0.3 * np.sin(turn), 0.7 + 0.3 * np.cos(turn)]), direction=np.array([1.0, 0, 0]))
+        for turn in turns
+    )
+    posts = tuple(
+        Cylinder(f"post at {x}, {y}", 0.1, 1.0, np.array([x, y, 0.5]))
+        for x, y in ((-0.9, -1.2), (-1.3, 0.0), (-0.9, 1.2))
+    )
+    wall = Box("wall", np.array([0.1, 4.0, 1.8]), np.array([0.25, 0.0, 0.9]))
+    rules = Rules(clearance=0.05, arm_clearance=0.005)
+    found = plan(World("circle", cart, Floor(shapely.box(-4, -4, 4, 4)), (*posts, wall), task, rules))
+    assert found.lift_offs == 0
+    early, *_, whole = runs
+    assert len(early) < 24
+    assert len(whole) == 24
+    begun = [steps[0].candidate.pose.joints for steps in (early, whole)]
+    assert np.abs(begun[1] - begun[0]).max() > 1.0
