@@ -243,19 +243,25 @@ def test_half_spaces_of_the_footprint_are_its_distance_and_how_it_changes() -> N
     assert seen > 30
 
 
-def test_both_front_corners_keep_their_distance() -> None:
-    """Before a hollow wall, which they come near to together, the base may not turn either of them in."""
+@pytest.mark.parametrize("yaw", np.linspace(0.1, 3.0, 12))
+def test_both_sides_of_a_front_keep_their_distance(yaw: float) -> None:
+    """Before two posts the base may turn into neither of them."""
     outline = np.array([[0.5, 0.3], [-0.4, 0.3], [-0.4, -0.3], [0.5, -0.3]])
     cart = replace(robot_named("youbot"), footprint=outline)
-    floor = shapely.Polygon([(-2, -2), (0.4, -2), (0.6, 0), (0.4, 2), (-2, 2)])
-    world = World("hollow", cart, Floor(floor), (), (Target(np.array([0, 0, 0.3])),), Rules())
-    state = np.concatenate([[0.55 - 0.5 + 0.015, 0.0, 0.0], np.zeros(cart.chain.dof)])[None]
-    keeper = StateKeeper(cart, guard_of(world), room_for(world), np.array([floor]), np.zeros(1))
-    spaces = keeper.on_floor(state)
-    held = spaces.least >= 0.0
-    turned = np.eye(state.shape[1])[2]
-    assert (spaces.normal[held] @ turned < 0).any()
-    assert (spaces.normal[held] @ turned > 0).any()
+    turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+    posts = tuple(
+        Cylinder(f"post {k}", 0.1, 0.5, np.array([*(turn @ [0.61 + 0.01 * k, y]), 0.25]))
+        for k, y in enumerate((-0.2, 0.2))
+    )
+    floor = shapely.box(-2, -2, 2, 2)
+    world = World("posts", cart, Floor(floor), posts, (Target(np.array([0, 0, 0.3])),), Rules(clearance=0.0))
+    state = np.zeros((1, 3 + cart.chain.dof))
+    state[0, 2] = yaw
+    spaces = StateKeeper(cart, guard_of(world), room_for(world), np.array([floor]), np.zeros(1)).on_floor(
+        state
+    )
+    held = spaces.normal[spaces.least >= 0.0, 2]
+    assert sorted(held) == pytest.approx([-0.2, 0.2], abs=1e-6)
 
 
 def test_a_base_that_has_room_at_some_headings_only_is_smoothed() -> None:
