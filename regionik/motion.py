@@ -92,11 +92,14 @@ class _Connection:
             if len(steps) == count and (way := self._unfolded(i, here, first)) is not None:
                 return way, steps
         way, first = self._arrive(i, here)
-        steps = search.run(i, count, first, self._ahead, SOON)
-        if len(steps) == count:
-            return way, steps
-        other = None if wheels else self._in_other_postures(i, here, count, first, len(steps))
-        return other or (way, search.run(i, count, first, self._ahead))
+        if not wheels:
+            steps = search.run(i, count, first, self._ahead, SOON)
+            if len(steps) == count:
+                return way, steps
+            other = self._in_other_postures(i, here, count, first, len(steps))
+            if other is not None:
+                return other
+        return way, search.run(i, count, first, self._ahead)
 
     def _in_other_postures(
         self, i: int, here: Pose | None, count: int, first: Candidate, reached: int
