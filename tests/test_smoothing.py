@@ -97,6 +97,14 @@ def test_it_is_driven_sooner_and_holds_the_tools_speed_longer(name: str) -> None
     assert after.stats["timing"]["tool"]["held"] > before.stats["timing"]["tool"]["held"]
 
 
+@pytest.mark.parametrize(("name", "most"), [("free", 0.71), ("shelf", 0.50)])
+def test_the_arm_goes_no_farther_than_resolved_rates_lead_it(name: str, most: float) -> None:
+    """RoboPlan 0.7.0 by `benchmarks/bench_travel.py`, which begins in the same posture [rad]."""
+    motion = both(name)[1].motion
+    first = int(np.argmax(motion.kind == "setpoint"))
+    assert np.abs(np.diff(motion.joints[first:], axis=0)).sum() <= most
+
+
 def test_runs_begin_where_the_arm_has_less_to_move() -> None:
     """M-FABRIK folds the last link over; from the carry posture the arm need not."""
     found, smooth = both("free")

@@ -29,7 +29,7 @@ from regionik.values import Plan
 from regionik.worlds.arms import pivot_index, with_pivot
 from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.drives import displacement
-from regionik.worlds.robot import with_joint_margin
+from regionik.worlds.robot import Robot, with_joint_margin
 from regionik.worlds.scene import World
 from regionik.worlds.speeds import Speeds
 
@@ -145,7 +145,7 @@ class _Layout:
             yield self._run(a, b)
 
     def _run(self, first: int, last: int) -> PathRun:
-        motion, rows = self.plan.motion, slice(first, last + 1)
+        world, motion, rows = self.plan.world, self.plan.motion, slice(first, last + 1)
         before = np.column_stack(
             [motion.base[rows, :2], np.unwrap(motion.base[rows, 2]), motion.joints[rows]]
         )
@@ -153,7 +153,7 @@ class _Layout:
         places = self._places(first, last)
         at, states = places, before
         if self.evenly:
-            travelled = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(before[:, :2], axis=0), axis=1)))
+            travelled = np.append(0.0, np.cumsum(_ways(world.robot, before)))
             unique = np.append(np.diff(places) > 0, True)
             at, owner, worked = self._even(owner, places[unique], travelled[unique])
             states = np.stack([np.interp(at, places[unique], column) for column in before[unique].T], axis=1)
@@ -187,7 +187,7 @@ class _Layout:
     def _even(self, owner: Index, places: Array, travelled: Array) -> tuple[Array, Index, Mask]:
         """Evenly laid out places, each with its set-point and whether it is one.
 
-        There are enough of them for what the base has ``travelled`` (n,) from set-point to set-point.
+        There are enough of them for what the footprint has ``travelled`` (n,) from set-point to set-point.
         """
         task, step = self.plan.world.task, STEP_SHARE * self.plan.world.rules.step
         at = [places[0]]
@@ -243,7 +243,7 @@ class _Layout:
 
     def _parameter(self, position: Array, states: Array) -> Array:
         tool = np.linalg.norm(np.diff(position, axis=0), axis=1)
-        base = BASE_SHARE * np.linalg.norm(np.diff(states[:, :2], axis=0), axis=1)
+        base = BASE_SHARE * _ways(self.plan.world.robot, states)
         way = tool if self.evenly else np.maximum(tool, base)
         return np.concatenate([[0.0], np.cumsum(np.maximum(way, LEAST_STRIDE))])
 
@@ -277,6 +277,13 @@ class _Layout:
     @cached_property
     def _tools(self) -> Array:
         return self.plan.tools()
+
+
+def _ways(robot: Robot, states: Array) -> Array:
+    """How far the farthest corner of the footprint goes at most from state to state (n, m), (n - 1,) [m]."""
+    moved, radius = np.diff(states[:, :3], axis=0), np.linalg.norm(robot.footprint, axis=1).max()
+    ways: Array = np.linalg.norm(moved[:, :2], axis=1) + radius * np.abs(moved[:, 2])
+    return ways
 
 
 def _coarse_rows(worked: Mask) -> Index:
