@@ -17,7 +17,7 @@ from regionik.areas.standing import Standing
 from regionik.explain import arm_failures
 from regionik.moving.base_motion import Candidate
 from regionik.moving.layered_search import LayeredSearch
-from regionik.moving.path_search import JoinedMotion, PathSearch, SearchStep, path_search
+from regionik.moving.path_search import JoinedMotion, PathSearch, RunSearch, SearchStep, path_search
 from regionik.planners.progress import tell
 from regionik.postures.poses import Pose, Row
 from regionik.pruning import Pruned
@@ -92,31 +92,29 @@ class _Connection:
             if len(steps) == count and (way := self._unfolded(i, here, first)) is not None:
                 return way, steps
         way, first = self._arrive(i, here)
-        if not wheels:
-            steps = search.run(i, count, first, self._ahead, SOON)
-            if len(steps) == count:
-                return way, steps
-            other = self._in_other_postures(i, here, count, first, len(steps))
+        run = search.begun(i, count, first, self._ahead)
+        if not wheels and len(run.longest(SOON)) < count:
+            other = self._in_other_postures(run, here, first)
             if other is not None:
                 return other
-        return way, search.run(i, count, first, self._ahead)
+        return way, run.longest()
 
     def _in_other_postures(
-        self, i: int, here: Pose | None, count: int, first: Candidate, reached: int
+        self, run: RunSearch, here: Pose | None, first: Candidate
     ) -> tuple[list[Row], list[SearchStep]] | None:
         """A whole run of base and joints together, begun in another posture than the first; None for none.
 
-        Given up after the first that gets no farther than the ``reached`` set-points.
+        Given up after the first that gets no farther than the run that was found.
         """
-        tried = [first.pose.joints]
+        i, tried = run.first, [first.pose.joints]
         start, goal = here or self.nominal[i].pose, self.nominal[i]
         for other in islice(self.search.sampler.arrivals(i, self._kept(i), start, goal), TRIES):
             if min(float(np.abs(other.pose.joints - joints).max()) for joints in tried) < ALIKE:
                 continue
-            steps = self.search.run(i, count, other, partial(self._together, 1.0))
-            if len(steps) == count and (way := self._unfolded(i, here, other)) is not None:
+            steps = self.search.run(i, run.count, other, partial(self._together, 1.0))
+            if len(steps) == run.count and (way := self._unfolded(i, here, other)) is not None:
                 return way, steps
-            if len(steps) <= reached:
+            if len(steps) <= len(run.best):
                 break
             tried.append(other.pose.joints)
         return None

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 import shapely
 
-from regionik.moving.base_motion import Candidate
-from regionik.moving.path_search import PathSearch, SearchStep
+from regionik.moving.path_search import RunSearch, SearchStep
 from regionik.parking.standing_runs import standing_runs
 from regionik.pipeline import plan
 from regionik.postures.poses import axis_of
@@ -78,13 +76,13 @@ def test_a_base_that_faces_its_targets_does_not_stand(heading: Heading) -> None:
 @pytest.mark.slow
 def test_a_run_that_ends_early_is_begun_in_another_posture(monkeypatch: pytest.MonkeyPatch) -> None:
     """A circle on a wall that M-FABRIK begins beside the limits of two joints."""
-    runs, plain = list[list[SearchStep]](), PathSearch.run
+    runs, plain = list[list[SearchStep]](), RunSearch.longest
 
-    def noted(self: PathSearch, i: int, count: int, first: Candidate, *how: Any) -> list[SearchStep]:
-        runs.append(plain(self, i, count, first, *how))
+    def noted(self: RunSearch, *patience: int) -> list[SearchStep]:
+        runs.append(plain(self, *patience))
         return runs[-1]
 
-    monkeypatch.setattr(PathSearch, "run", noted)
+    monkeypatch.setattr(RunSearch, "longest", noted)
     outline = np.array([[0.35, 0.25], [-0.35, 0.25], [-0.35, -0.25], [0.35, -0.25]])
     cart = replace(
         world(wide=0.5, post=0.15).robot,

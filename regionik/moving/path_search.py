@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -113,35 +113,24 @@ class PathSearch:
     def run(
         self, i: int, count: int, first: Candidate, ahead: Ahead, patience: int = PATIENCE
     ) -> list[SearchStep]:
-        """The longest run found from a candidate at set-point i, over ``count`` set-points at most.
+        """The longest run found from a candidate at set-point i, see `RunSearch`."""
+        return self.begun(i, count, first, ahead).longest(patience)
 
-        Given a set-point and a candidate there, ``ahead`` has those of the next one, the likeliest first. So
-        many candidates are tried without getting farther.
+    def begun(self, i: int, count: int, first: Candidate, ahead: Ahead) -> RunSearch:
+        """The search for a run from a candidate at set-point i, over ``count`` set-points at most.
+
+        Given a set-point and a candidate there, ``ahead`` has those of the next one, the likeliest first.
         """
         steps = [SearchStep(first, [], ahead(i, first))]
-        best, tried, seen = list(steps), 0, set[Candidate]()
-        tell("run", 0, count)
-        while steps and len(best) < count and tried < patience:
-            candidate = next(steps[-1].ahead, None)
-            if candidate is None:
-                steps.pop()
-                continue
-            if candidate in seen:
-                continue
-            k = i + len(steps)
-            rows = [Row(pose, "step", k - 1) for pose in candidate.way] or None
-            rows = rows or self._followed(k - 1, steps[-1].candidate, candidate)
-            tried += 1
-            if rows is None or not self.sampler.meets(rows[-1].pose):  # the arm is solved anew on the way
-                continue
-            seen.add(candidate)
-            arrived = self._arrived(k, candidate, rows[-1].pose)
-            steps.append(SearchStep(arrived, rows[:-1], ahead(k, arrived)))
-            if len(steps) > len(best):
-                best, tried = list(steps), 0
-                tell("run", len(best), count)
-        tell("run", count, count)
-        return best
+        return RunSearch(self, i, count, ahead, steps, list(steps))
+
+    def step(self, k: int, here: Candidate, goal: Candidate, ahead: Ahead) -> SearchStep | None:
+        """The step from a candidate to one at set-point k; None where the tool cannot be led there."""
+        rows = [Row(pose, "step", k - 1) for pose in goal.way] or self._followed(k - 1, here, goal)
+        if rows is None or not self.sampler.meets(rows[-1].pose):  # the arm is solved anew on the way
+            return None
+        arrived = self._arrived(k, goal, rows[-1].pose)
+        return SearchStep(arrived, rows[:-1], ahead(k, arrived))
 
     def _followed(self, i: int, here: Candidate, goal: Candidate) -> list[Row] | None:
         """Motion from set-point i to the next; where the base stands in no area, its way is proven free."""
@@ -184,6 +173,44 @@ class PathSearch:
             closest, cause = guard.words(touch), guard.cause(touch)
         looked = seen.places, seen.postures, seen.proven
         return arm_failures.no_clear_posture(self.world, i, looked, closest, cause, cut_off=cut_off)
+
+
+@dataclass(eq=False)
+class RunSearch:
+    """The search for a run from one candidate, which may be gone on with where it was left."""
+
+    search: PathSearch
+    first: int  # set-point where the run begins
+    count: int  # of set-points, at most
+    ahead: Ahead
+    steps: list[SearchStep]  # as far as it is now
+    best: list[SearchStep]
+    tried: int = 0  # candidates since it got farther
+    seen: set[Candidate] = field(default_factory=set)
+
+    def longest(self, patience: int = PATIENCE) -> list[SearchStep]:
+        """The longest run found when so many candidates have been tried without getting farther."""
+        tell("run", len(self.best), self.count)
+        while self.steps and len(self.best) < self.count and self.tried < patience:
+            candidate = next(self.steps[-1].ahead, None)
+            if candidate is None:
+                self.steps.pop()
+            elif candidate not in self.seen:
+                self._try(candidate)
+        tell("run", self.count, self.count)
+        return self.best
+
+    def _try(self, candidate: Candidate) -> None:
+        self.tried += 1
+        k = self.first + len(self.steps)
+        step = self.search.step(k, self.steps[-1].candidate, candidate, self.ahead)
+        if step is None:
+            return
+        self.seen.add(candidate)
+        self.steps.append(step)
+        if len(self.steps) > len(self.best):
+            self.best, self.tried = list(self.steps), 0
+            tell("run", len(self.best), self.count)
 
 
 def path_search(
