@@ -146,6 +146,13 @@ def test_a_car_turns_its_steering_while_the_arm_moves() -> None:
     assert (np.diff(found.motion.time)[still] == 0).all()
 
 
+def test_a_car_waits_for_its_steering_however_little_its_arm_turns_off() -> None:
+    """The arm moves on as the base begins to roll: no corner, but the steering is not turned yet."""
+    found = retime(driven("car", [(0.01, False, 1.0), (0.0, False, 0.0), (0.01, False, -1.0)]))
+    still = (np.diff(found.motion.base, axis=0) == 0).all(axis=1)
+    assert np.diff(found.motion.time)[still].sum() >= np.pi / 2 / 0.7 - 1e-9
+
+
 @pytest.mark.parametrize(
     ("kind", "less", "told"),
     [

@@ -20,7 +20,7 @@ from regionik.moving.transit import ArmPlanner, TransitPlanner
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.geometry.angles import wrap
 from regionik.postures.arm_guard import guard_of
-from regionik.postures.poses import LARGEST_BEND, Pose, axis_of, pose_between
+from regionik.postures.poses import LARGEST_BEND, Pose, axis_of, distinct, pose_between
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.drives import BaseKind
 from regionik.worlds.obstacles import Box, Cylinder, Solid
@@ -270,3 +270,11 @@ def test_a_berth_is_kept_all_the_way(base: BaseKind) -> None:
     here, there = (posed(world, np.array([x, 0.0, 0.0])) for x in (-1.2, 1.2))
     route = carrier(world).driver.route(here, there, 0, 0.2)
     assert min(gap(world, pose, post) for pose in route) >= world.rules.clearance + 0.2
+
+
+def test_poses_apart_by_rounding_are_one_and_both_ends_stay() -> None:
+    base, joints, hair = np.zeros(3), np.zeros(2), 2.5e-10
+    first, second, last = (Pose(base + x, joints) for x in (0.0, 0.1, 0.2))
+    near = [Pose(one.base + hair, one.joints - hair) for one in (first, second, last)]
+    assert distinct([first, near[0], second, near[1], near[2], last]) == [first, second, last]
+    assert distinct([first, near[0]]) == [first]

@@ -26,7 +26,7 @@ TRIES, PATIENCE = 200, 60  # shortcuts looked at, and how many of them in vain o
 SAVED = 1e-4  # by a shortcut at least [m]
 QUICKER_TRIES, QUICKER_PATIENCE = 100, 24
 SAVED_TIME = 0.02  # [s]
-JOINED = 1e-6  # shares of a way nearer to each other are one state
+JOINED = 1e-6  # shares of a way or of a hop nearer to each other are one state
 
 Pace = Literal["straight", "even", "kept"]  # straight, along the way as it is at one speed, or as it was
 EACH: tuple[Pace, ...] = "straight", "even", "kept"
@@ -97,8 +97,9 @@ class Shortcuts:
         saved: float,
     ) -> list[Pose] | None:
         """The motion with another one between two places, in states; None without gain or proof."""
-        i, j = int(ends[0]), int(np.ceil(ends[1]))
-        here, there = (self._at(poses, end) for end in ends)
+        u, v = (round(end) if abs(end - round(end)) < JOINED else end for end in ends)
+        i, j = int(u), int(np.ceil(v))
+        here, there = (self._at(poses, end) for end in (u, v))
         states = self._between(distinct([here, *poses[i + 1 : j], there]), *paces)
         part = distinct([poses[i], *states, poses[j]])
         whole = [*poses[:i], *part, *poses[j + 1 :]]

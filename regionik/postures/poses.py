@@ -14,6 +14,7 @@ from regionik.worlds.drives import BaseDrive
 from regionik.worlds.robot import Robot
 
 LARGEST_BEND = 0.5  # change of a joint between two states above which the arm has jumped [rad]
+SAME = 1e-8  # poses that are nearer are one [m], [rad]
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,17 +50,26 @@ def lifted_rows(here: Pose, way: Sequence[Pose], there: Pose, owner: int, drive:
 
     The ``owner`` is the set-point that it leaves, -1 where the robot starts.
     """
-    states = way or ([pose_between(here, there, 0.5, drive)] if owner >= 0 else [])
+    states = distinct([here, *way, there])[1:-1]
+    if not states and owner >= 0:
+        states = [pose_between(here, there, 0.5, drive)]
     return [Row(pose, "transit", owner) for pose in states]
 
 
 def distinct(poses: Sequence[Pose]) -> list[Pose]:
-    """Poses without those that are the same as the one before."""
+    """Poses without those that are the same as the one before but for rounding; the last one stays."""
     kept = list(poses[:1])
     for pose in poses[1:]:
-        if (pose.base != kept[-1].base).any() or (pose.joints != kept[-1].joints).any():
+        if _apart(pose, kept[-1]):
             kept.append(pose)
+        elif pose is poses[-1] and len(kept) > 1:
+            kept[-1:] = [pose]
     return kept
+
+
+def _apart(one: Pose, other: Pose) -> bool:
+    base, joints = np.abs(one.base - other.base).max(), np.abs(one.joints - other.joints).max()
+    return bool(base > SAME or joints > SAME)
 
 
 def arrays(poses: Sequence[Pose]) -> tuple[Array, Array]:

@@ -75,12 +75,15 @@ class SmoothPath:
     def corners(self, sharp: float = CORNER) -> NDArray[np.int64]:
         """States within runs where the robot must rest.
 
-        At corners sharper than an angle [rad], and where a car turns its steering.
+        At corners sharper than an angle [rad], and where a car has turned its steering, as the arm moved
+        or not.
         """
         tangents = np.diff(self.coordinates, axis=0)
         tangents = tangents / np.maximum(np.linalg.norm(tangents, axis=1), SAME)[:, None]
         turned = (tangents[:-1] * tangents[1:]).sum(1) <= np.cos(sharp)
-        changed = turned | (np.abs(np.diff(self.steering)) > STEERED)
+        rolls = np.where(np.isnan(self.steering), 0, np.arange(len(self.steering)))
+        steered = self.steering[np.maximum.accumulate(rolls)]  # as it was left where the base stands
+        changed = turned | (np.abs(np.diff(steered)) > STEERED)
         return 1 + np.flatnonzero(changed & (self.lengths[:-1] > 0) & (self.lengths[1:] > 0))
 
     @cached_property
