@@ -11,6 +11,7 @@ import shapely
 from shapely import affinity, box
 from shapely.geometry import LineString, MultiPolygon, Point, Polygon
 
+from regionik.areas.standing import by_heading
 from regionik.planners.driving.arcs import arc_end
 from regionik.planners.driving.footprint import (
     FootprintScene,
@@ -44,6 +45,7 @@ from regionik.planners.geometry.angles import wrap
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Shadow
+from tests.witnesses import witness
 
 YOUBOT = np.array([[0.29, -0.19], [0.29, 0.19], [-0.29, 0.19], [-0.29, -0.19]])
 OFFSET = np.array([[0.4, -0.19], [0.4, 0.19], [-0.18, 0.19], [-0.18, -0.19]])
@@ -127,6 +129,13 @@ def test_a_window_shows_a_part_of_the_same_areas(footprint: Array, low: float, h
     part = convex_scene(footprint, FLOOR, OBSTACLES, 0.05, window=window)
     assert free_at_all(part, low, high).symmetric_difference(whole.inner & window).area < 1e-9
     assert free_at_some(part, low, high).symmetric_difference(whole.outer & window).area < 1e-9
+
+
+@pytest.mark.filterwarnings("ignore:.*encountered in buffer:RuntimeWarning")
+def test_where_edges_nearly_meet_floors_stay_valid_as_they_are_moved() -> None:
+    """A random world whose floor, less what stands on it, crossed itself by rounding."""
+    sides = by_heading(witness("wrists", 160275).world).sides
+    assert shapely.is_valid([side.floor for side in sides]).all()
 
 
 @pytest.mark.parametrize("footprint", [YOUBOT, OFFSET])

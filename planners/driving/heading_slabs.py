@@ -167,8 +167,7 @@ class ConvexScene(NamedTuple):
     """Footprint and surroundings, the same for all slabs."""
 
     corners: Array  # (n, 2) of the footprint [m]
-    floor: BaseGeometry  # Polygon or MultiPolygon
-    covered: BaseGeometry  # obstacles that are not convex, or have no area
+    floor: BaseGeometry  # Polygon or MultiPolygon, less obstacles that are not convex
     # by clearance [m] the corners of convex pieces that the footprint keeps it from
     pieces: tuple[tuple[float, list[Array]], ...]
     sides: int  # of the polygons that stand for discs
@@ -209,8 +208,8 @@ def convex_scene(
     pieces: dict[float, list[Array]] = {}
     for piece, keep in (*edges, *convex):
         pieces.setdefault(keep, []).append(piece)
-    covered = shapely.union_all([core for core, _ in rest])
-    return ConvexScene(corners, floor, covered, tuple(pieces.items()), sides, window)
+    left = shapely.difference(floor, shapely.union_all([core for core, _ in rest])) if rest else floor
+    return ConvexScene(corners, left, tuple(pieces.items()), sides, window)
 
 
 def _is_convex(core: BaseGeometry) -> bool:
@@ -269,8 +268,9 @@ def _rejection(scene: ConvexScene, shape: Array, *, inner: bool) -> Rejection:
         wide = grown_by_disc(-shape, keep, scene.sides, outside=inner)
         met.append(minkowski_sums(_near_window(scene, pieces, wide), wide))
     solid = np.concatenate(met)
-    here, covered = (shapely.transform(g, lambda p: p - point) for g in (scene.floor, scene.covered))
-    floor = shapely.difference(here, covered) if not covered.is_empty else here
+    floor = shapely.transform(scene.floor, lambda p: p - point)
+    if not floor.is_valid:  # rounding where edges nearly meet
+        floor = shapely.make_valid(floor, method="structure", keep_collapsed=False)
     return Rejection(floor, solid[shapely.area(solid) > 0])
 
 
