@@ -5,9 +5,9 @@ lifted left out) against the path's length at this speed, the share of that at w
 100), and the same away from the path's ends and sharp corners;
 all again with limits of jerk, and with jerk and corners cut by 1 mm; the time without a tool speed, and its
 ratio to a time that nothing can beat; how much the base's path turns and where by more than 20 degrees, how
-often it does so without nearly resting there, how much the joints move, the least spare clearance, and the
-time of planning. Below that, for the smooth motion with limits of jerk: where the robot's limits keep the
-tool from its speed, and how many corners the path has.
+often it does so in the motion with limits of jerk without nearly resting there, how much the joints move, the
+least spare clearance, and the time of planning. Below that, for the smooth motion with limits of jerk: where
+the robot's limits keep the tool from its speed, and how many corners the path has.
 
 The lower bound is the larger of two. The arm's axis has to come from where it starts into the outer area of
 every set-point, in their order: on a way at least as long as the distances between the areas of any of
@@ -35,7 +35,7 @@ from regionik.timing import timing_figures
 from regionik.timing.limits import motion_limits, segments_on_path
 from regionik.timing.retime import retime
 from regionik.values import Plan
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Index
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.speeds import Speeds
 
@@ -57,26 +57,23 @@ SLOW = 0.02  # of the base, where it nearly rests [m/s]
 SHOWN = 5  # places where the tool is slower
 
 
+def hops(base: Array) -> Index:
+    """Hops of a base in which its place moves, (n,)."""
+    return np.flatnonzero(np.linalg.norm(np.diff(base[:, :2], axis=0), axis=1) > MOVED)
+
+
 def turns(base: Array) -> Array:
     """Angles between the directions of a base's hops [rad]."""
-    hops = np.diff(base[:, :2], axis=0)
-    hops = hops[np.linalg.norm(hops, axis=1) > MOVED]
-    angle = np.diff(np.arctan2(hops[:, 1], hops[:, 0]))
+    x, y = np.diff(base[:, :2], axis=0)[hops(base)].T
+    angle = np.diff(np.arctan2(y, x))
     return np.abs((angle + np.pi) % (2 * np.pi) - np.pi)
 
 
-def passed(plan: Plan, timed: Plan) -> int:
-    """Corners of a base's path that it does not take at rest, or nearly so."""
-    motion = timed.motion
-    speed = np.linalg.norm(np.diff(motion.base[:, :2], axis=0), axis=1) / np.maximum(
-        np.diff(motion.time), 1e-9
-    )
-    speed = np.minimum(np.append(speed, 0.0), np.append(0.0, speed))  # the slower of those before and after
-    base = plan.motion.base
-    hops = np.flatnonzero(np.linalg.norm(np.diff(base[:, :2], axis=0), axis=1) > MOVED)
-    spots = base[hops[1:][turns(base) > CORNER]]
-    near = [np.argmin(np.linalg.norm(motion.base - spot, axis=1)) for spot in spots]
-    return int((speed[near] > SLOW).sum())
+def passed(timed: Plan) -> int:
+    """Corners of a base's way that it does not take at rest, or nearly so."""
+    motion, hop = timed.motion, hops(timed.motion.base)
+    speed = np.linalg.norm(np.diff(motion.base[:, :2], axis=0)[hop], axis=1) / np.diff(motion.time)[hop]
+    return int(((turns(motion.base) > CORNER) & (np.minimum(speed[:-1], speed[1:]) > SLOW)).sum())
 
 
 def planned(name: str, smooth: bool) -> tuple[Plan, float]:
@@ -152,7 +149,7 @@ def lines(name: str, smooth: bool) -> list[str]:
         f"{name:8} {'smooth' if smooth else 'found':7} {plan.lift_offs:5} {timed.motion.time[-1]:7.1f} "
         f"{held(timed, ideal)} {' '.join(held(one, ideal) for one in jerks)} {free.motion.time[-1]:7.1f} "
         f"{free.motion.time[-1] / least_time(plan):6.2f} {turned.sum():7.1f} "
-        f"{(turned > CORNER).sum():7} {passed(plan, jerks[0]):6} "
+        f"{(turned > CORNER).sum():7} {passed(jerks[0]):6} "
         f"{np.abs(np.diff(plan.motion.joints, axis=0)).sum():7.1f} "
         f"{plan.stats['margins'].get('clearance', np.inf):8.4f} {spent:6.2f}"
     )
