@@ -201,6 +201,14 @@ def test_a_differential_drive_rolls_without_slip_and_sooner() -> None:
     assert after < before
 
 
+def test_a_base_found_off_its_areas_is_not_drawn_into_them() -> None:
+    """As where pruning cut the component, or base and joints went on together."""
+    found, standing = both("free")[0], whole_path(load_world("free"))[0]
+    away = tuple(replace(area, pruned=translate(area.pruned, 0.0, 0.9)) for area in found.areas)
+    (run,) = runs.runs_of(replace(found, areas=away), standing, 0.025, loose=False)
+    assert run.problem.keep(run.states).least.max() <= 0.0
+
+
 def test_a_distance_that_is_demanded_is_not_given_up() -> None:
     """A state 1 mm within its area may stay, or must come 4 mm farther in where 5 mm are demanded."""
     world = load_world("free")

@@ -34,6 +34,7 @@ class StateKeeper:
     within: Geometries  # (n,) where the arm axis may be in each state
     # (n,) distance from the edge of that, and beyond the clearance of links, that is not given up [m]
     demanded: Array
+    area_cost: float = AREA_COST
 
     def half_spaces(self, states: Array) -> HalfSpaces:
         """Half-spaces about given states, see `path_smoothing`."""
@@ -58,7 +59,7 @@ class StateKeeper:
         normal[:, :2] = unit
         normal[:, 2] = unit[:, 1] * (axis - states[:, :2])[:, 0] - unit[:, 0] * (axis - states[:, :2])[:, 1]
         least = _least(sign * depth - self.demanded, AREA_MARGIN)
-        return HalfSpaces(np.arange(len(states)), normal, least, np.full(len(states), AREA_COST))
+        return HalfSpaces(np.arange(len(states)), normal, least, np.full(len(states), self.area_cost))
 
     def on_floor(self, states: Array) -> HalfSpaces:
         """Front, back, left and right of the footprint keep their distances from what is nearest to each."""
@@ -85,7 +86,7 @@ class StateKeeper:
         normal = np.zeros((len(k), states.shape[1]))
         normal[:, :2] = unit
         normal[:, 2] = unit[:, 1] * lever[:, 0] - unit[:, 0] * lever[:, 1]
-        return HalfSpaces(k, normal, _least(room[kept], AREA_MARGIN), np.full(len(k), AREA_COST))
+        return HalfSpaces(k, normal, _least(room[kept], AREA_MARGIN), np.full(len(k), self.area_cost))
 
     def _clear(self, states: Array) -> HalfSpaces:
         """Links that are near to something come no nearer than they may."""

@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import Geometries, united
 from regionik.areas.standing import Standing, room_for, turns_matter
-from regionik.moving.state_keeper import StateKeeper
+from regionik.moving.state_keeper import AREA_COST, StateKeeper
 from regionik.planners.smoothing.path_smoothing import (
     FIRST_TRUST,
     PathProblem,
@@ -42,7 +42,9 @@ STEP_SHARE = 0.7  # of the longest step of the base that it takes in the mean, a
 BASE_SHARE = 0.4  # of the base's way that counts as way along the path, where the tool rests
 SHARP = 0.7  # turn of the tool's path that is a corner [rad]
 WINDOW = 40  # states on either side of one that failed which are smoothed anew
+STIFFER = 30.0  # areas are kept where states failed, by their cost
 MOST_STATES = 1500  # smoothed at once
+OFF_AREA = 1e-6  # of the arm axis in a state as found, from which on no area is kept [m]
 JOINT_MARGIN = math.radians(2)  # [rad]
 
 
@@ -83,7 +85,12 @@ class PathRun:
         """
         mended = states.copy()
         for rows in _windows(failed, len(states)):
-            keeper = replace(self.keeper, within=self.keeper.within[rows], demanded=demanded[rows])
+            keeper = replace(
+                self.keeper,
+                within=self.keeper.within[rows],
+                demanded=demanded[rows],
+                area_cost=STIFFER * AREA_COST,
+            )
             part = self.problem.part(rows, keeper.half_spaces)
             lower = np.maximum(part.lower, self.states[rows] - tube[rows, None])
             upper = np.minimum(part.upper, self.states[rows] + tube[rows, None])
@@ -161,16 +168,16 @@ class _Layout:
         beyond = self._beyond(first, last, states)
         loose = ~np.isnan(beyond[[0, -1], 0])
         held = bool(first > 0 and not loose[0]), bool(last < len(motion) - 1 and not loose[1])
-        areas = np.array([self.plan.areas[i].pruned for i in owner[worked]])
-        problem = self._problem(states, owner, worked, at, held, beyond)
+        within = self._within(states, owner, worked)
+        problem = self._problem(states, within, at, held, beyond)
         states = on_path(problem, states) if self.evenly else states
         few = _coarse_rows(worked)
         coarse = replace(
-            self._problem(states[few], owner[few], worked[few], at[few], held, beyond[few]),
+            self._problem(states[few], within[few], at[few], held, beyond[few]),
             parameter=problem.parameter[few],
         )
-        keeper = self._keeper(owner, worked)
-        return PathRun(first, last, owner, worked, states, areas, problem, coarse, keeper)
+        keeper = self._keeper(within)
+        return PathRun(first, last, owner, worked, states, within[worked], problem, coarse, keeper)
 
     def _places(self, first: int, last: int) -> Array:
         """Places of old states along the path: the set-point, and the share of the way to the next."""
@@ -202,13 +209,7 @@ class _Layout:
         return rows, np.floor(rows).astype(np.int64), rows == np.floor(rows)
 
     def _problem(
-        self,
-        states: Array,
-        owner: Index,
-        worked: Mask,
-        at: Array,
-        held: tuple[bool, bool],
-        beyond: Array,
+        self, states: Array, within: Geometries, at: Array, held: tuple[bool, bool], beyond: Array
     ) -> PathProblem:
         world = self.plan.world
         task, ends = world.task, len(world.task) - 1
@@ -227,7 +228,7 @@ class _Layout:
             lower,
             upper,
             beyond,
-            self._keeper(owner, worked).half_spaces,
+            self._keeper(within).half_spaces,
         )
 
     def _beyond(self, first: int, last: int, states: Array) -> Array:
@@ -263,10 +264,15 @@ class _Layout:
         fixed[0], fixed[-1] = fixed[0] | held[0], fixed[-1] | held[1]
         return np.where(fixed, states, lower), np.where(fixed, states, upper)
 
-    def _keeper(self, owner: Index, worked: Mask) -> StateKeeper:
-        world, areas, floor = self.plan.world, self.plan.areas, self._floor
-        within = np.array([areas[i].pruned if at else floor for i, at in zip(owner, worked, strict=True)])
-        drive = world.robot.drive
+    def _within(self, states: Array, owner: Index, worked: Mask) -> Geometries:
+        """Where the arm axis may be in each state: at set-points in their areas, unless found off them."""
+        axes = shapely.points(axis_of(self.plan.world.robot, states[:, :3]))
+        areas = np.array([self.plan.areas[i].pruned for i in owner])
+        inside = worked & (shapely.distance(areas, axes) <= OFF_AREA)
+        return np.where(inside, areas, np.full(len(areas), self._floor))
+
+    def _keeper(self, within: Geometries) -> StateKeeper:
+        world, drive = self.plan.world, self.plan.world.robot.drive
         room = room_for(world) if drive.turns_on_the_spot and (drive.rolls or turns_matter(world)) else None
         return StateKeeper(world.robot, guard_of(world), room, within, np.zeros(len(within)))
 
