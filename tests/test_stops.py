@@ -476,6 +476,13 @@ def test_a_circle_to_park_in_is_no_wider_than_others_find_it() -> None:
     assert verify(plan(witness("tilted", 120028).world)).ok
 
 
+def test_set_points_that_a_stop_serves_beyond_its_areas_show_their_own() -> None:
+    """The arm goes on to a fifth set-point, of whose area the places of the stop are no part."""
+    found = plan(witness("offsets", 170776).world)
+    assert len(found.stops) == 1
+    assert all(area.admissible.buffer(1e-9).covers(area.pruned) for area in found.areas)
+
+
 @pytest.mark.slow
 def test_a_circle_to_park_in_ends_where_the_limits_of_the_arm_do() -> None:
     """Areas of seven joints do not know what the base, kept at one heading, leaves to the pivot."""

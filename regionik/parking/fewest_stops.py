@@ -99,7 +99,7 @@ def park_in_any_order(world: World) -> Parking:
 
 def _covered(world: World, parking_areas: ParkingAreas) -> Parking:
     """The least cover, every set-point assigned to one of the faces that meet it."""
-    sides = sorted(set(parking_areas.ladder.side.tolist()))
+    sides = parking_areas.sides
     part, faces, cover = least_cover_by_faces([parking_areas.areas_at(s) for s in sides])
     side = np.array(sides, dtype=np.intp)[part]
     groups = _assigned(world.task, faces, side, cover, parking_areas)

@@ -87,13 +87,17 @@ class ParkingAreas:
             for run in runs
         ]
 
+    @cached_property
+    def sides(self) -> list[int]:
+        """Sides of the standing on which there are areas."""
+        return sorted(set(self.ladder.side.tolist()))
+
     def group(self, setpoints: tuple[int, ...], order: Order) -> StopGroup:
         """Group of given set-points with all their places: in their order, or in any."""
         if order == "given":
             first, last = setpoints[0], setpoints[-1]
             return self._groups(first, last + 1)[0]
-        sides = sorted(set(self.ladder.side.tolist()))
-        shared = {s: shapely.intersection_all(self.areas_at(s)[list(setpoints)]) for s in sides}
+        shared = {s: shapely.intersection_all(self.areas_at(s)[list(setpoints)]) for s in self.sides}
         return StopGroup(setpoints, {s: area for s, area in shared.items() if area.area > 0})
 
     @cached_property

@@ -147,7 +147,7 @@ class _StopConnection:
             done = best.placement.setpoints[: len(best.candidates)]
             stops.append(best.placement.stop(self.world, done))
             self._left.append(best.placement.roadmap)
-            places += [shapely.union_all(list(group.places.values()))] * len(done)
+            places += [self._places(group, i) for i in done]
             tell("motion", len(found), len(self.world.task))
             k += 1
             if len(found) == len(self.world.task):
@@ -156,6 +156,13 @@ class _StopConnection:
                 split += [len(found)] if len(done) < len(group.setpoints) else []
                 sequence, k = sequence.after(k - 1, len(found)), 0
         return StopMotion(self.search.joined(rows, found), tuple(stops), tuple(split), tuple(places))
+
+    def _places(self, group: StopGroup, i: int) -> BaseGeometry:
+        """Places of a stop; those of a set-point alone that its areas do not know to be served."""
+        if i in group.setpoints:
+            return shapely.union_all(list(group.places.values()))
+        areas = self.sequence.parking_areas
+        return shapely.union_all([areas.areas_at(side)[i] for side in areas.sides])
 
     def _farther(self, done: _Attempt, setpoints: list[int], here: Pose | None) -> _Attempt:
         """More of some set-points than were done from a place: areas need not know that it serves them."""
