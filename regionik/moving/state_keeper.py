@@ -34,7 +34,7 @@ class StateKeeper:
     within: Geometries  # (n,) where the arm axis may be in each state
     # (n,) distance from the edge of that, and beyond the clearance of links, that is not given up [m]
     demanded: Array
-    area_cost: float = AREA_COST
+    area_cost: float = AREA_COST  # of what is missing of an area, or on the floor [1/m]
 
     def half_spaces(self, states: Array) -> HalfSpaces:
         """Half-spaces about given states, see `path_smoothing`."""
