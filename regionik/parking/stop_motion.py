@@ -158,11 +158,14 @@ class _StopConnection:
         return StopMotion(self.search.joined(rows, found), tuple(stops), tuple(split), tuple(places))
 
     def _places(self, group: StopGroup, i: int) -> BaseGeometry:
-        """Places of a stop; those of a set-point alone that its areas do not know to be served."""
-        if i in group.setpoints:
-            return shapely.union_all(list(group.places.values()))
+        """Places of a stop that areas of a set-point know; those of the set-point where they know none."""
         areas = self.sequence.parking_areas
-        return shapely.union_all([areas.areas_at(side)[i] for side in areas.sides])
+        own = shapely.union_all([areas.areas_at(side)[i] for side in areas.sides])
+        places = shapely.union_all(list(group.places.values()))
+        if own.covers(places):
+            return places
+        shared = shapely.intersection(places, own)
+        return shared if shared.area > 0 else own
 
     def _farther(self, done: _Attempt, setpoints: list[int], here: Pose | None) -> _Attempt:
         """More of some set-points than were done from a place: areas need not know that it serves them."""
