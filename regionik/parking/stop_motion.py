@@ -147,7 +147,8 @@ class _StopConnection:
             done = best.placement.setpoints[: len(best.candidates)]
             stops.append(best.placement.stop(self.world, done))
             self._left.append(best.placement.roadmap)
-            places += [self._places(group, i) for i in done]
+            shown = shapely.union_all(list(group.places.values()))
+            places += [self._known(shown, i) for i in done]
             tell("motion", len(found), len(self.world.task))
             k += 1
             if len(found) == len(self.world.task):
@@ -157,11 +158,10 @@ class _StopConnection:
                 sequence, k = sequence.after(k - 1, len(found)), 0
         return StopMotion(self.search.joined(rows, found), tuple(stops), tuple(split), tuple(places))
 
-    def _places(self, group: StopGroup, i: int) -> BaseGeometry:
+    def _known(self, places: BaseGeometry, i: int) -> BaseGeometry:
         """Places of a stop that areas of a set-point know; those of the set-point where they know none."""
         areas = self.sequence.parking_areas
         own = shapely.union_all([areas.areas_at(side)[i] for side in areas.sides])
-        places = shapely.union_all(list(group.places.values()))
         if own.covers(places):
             return places
         shared = shapely.intersection(places, own)

@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import Geometries, united
 from regionik.areas.standing import Standing, room_for, turns_matter
-from regionik.moving.state_keeper import AREA_COST, StateKeeper
+from regionik.moving.state_keeper import StateKeeper
 from regionik.planners.smoothing.path_smoothing import (
     FIRST_TRUST,
     PathProblem,
@@ -89,7 +89,7 @@ class PathRun:
                 self.keeper,
                 within=self.keeper.within[rows],
                 demanded=demanded[rows],
-                area_cost=STIFFER * AREA_COST,
+                area_cost=STIFFER * self.keeper.area_cost,
             )
             part = self.problem.part(rows, keeper.half_spaces)
             lower = np.maximum(part.lower, self.states[rows] - tube[rows, None])
