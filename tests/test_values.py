@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
+import trimesh
 
 from regionik.comparison import Comparison, Score
 from regionik.reachability.field import Field
@@ -103,3 +104,19 @@ def test_results_show_themselves_in_one_line() -> None:
         assert repr(value).startswith(start)
         assert len(repr(value).splitlines()) == 1
         assert len(repr(value)) < 120
+
+
+def test_a_mesh_casts_the_shadow_of_all_its_faces() -> None:
+    """Of some of these rings an overlay of faces without a grid loses whole ones."""
+    rng = np.random.default_rng(1)
+    for _ in range(150):
+        ring = trimesh.creation.torus(rng.uniform(0.2, 0.5), rng.uniform(0.05, 0.15), 7, 7)
+        ring.apply_transform(trimesh.transformations.random_rotation_matrix(rng.random(3)))
+        mesh = Mesh("ring", ring.vertices, ring.faces)
+        low, high = mesh.z_range
+        below = rng.uniform(low, high)
+        shadow = mesh.shadow(below)
+        assert shadow is not None
+        points = rng.dirichlet(np.ones(3), (len(mesh.faces), 30)) @ mesh.vertices[mesh.faces]
+        x, y, _ = points[points[..., 2] < below].T
+        assert shapely.dwithin(shadow.core, shapely.points(x, y), 1e-8).all()

@@ -24,6 +24,7 @@ def _request() -> Any:
 FLOOR = "the floor"
 BEYOND = 20.0  # that it goes on beyond the edge of where the base may drive, and how thick it is [m]
 POINTS = 300  # of a solid
+GRID, LOST = 1e-9, 1e-8  # of corners of a shadow [m], and what of a face it may lack [m2]
 NO_DEPTH = -1e300  # what coal says where it finds no depth [m]; it finds one with the two exchanged
 REQUEST, RESULT = _request(), coal.DistanceResult()
 
@@ -217,7 +218,9 @@ def _mesh(name: str, one: dict[str, Any], below: float) -> Thing:
     triangles = vertices[faces]
     flat = [cut for one_ in triangles if len(cut := _lower(one_, below)) > 2]
     plans = [shapely.MultiPoint(cut[:, :2]).convex_hull for cut in flat]
-    core = shapely.union_all(plans) if plans else None
+    core = shapely.union_all(plans, grid_size=GRID) if plans else None
+    if plans:  # unions may lose parts
+        assert shapely.area(shapely.difference(plans, core)).max() < LOST
     return Thing(name, (Shape(surface, np.eye(4)),), triangles, core)
 
 
