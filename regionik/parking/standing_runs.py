@@ -31,8 +31,8 @@ from regionik.worlds.scene import Target, World
 
 PLACES = 3  # of the base that are tried besides the middle
 QUARTERS = np.array([0.0, 0.5, -0.5, 1.0]) * np.pi  # headings tried, from the one that faces the run [rad]
-TRIES, AGAIN = 8, 2  # poses of the base that are tried, and how many of them again
-BEAMS = 48, 384  # postures carried on at once, at first and then
+TRIES, AGAIN = 8, 1  # poses of the base that are tried, and how many of them again
+BEAMS = 48, 192  # postures carried on at once, at first and then
 STRIDE, TURN = 0.02, 0.05  # longest way of the tool between two targets, and its largest turn [m], [rad]
 
 
