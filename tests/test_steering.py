@@ -153,6 +153,45 @@ def test_a_car_waits_for_its_steering_however_little_its_arm_turns_off() -> None
     assert np.diff(found.motion.time)[still].sum() >= np.pi / 2 / 0.7 - 1e-9
 
 
+GENTLY = st.lists(st.floats(-0.08, 0.08), min_size=3, max_size=12)
+
+
+@settings(max_examples=examples(8))
+@given(st.floats(-0.6, 0.6), GENTLY, st.floats(0.05, 2.0))
+def test_a_car_steers_as_it_rolls_where_its_curvature_changes_little(
+    first: float, changes: list[float], rate: float
+) -> None:
+    bends = np.clip(first + np.concatenate([[0.0], np.cumsum(changes)]), -0.7, 0.7)
+    found = retime(
+        driven("car", [(0.06, False, bend) for bend in bends.tolist()]),
+        replace(SPEEDS, steering_velocity=rate),
+    )
+    time, base = found.motion.time, found.motion.base
+    assert np.abs(np.diff(base, axis=0)).max(axis=1).min() > 0  # it rests nowhere
+    sample = trajectory(found).sample(np.linspace(0.0, time[-1], 4000)[1:-1])
+    ahead = np.column_stack([np.cos(sample.base[:, 2]), np.sin(sample.base[:, 2])])
+    rolled = (sample.base_velocity[:, :2] * ahead).sum(axis=1)
+    steering = np.arctan(RADIUS * sample.base_velocity[:, 2] / rolled)
+    assert np.abs(steering).max() <= np.pi / 4 + SAME
+    turned = np.abs(np.diff(steering)) / np.diff(sample.time)
+    assert turned.max() <= rate * SLACK + 1e-3  # wheels slip a little
+    assert against(found) == ()
+
+
+def test_a_car_at_its_lock_stands_to_steer_however_little() -> None:
+    """A smooth curvature that comes to the lock goes beyond it."""
+    found = retime(driven("car", [(0.1, False, 1.0), (0.1, False, 0.95), (0.1, False, 1.0)]))
+    assert int((np.diff(found.motion.base, axis=0) == 0).all(axis=1).sum()) == 2
+
+
+def test_a_car_that_stops_to_roll_stands_to_steer() -> None:
+    """Its arm goes on meanwhile; where it steers as it rolls its curvature would jump there."""
+    bends = [(0.1, False, 0.2), (0.1, False, 0.25), (0.0, False, 0.0), (0.1, False, 0.25), (0.1, False, 0.2)]
+    still = (np.diff(retime(driven("car", bends)).motion.base, axis=0) == 0).all(axis=1)
+    rests = (np.diff(retime(driven("car", bends)).motion.joints, axis=0) == 0).all(axis=1) & still
+    assert int(rests.sum()) == 2
+
+
 @pytest.mark.parametrize(
     ("kind", "less", "told"),
     [

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from regionik.timing.limits import motion_limits
+from regionik.timing.parametrization import fastest_times
 from regionik.timing.retime import retime
 from regionik.timing.trajectory import trajectory
 from regionik.values import Motion, Plan
@@ -19,7 +21,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.drives import BaseKind
 from regionik.worlds.speeds import Speeds
 from tests.plans import youbot
-from tests.test_steering import driven
+from tests.test_steering import SPEEDS, driven
 from tests.test_verify import of_kind, plan_of, straight, world_of
 
 PARTS = [(0.2, False, 0.3), (0.2, False, 0.4), (0.15, False, -0.2), (0.2, True, 0.8), (0.1, True, 0.7)]
@@ -85,6 +87,30 @@ def test_a_car_that_steers_too_fast_is_named() -> None:
     quick = replace(found.world, speeds=replace(found.world.speeds, steering_velocity=0.6))  # type: ignore[type-var]
     told = of_kind(verify(replace(found, stats={}, world=quick)), "speeds")
     assert all("the steering reaches" in one.text for one in told)
+
+
+def test_steering_as_a_car_rolls_is_bounded_closely() -> None:
+    """From one part of a millisecond to the next it turns hardly less than the bound says."""
+    bends = [(0.06, False, bend) for bend in (0.0, 0.07, 0.12, 0.2, 0.12, 0.05)]
+    found = retime(driven("car", bends), replace(SPEEDS, steering_velocity=0.3))
+    sample = trajectory(found).sample(np.linspace(0.0, found.motion.time[-1], 20_000)[1:-1])
+    ahead = np.column_stack([np.cos(sample.base[:, 2]), np.sin(sample.base[:, 2])])
+    rolled = (sample.base_velocity[:, :2] * ahead).sum(axis=1)
+    angle = np.arctan(found.world.robot.turning_radius * sample.base_velocity[:, 2] / rolled)
+    used = float((np.abs(np.diff(angle)) / np.diff(sample.time)).max())
+    for share in (1.01, 0.98):
+        world = replace(found.world, speeds=replace(SPEEDS, steering_velocity=share * used))
+        told = verify(replace(found, stats={}, world=world)).violations
+        assert bool(told) == (share < 1), told
+        assert all("the steering reaches" in one.text for one in told)
+
+
+def test_a_car_beyond_its_lock_is_named() -> None:
+    """Of arcs that are none too tight, a smooth curvature through them."""
+    plan = driven("car", [(0.06, False, bend) for bend in (0.9, 0.95, 1.0, 0.95, 0.9)])
+    times = fastest_times(motion_limits(plan.world.robot, SPEEDS), plan.motion)
+    found = replace(plan, motion=replace(plan.motion, time=times), stats={})
+    assert any("the steering's lock reaches 1.0" in one.text for one in verify(found).violations)
 
 
 def test_a_wheel_that_turns_too_fast_is_named() -> None:

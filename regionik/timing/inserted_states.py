@@ -31,6 +31,7 @@ def refined(limits: MotionLimits, motion: Motion) -> Motion:
     alone[[a for a, b in path.runs if b == a + 1]] = 1
     motion = _subdivided(limits, motion, alone)
     span = np.diff(fastest_times(limits, motion, tightenings=0))
+    span[timed_path(limits, motion).lengths == 0] = 0.0  # a rest has a state at each end
     count = np.maximum(np.ceil(span / PERIOD).astype(np.int64) - 1, 0)
     fine = _subdivided(limits, motion, count)
     position, rate = fastest_rates(limits, fine, tightenings=0)

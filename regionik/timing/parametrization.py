@@ -20,6 +20,7 @@ from regionik.worlds.robot import Robot
 TIGHTENINGS = 6  # of limits, where they are exceeded between states
 EXCESS = 1e-3  # by which they may be, before the whole motion is slowed
 AT_REST = 1e-12  # squared path velocity at rest between runs; rounding in toppra does not bear 0
+LEAST_USE = 1e-3  # of the steering, at a path velocity of 1
 LAST = 1 - 1e-9  # share of a segment: at its end the next one starts
 CHECKED_SHARES = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, LAST)  # of a segment, at which limits are checked
 LIMITED_SHARES = (0.0, 0.5, LAST)  # at which the parametrization keeps accelerations
@@ -128,9 +129,18 @@ class _MovingSegments:
 
     def evaluate(self, shares: Sequence[float]) -> tuple[Array, Array, Array]:
         """Coordinates q at shares of each segment, share by share, with q_s and q_ss; (k m, 3 + dof)."""
+        return self.path.evaluate(*self._places(shares))
+
+    def steered(self, shares: Sequence[float]) -> Array:
+        """Share of its limit that a car's steering uses at a path velocity of 1, as `evaluate`, (k m,)."""
+        rate: Array = self.path.steering_rate(*self._places(shares)) / self.limits.speeds.steering_velocity
+        return rate
+
+    def _places(self, shares: Sequence[float]) -> tuple[Array, NDArray[np.int64]]:
+        """Path positions and segments (k m,)."""
         length, start = self.path.lengths[self.segments], self.path.position[self.segments]
         position = np.concatenate([start + share * length for share in shares])
-        return self.path.evaluate(position, np.tile(self.segments, len(shares)))
+        return position, np.tile(self.segments, len(shares))
 
     def fastest_rates(self, factor: Array) -> Array:
         """Path velocities at the ends, (m + 1,), within limits tightened by factors (m,)."""
@@ -140,7 +150,8 @@ class _MovingSegments:
             if share != LIMITED_SHARES[1]:
                 ends = slice(None, -1) if share == 0.0 else slice(1, None)
                 allowed = self.limits.largest_squared_velocity(q, q_s, self.on_path) / factor
-                most[ends] = np.minimum(most[ends], allowed)
+                steered = 1 / np.maximum(self.steered([share]), LEAST_USE) ** 2 / factor
+                most[ends] = np.minimum(most[ends], np.minimum(allowed, steered))
             first, second, limit = self.limits.limited_derivatives(q_s, q_ss)
             samples.append(PathDerivatives(share, first * factor[:, None], second * factor[:, None]))
         return time_optimal_velocities(self.grid, samples, limit, most)
@@ -155,5 +166,6 @@ class _MovingSegments:
         velocity = np.sqrt(np.maximum(np.tile(rate[:-1] ** 2, count)[:, None] + shares * gain, 0.0))
         acceleration = q_s * gain / (2 * length) + q_ss * velocity**2
         factor = self.limits.slowdown(q, q_s * velocity, acceleration, np.tile(self.on_path, count))
+        factor = np.maximum(factor, self.steered(CHECKED_SHARES) * velocity[:, 0])
         found: Array = (factor**2).reshape(count, -1).max(0)
         return found

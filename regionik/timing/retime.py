@@ -20,7 +20,7 @@ from regionik.timing.limits import (
     slowdowns,
 )
 from regionik.timing.parametrization import fastest_times, path_of
-from regionik.timing.smooth_path import CORNER
+from regionik.timing.smooth_path import CORNER, GENTLE
 from regionik.timing.timing_figures import timing_figures
 from regionik.values import Motion, Plan, Report
 from regionik.verification.verifier import verify
@@ -116,7 +116,10 @@ def _narrowest(world: World) -> float:
 
 def _rests(limits: MotionLimits, motion: Motion) -> Index:
     """States to rest at: corners, and both ends of a path on which the tool has a speed."""
-    rests = path_of(limits.robot, motion).corners(ROUNDED_CORNER if _rounds(limits) else CORNER)
+    path = path_of(limits.robot, motion)
+    rests = path.corners(
+        ROUNDED_CORNER if _rounds(limits) else CORNER, 0.0 if limits.speeds.limit_jerk else GENTLE
+    )
     if limits.speeds.tool_velocity is None:
         return rests
     return np.union1d(rests, 1 + np.flatnonzero(np.diff(segments_on_path(motion))))

@@ -21,6 +21,8 @@ SAME = 1e-9  # states that differ by less are the same [m], [rad]
 SLIP, SLIPPED = 1e-3, 1e-5  # that wheels may slip from state to state: as a share of the way, and besides [m]
 CORNER = np.radians(30)  # at sharper corners the robot stops, others are rounded
 STEERED = 1e-6  # angle of steering that a car need not stop for [rad]
+GENTLE = 0.1  # change of it from segment to segment that a car makes as it rolls [rad]
+CREEP = 1e-6  # part of the path's way that a car hardly rolls
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 
 Cubics = tuple[Array, Array, Array, Array]
@@ -72,19 +74,21 @@ class SmoothPath:
         starts, ends = np.flatnonzero(np.diff(going) == 1), np.flatnonzero(np.diff(going) == -1)
         return list(zip(starts.tolist(), ends.tolist(), strict=True))
 
-    def corners(self, sharp: float = CORNER) -> NDArray[np.int64]:
+    def corners(self, sharp: float = CORNER, gentle: float = GENTLE) -> NDArray[np.int64]:
         """States within runs where the robot must rest.
 
-        At corners sharper than an angle [rad], and where a car has turned its steering, as the arm moved
-        or not.
+        At corners sharper than an angle [rad], and where a car has to stand to turn its steering: by more
+        than is ``gentle`` [rad].
         """
         tangents = np.diff(self.coordinates, axis=0)
         tangents = tangents / np.maximum(np.linalg.norm(tangents, axis=1), SAME)[:, None]
         turned = (tangents[:-1] * tangents[1:]).sum(1) <= np.cos(sharp)
-        rolls = np.where(np.isnan(self.steering), 0, np.arange(len(self.steering)))
-        steered = self.steering[np.maximum.accumulate(rolls)]  # as it was left where the base stands
-        changed = turned | (np.abs(np.diff(steered)) > STEERED)
-        return 1 + np.flatnonzero(changed & (self.lengths[:-1] > 0) & (self.lengths[1:] > 0))
+        within = (self.lengths[:-1] > 0) & (self.lengths[1:] > 0)
+        return 1 + np.flatnonzero(within & (turned | self._stands_to_steer(gentle)))
+
+    def _stands_to_steer(self, gentle: float) -> NDArray[np.bool_]:
+        """States between two segments at which a car stands, as its steering is turned there, (n - 2,)."""
+        return np.zeros(len(self.lengths) - 1, dtype=np.bool_)
 
     @cached_property
     def coordinates(self) -> Array:
@@ -98,6 +102,10 @@ class SmoothPath:
         That of a wheel one turning radius ahead of the axle: 45 degrees on the tightest arc.
         """
         return np.full(len(self.base) - 1, np.nan)
+
+    def steering_rate(self, position: Array, segment: NDArray[np.int64]) -> Array:
+        """How fast the steering angle changes by path position, (m,); 0 where a car does not roll."""
+        return np.zeros(len(position))
 
     @property
     def slipping(self) -> NDArray[np.bool_]:
@@ -204,7 +212,7 @@ def knot_curvatures(h: Array, secant: Array, moving: NDArray[np.bool_], halved: 
 class RollingPath(SmoothPath):
     """Smooth path of a robot on wheels: what its base rolls and its heading are smooth.
 
-    It comes to all states with hardly any slip. A car rests wherever it has to turn its steering.
+    It comes to all states with hardly any slip. A car turns its steering as it rolls, where that is little.
     """
 
     @cached_property
@@ -222,6 +230,25 @@ class RollingPath(SmoothPath):
         rolled = np.concatenate([[0.0], np.cumsum(self._rolled)])
         return np.column_stack([rolled, self.base[:, 2], self.joints])
 
+    def _stands_to_steer(self, gentle: float) -> NDArray[np.bool_]:
+        """See `SmoothPath`; between places where it stands a car steers as it rolls, or not at all.
+
+        While it steers it rolls on all the way, for where it stops to roll, on a smooth path, its curvature
+        would jump.
+        """
+        rolls = ~np.isnan(self.steering)
+        last = np.maximum.accumulate(np.where(rolls, np.arange(len(rolls)), 0))
+        steered, ahead = self.steering[last], np.where(rolls, np.sign(self._rolled), 0.0)
+        change = np.abs(np.diff(steered))
+        tight = np.abs(np.tan(steered))
+        beyond = np.maximum(tight[:-1], tight[1:]) + np.abs(np.diff(np.tan(steered))) / 2  # of a cubic
+        on = (ahead[:-1] * ahead[1:] > 0) & (change <= gentle) & (beyond <= 1)
+        stands = (change > STEERED) & ~on
+        part = np.cumsum(stands | (self.lengths[1:] == 0))
+        steers = np.isin(part, part[(change > STEERED) & on])
+        found: NDArray[np.bool_] = stands | (steers & (ahead[:-1] != ahead[1:]))
+        return found
+
     @cached_property
     def steering(self) -> Array:
         """See `SmoothPath.steering`."""
@@ -229,6 +256,16 @@ class RollingPath(SmoothPath):
         stands = (self.lengths == 0) | (np.abs(rolled) <= SAME)
         angle = np.arctan(self.drive.turning_radius * turn / np.where(stands, 1.0, rolled))
         return np.where(stands, np.nan, angle)
+
+    def steering_rate(self, position: Array, segment: NDArray[np.int64]) -> Array:
+        """See `SmoothPath`."""
+        radius, (_, rate, bend) = self.drive.turning_radius, self._values(self._cubics, position, segment)
+        (roll, turn), (gain, twist) = rate[:, :2].T, bend[:, :2].T
+        square = roll**2 + (radius * turn) ** 2
+        found: Array = (
+            radius * np.abs(twist * roll - turn * gain) / np.where(square > CREEP**2, square, np.inf)
+        )
+        return found
 
     @cached_property
     def _left(self) -> Array:

@@ -10,19 +10,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
-from scipy.special import comb
-
 from regionik.values import Violation
 from regionik.verification.motion import Indices, MotionSegments
 from regionik.verification.proofs import Finding, StateNames, finding
+from regionik.verification.steering import steering_shares
 from regionik.verification.timed_segments import (
-    SAME,
     SLIP,
     SLIPPED,
     CoursePolynomials,
     TimedSegments,
+    bernstein,
     product,
-    substitution,
     timed_segments,
 )
 from regionik.worlds.arrays import Array
@@ -30,7 +28,6 @@ from regionik.worlds.scene import World
 from regionik.worlds.speeds import Speeds
 
 OVER = 2e-3  # share of a limit by which bounds may be beyond it
-STEERED = 1e-5  # angle that a car's steering need not be turned for [rad]
 PARTS = 16  # of a segment, each with bounds of its own
 
 
@@ -38,7 +35,7 @@ def verify_speeds(world: World, segments: MotionSegments, names: StateNames) -> 
     """A timed plan keeps the speeds and accelerations of its world, or those that are its robot's own.
 
     The margin is what is left of the limit that is used most, as a share. Of the tool's speed the mean over
-    each segment counts. A car's steering turns while it stands. Where jerks are limited they are a finding of
+    each segment counts. A car's steering turns as it rolls, or while it stands. Where jerks are limited they are a finding of
     their own.
     """
     if np.isnan(segments.motion.time).any() or len(segments) == 0:
@@ -103,7 +100,7 @@ def _shares(
         most = SLIPPED + SLIP * np.abs(segments.rolled)
         yield "the slip of the wheels", (np.hypot(*course.slip.T) / most)[k], k
     if robot.turning_radius > 0:
-        yield from _steering(segments, course, speeds.steering_velocity)
+        yield from steering_shares(segments, course, speeds.steering_velocity)
 
 
 def _jerks(
@@ -137,19 +134,6 @@ def _tool_speeds(segments: MotionSegments) -> Array:
     return np.linalg.norm(np.diff(tools, axis=0), axis=1) * ~(lifted[:-1] | lifted[1:])
 
 
-def _steering(
-    segments: MotionSegments, course: TimedSegments, limit: float
-) -> Iterator[tuple[str, Array, Indices]]:
-    """Rates of a car's steering while it stands: of a wheel one turning radius ahead of the axle."""
-    rolling = np.flatnonzero((course.lengths > 0) & (np.abs(segments.rolled) > SAME))
-    angle = np.arctan(segments.robot.turning_radius * segments.turn[rolling] / segments.rolled[rolling])
-    turned = np.abs(np.diff(angle))
-    stood = segments.motion.time[rolling[1:]] - segments.motion.time[rolling[:-1] + 1]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        rate = np.where(turned > STEERED, turned / stood, 0.0)
-    yield "the steering", np.minimum(rate / limit, 1e9), rolling[1:]
-
-
 def _derivatives(polynomials: Array, span: Array) -> list[Array]:
     """First to third derivatives by time of polynomials (m, n, k) of the share of it."""
     found = [polynomials]
@@ -164,12 +148,6 @@ def _largest(polynomials: Array) -> Array:
     order = polynomials.shape[1] - 1
     bounds = np.zeros(len(polynomials))
     for part in range(PARTS):
-        values = np.einsum("in,mnk->mik", _bernstein(order, part / PARTS, 1 / PARTS), polynomials)
+        values = np.einsum("in,mnk->mik", bernstein(order, part / PARTS, 1 / PARTS), polynomials)
         bounds = np.maximum(bounds, np.linalg.norm(values, axis=2).max(axis=1))
     return bounds
-
-
-def _bernstein(order: int, start: float, width: float) -> Array:
-    """Matrix from powers to Bernstein coefficients on an interval, (order + 1, order + 1)."""
-    i, n = np.indices((order + 1, order + 1))
-    return comb(i, n) / comb(order, n) @ substitution(order + 1, start, width)

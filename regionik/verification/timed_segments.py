@@ -116,6 +116,19 @@ class TimedSegments:
             power = product(power, share)
         return self._split(by_time)
 
+    def rolling(self) -> tuple[Indices, Array, Array]:
+        """Segments (m,) on which a base on wheels rolls, and their ways as polynomials of a share.
+
+        Returns
+        -------
+        (m,), (2, m, 4) and (m, 2) arrays
+            Segments; way rolled and heading; the square of the share's rate, by the share [1/s2].
+        """
+        rolls = np.abs(self.segments.rolled[self.moving]) > SAME
+        k, ways = self.moving[rolls], self._through(self._change[:, :2])[rolls]
+        start, end = ((np.maximum(rate[k], 0.0) / self.lengths[k]) ** 2 for rate in self._rates)
+        return k, np.moveaxis(ways, 2, 0), np.column_stack([start, end - start])
+
     @cached_property
     def slip(self) -> Array:
         """What is left of each segment's motion of a base on wheels when all is rolled, (segments, 2) [m]."""
@@ -170,6 +183,14 @@ class SplinedSegments(TimedSegments):
     @property
     def kind(self) -> str:
         return "without jumps of acceleration"
+
+    def rolling(self) -> tuple[Indices, Array, Array]:
+        """See `TimedSegments`: a car rests wherever its curvature changes, so it is constant on a segment."""
+        one = self.segments
+        k = np.flatnonzero((self.lengths > 0) & (np.abs(one.rolled) > SAME))
+        ways = np.zeros((2, len(k), 4))
+        ways[:, :, 1] = one.rolled[k], one.turn[k]
+        return k, ways, np.zeros((len(k), 2))
 
     @cached_property
     def _runs(self) -> Indices:
@@ -239,6 +260,12 @@ def substitution(order: int, start: ArrayLike, width: ArrayLike) -> Array:
     """Matrices (..., order, order) from coefficients by x to those by u, where x = start + width u."""
     (i, n), (a, b) = np.indices((order, order)), (np.asarray(x)[..., None, None] for x in (start, width))
     return comb(n, i) * a ** np.maximum(n - i, 0) * b**i
+
+
+def bernstein(order: int, start: float, width: float) -> Array:
+    """Matrix from powers to Bernstein coefficients on an interval, (order + 1, order + 1)."""
+    i, n = np.indices((order + 1, order + 1))
+    return comb(i, n) / comb(order, n) @ substitution(order + 1, start, width)
 
 
 def product(one: Array, other: Array) -> Array:

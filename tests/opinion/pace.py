@@ -15,6 +15,7 @@ Index = NDArray[np.int64]
 STILL = 1e-8  # motion that takes no time [m] or [rad]
 RISE = 0.5  # from rest to full speed, where no acceleration is given [s]
 TURNED = 1e-5  # of a car's steering, that a hop does not tell [rad]
+ROLLED = 1e-6  # by a car from row to row of a trajectory, that tells how it steers [m]
 
 
 def pace(course: Course) -> Iterator[str]:
@@ -40,7 +41,7 @@ def pace(course: Course) -> Iterator[str]:
         return
     yield from _speeds(course, moved[on], spans[on], on)
     yield from _accelerations(course, moved[on] / spans[on, None], spans[on], on)
-    yield from _steering(course, moved, times)
+    yield from _steering("pace", course, course.base, times)
 
 
 def differences(course: Course, track: Array) -> Iterator[str]:
@@ -52,6 +53,7 @@ def differences(course: Course, track: Array) -> Iterator[str]:
     even = track[:-1]
     if len(even) < 4:
         return
+    yield from _steering("differences", course, even[:, 1:4], even[:, 0], ROLLED)
     step = float(even[1, 0] - even[0, 0])
     told = {
         "goes": np.diff(even[:, 1:], axis=0) / step,
@@ -130,21 +132,23 @@ def _accelerations(course: Course, mean: Array, spans: Array, hops: Index) -> It
             yield f"pace: {who} gains speed at {share[k]:.4f} of its limit about state {at}"
 
 
-def _steering(course: Course, moved: Array, times: Array) -> Iterator[str]:
+def _steering(who: str, course: Course, base: Array, times: Array, still: float = STILL) -> Iterator[str]:
     """Objections to a car that is on another arc before its steering can have turned.
 
-    Of a wheel one turning radius ahead of the axle.
+    The mean angle between two of its poses is met somewhere there: of a wheel one turning radius ahead of the
+    axle.
     """
-    facts, asked = course.machine.facts, course.world.get("speeds") or {}
+    facts, limits = course.machine.facts, course.world.get("speeds") or {}
     if facts.base != "car":
         return
-    length = np.hypot(*moved[:, :2].T) / np.sinc(moved[:, 2] / 2 / np.pi)
-    middle = course.base[:-1, 2] + moved[:, 2] / 2
+    moved = np.diff(base, axis=0)
+    turn = wrapped(moved[:, 2])
+    middle = base[:-1, 2] + turn / 2
     ahead = moved[:, 0] * np.cos(middle) + moved[:, 1] * np.sin(middle)
-    length = np.copysign(length, ahead)
-    rolling = np.flatnonzero(np.abs(length) > STILL)
-    angle = np.arctan(facts.turning_radius * moved[rolling, 2] / length[rolling])
-    for here, there, turned in zip(rolling[:-1], rolling[1:], np.abs(np.diff(angle)), strict=True):
-        least = turned / asked.get("steering_velocity", 1.0)
-        if turned > TURNED and times[there] - times[here + 1] < least * (1 - OVER):
-            yield f"pace: the steering turns by {turned:.4f} in too little time after state {here + 1}"
+    length = np.copysign(np.hypot(*moved[:, :2].T) / np.sinc(turn / 2 / np.pi), ahead)
+    k = np.flatnonzero(np.abs(length) > still)
+    turned = np.abs(np.diff(np.arctan(facts.turning_radius * turn[k] / length[k])))
+    passed = times[k[1:] + 1] - times[k[:-1]]
+    most = limits.get("steering_velocity", 1.0) * (1 + OVER) * passed + TURNED
+    for there in k[1:][turned > most]:
+        yield f"{who}: the steering turns too far in the time before {times[there]:.4f} s"
