@@ -271,6 +271,13 @@ FAULTS = (
         ("tests/test_export.py",),
     ),
     Fault(
+        "obstacles: a mesh's shadow loses faces",
+        "worlds/obstacles.py",
+        "triangles[shapely.is_valid(triangles)], grid_size=GRID",
+        "triangles[shapely.is_valid(triangles)]",
+        ("tests/test_values.py",),
+    ),
+    Fault(
         "timing: steering takes no time",
         "regionik/timing/parametrization.py",
         "max(0.0, turned / velocity - (end[after] - end[before + 1]))",

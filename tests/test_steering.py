@@ -13,13 +13,13 @@ from shapely.geometry import box
 
 from regionik.planners.driving.arcs import arc_end
 from regionik.timing.retime import BLEND, retime
-from regionik.timing.smooth_path import SLIP, SLIPPED
+from regionik.timing.smooth_path import SLIP, SLIPPED, smooth_path
 from regionik.timing.trajectory import trajectory
 from regionik.values import Plan
 from regionik.verification import speeds
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
-from regionik.worlds.drives import BaseKind
+from regionik.worlds.drives import BaseKind, CarDrive
 from regionik.worlds.scene import Floor, Rules
 from regionik.worlds.speeds import Speeds
 from tests import examples
@@ -186,10 +186,16 @@ def test_a_car_at_its_lock_stands_to_steer_however_little() -> None:
 
 def test_a_car_that_stops_to_roll_stands_to_steer() -> None:
     """Its arm goes on meanwhile; where it steers as it rolls its curvature would jump there."""
-    bends = [(0.1, False, 0.2), (0.1, False, 0.25), (0.0, False, 0.0), (0.1, False, 0.25), (0.1, False, 0.2)]
-    still = (np.diff(retime(driven("car", bends)).motion.base, axis=0) == 0).all(axis=1)
-    rests = (np.diff(retime(driven("car", bends)).motion.joints, axis=0) == 0).all(axis=1) & still
-    assert int(rests.sum()) == 2
+    steering = [(0.02, False, 0.2), (0.02, False, 0.25), (0.0, False, 0.0), (0.02, False, 0.25)]
+    assert corners(steering) == [2, 3]
+    even = [(0.02, False, 0.25), (0.02, False, 0.25), (0.0, False, 0.0), (0.02, False, 0.25)]
+    assert corners(even) == []
+
+
+def corners(parts: list[Arc]) -> list[int]:
+    motion = driven("car", parts).motion
+    found: list[int] = smooth_path(CarDrive(RADIUS), motion.base, motion.joints).corners().tolist()
+    return found
 
 
 @pytest.mark.parametrize(

@@ -83,9 +83,11 @@ def test_what_goes_beyond_a_limit_is_named(kind: BaseKind, limit: str) -> None:
 
 
 def test_a_car_that_steers_too_fast_is_named() -> None:
-    found = timed("car")
-    quick = replace(found.world, speeds=replace(found.world.speeds, steering_velocity=0.6))  # type: ignore[type-var]
+    """It stands to steer from one of these arcs to the next."""
+    found = retime(driven("car", [(0.2, False, 0.5), (0.2, False, -0.5), (0.2, False, 0.8)]))
+    quick = replace(found.world, speeds=replace(SPEEDS, steering_velocity=0.6))
     told = of_kind(verify(replace(found, stats={}, world=quick)), "speeds")
+    assert len(told) == 2
     assert all("the steering reaches" in one.text for one in told)
 
 

@@ -32,8 +32,8 @@ class Speeds:
     turn_velocity, turn_acceleration, turn_jerk : float
         Of its heading [rad/s], [rad/s2], [rad/s3]; jerk None for no limit.
     steering_velocity : float
-        Of a car's steering, which turns while the car stands: of a wheel one turning radius ahead of the
-        axle, which is turned by 45 degrees on the tightest arc [rad/s].
+        Of a car's steering: of a wheel one turning radius ahead of the axle, which is turned by 45 degrees on
+        the tightest arc [rad/s].
     wheel_velocity : float, optional
         Of the rim of either driven wheel of a differential base whose ``gauge`` is known [m/s].
     tool_velocity : float, optional

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
+
 from regionik.values import Violation
 from regionik.verification.motion import Indices, MotionSegments
 from regionik.verification.proofs import Finding, StateNames, finding
@@ -35,8 +36,7 @@ def verify_speeds(world: World, segments: MotionSegments, names: StateNames) -> 
     """A timed plan keeps the speeds and accelerations of its world, or those that are its robot's own.
 
     The margin is what is left of the limit that is used most, as a share. Of the tool's speed the mean over
-    each segment counts. A car's steering turns as it rolls, or while it stands. Where jerks are limited they are a finding of
-    their own.
+    each segment counts. Where jerks are limited they are a finding of their own.
     """
     if np.isnan(segments.motion.time).any() or len(segments) == 0:
         return
