@@ -36,9 +36,10 @@ def steering_shares(
     square = limit * (product(f, f) + product(g, g))
     yield "the steering", _largest_share(product(product(turning, turning), share_rates), square), k
 
-    begun, ended = np.arctan(g[:, 0] / f[:, 0]), np.arctan(g.sum(axis=1) / f.sum(axis=1))
-    turned, time = np.abs(begun[1:] - ended[:-1]), segments.motion.time
+    time = segments.motion.time
     with np.errstate(divide="ignore", invalid="ignore"):
+        begun, ended = np.arctan(g[:, 0] / f[:, 0]), np.arctan(g.sum(axis=1) / f.sum(axis=1))
+        turned = np.abs(begun[1:] - ended[:-1])
         rate = np.where(turned > STEERED, turned / (time[k[1:]] - time[k[:-1] + 1]), 0.0)
     yield "the steering", np.minimum(rate / limit, MOST), k[1:]
 
