@@ -88,7 +88,7 @@ class SmoothPath:
 
     def _stands_to_steer(self, gentle: float) -> NDArray[np.bool_]:
         """States between two segments at which a car stands, as its steering is turned there, (n - 2,)."""
-        return np.zeros(len(self.lengths) - 1, dtype=np.bool_)
+        return np.zeros(max(len(self.lengths) - 1, 0), dtype=np.bool_)
 
     @cached_property
     def coordinates(self) -> Array:
