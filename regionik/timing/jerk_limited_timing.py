@@ -64,8 +64,8 @@ def jerk_limited_motion(limits: MotionLimits, fine: Motion, blend: float) -> Mot
         factor *= _on_segments(position, places, excess)
     best = _within_limits(limits, best)
     timed = best if limits.robot.drive.rolls else _densely(limits, best, blend)
-    turned = path_of(limits.robot, timed).steering
-    pauses = steering_pauses(turned, np.diff(timed.time), limits.speeds.steering_velocity)
+    steering, span = limits.speeds.steering_velocity, np.diff(timed.time)
+    pauses = steering_pauses(path_of(limits.robot, timed), span, steering)
     return replace(timed, time=timed.time + np.concatenate([[0.0], np.cumsum(pauses)]))
 
 

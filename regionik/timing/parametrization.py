@@ -44,22 +44,22 @@ def fastest_times(
     position, rate = fastest_rates(limits, motion, tightenings, tightened)
     length, twice = np.diff(position), rate[1:] + rate[:-1]
     span = 2 * length / np.where(length > 0, twice, 1.0)
-    steering = path_of(limits.robot, motion).steering
-    span += steering_pauses(steering, span, limits.speeds.steering_velocity)
+    span += steering_pauses(path_of(limits.robot, motion), span, limits.speeds.steering_velocity)
     return np.concatenate([[0.0], np.cumsum(span)])
 
 
-def steering_pauses(steering: Array, span: Array, velocity: float) -> Array:
+def steering_pauses(path: SmoothPath, span: Array, velocity: float) -> Array:
     """Time for which a car rests on each segment besides, until its steering is turned, (n - 1,) [s].
 
     The steering turns while the car stands, with the arm moving or not.
     """
-    pauses = np.zeros(len(span))
-    end = np.concatenate([[0.0], np.cumsum(span)])
+    pauses, rests = np.zeros(len(span)), np.flatnonzero(path.lengths == 0)
+    end, steering = np.concatenate([[0.0], np.cumsum(span)]), path.steering
     for before, after in pairwise(np.flatnonzero(~np.isnan(steering)).tolist()):
+        rest = int(np.searchsorted(rests, after)) - 1
         turned = abs(steering[after] - steering[before])
-        if turned > STEERED and after > before + 1:
-            pauses[after - 1] = max(0.0, turned / velocity - (end[after] - end[before + 1]))
+        if turned > STEERED and rest >= 0 and rests[rest] > before:
+            pauses[rests[rest]] = max(0.0, turned / velocity - (end[after] - end[before + 1]))
     return pauses
 
 

@@ -23,6 +23,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.speeds import Speeds
 
 SAME = 1e-9  # states that differ by less are the same [m], [rad]
+STANDS = 1e-7  # of a way that a car rolls with its steering as it is, by rounding [m]
 SLIP, SLIPPED = 1e-3, 1e-5  # that wheels may slip from state to state: as a share of the way, and besides [m]
 AT_REST = 1e-5  # path velocity at an end of a run, as a share of the largest
 NODES, WEIGHTS = np.array(leggauss(24)) / 2 + [[0.5], [0.0]]  # of a mean from 0 to 1
@@ -124,7 +125,7 @@ class TimedSegments:
         (m,), (2, m, 4) and (m, 2) arrays
             Segments; way rolled and heading; the square of the share's rate, by the share [1/s2].
         """
-        rolls = np.abs(self.segments.rolled[self.moving]) > SAME
+        rolls = np.abs(self.segments.rolled[self.moving]) > STANDS
         k, ways = self.moving[rolls], self._through(self._change[:, :2])[rolls]
         start, end = ((np.maximum(rate[k], 0.0) / self.lengths[k]) ** 2 for rate in self._rates)
         return k, np.moveaxis(ways, 2, 0), np.column_stack([start, end - start])
@@ -187,7 +188,7 @@ class SplinedSegments(TimedSegments):
     def rolling(self) -> tuple[Indices, Array, Array]:
         """See `TimedSegments`: a car rests wherever its curvature changes, so it is constant on a segment."""
         one = self.segments
-        k = np.flatnonzero((self.lengths > 0) & (np.abs(one.rolled) > SAME))
+        k = np.flatnonzero((self.lengths > 0) & (np.abs(one.rolled) > STANDS))
         ways = np.zeros((2, len(k), 4))
         ways[:, :, 1] = one.rolled[k], one.turn[k]
         return k, ways, np.zeros((len(k), 2))

@@ -15,6 +15,7 @@ Index = NDArray[np.int64]
 STILL = 1e-8  # motion that takes no time [m] or [rad]
 RISE = 0.5  # from rest to full speed, where no acceleration is given [s]
 TURNED = 1e-5  # of a car's steering, that a hop does not tell [rad]
+CREPT = 1e-7  # by a car from state to state, that does not [m]
 ROLLED = 1e-6  # by a car from row to row of a trajectory, that tells how it steers [m]
 
 
@@ -132,7 +133,7 @@ def _accelerations(course: Course, mean: Array, spans: Array, hops: Index) -> It
             yield f"pace: {who} gains speed at {share[k]:.4f} of its limit about state {at}"
 
 
-def _steering(who: str, course: Course, base: Array, times: Array, still: float = STILL) -> Iterator[str]:
+def _steering(who: str, course: Course, base: Array, times: Array, still: float = CREPT) -> Iterator[str]:
     """Objections to a car that is on another arc before its steering can have turned.
 
     The mean angle between two of its poses is met somewhere there: of a wheel one turning radius ahead of the
