@@ -184,12 +184,13 @@ def test_a_car_at_its_lock_stands_to_steer_however_little() -> None:
     assert int((np.diff(found.motion.base, axis=0) == 0).all(axis=1).sum()) == 2
 
 
-def test_a_car_need_not_steer_for_what_is_rounding() -> None:
+@pytest.mark.parametrize(("rolled", "turned"), [(4e-9, -1e-8), (2e-10, -2e-9)])
+def test_a_car_need_not_steer_for_what_is_rounding(rolled: float, turned: float) -> None:
     """A base that stands while its arm moves may creep by nanometres, on any arc."""
     plan = driven("car", [(0.2, False, 0.5), (0.0, False, 0.0), (0.0, False, 0.0), (0.2, False, 0.5)])
     x, y, yaw = plan.motion.base[1].tolist()
     base = plan.motion.base.copy()
-    base[2:4] = x, y, yaw = arc_end(x, y, yaw, 4e-9, -4e-9 / RADIUS)
+    base[2:4] = x, y, yaw = arc_end(x, y, yaw, rolled, turned)
     base[4] = arc_end(x, y, yaw, 0.2, 0.5 * 0.2 / RADIUS)
     found = retime(replace(plan, motion=replace(plan.motion, base=base)))
     assert found.motion.time[-1] < retime(plan).motion.time[-1] + 1e-3

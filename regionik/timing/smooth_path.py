@@ -263,9 +263,8 @@ class RollingPath(SmoothPath):
         radius, (_, rate, bend) = self.drive.turning_radius, self._values(self._cubics, position, segment)
         (roll, turn), (gain, twist) = rate[:, :2].T, bend[:, :2].T
         square = roll**2 + (radius * turn) ** 2
-        found: Array = (
-            radius * np.abs(twist * roll - turn * gain) / np.where(square > CREEP**2, square, np.inf)
-        )
+        rolls = (square > CREEP**2) & ~np.isnan(self.steering[segment])
+        found: Array = radius * np.abs(twist * roll - turn * gain) / np.where(rolls, square, np.inf)
         return found
 
     @cached_property
