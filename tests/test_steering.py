@@ -184,16 +184,31 @@ def test_a_car_at_its_lock_stands_to_steer_however_little() -> None:
     assert int((np.diff(found.motion.base, axis=0) == 0).all(axis=1).sum()) == 2
 
 
-@pytest.mark.parametrize(("rolled", "turned"), [(4e-9, -1e-8), (2e-10, -2e-9)])
-def test_a_car_need_not_steer_for_what_is_rounding(rolled: float, turned: float) -> None:
+def test_a_car_need_not_steer_for_what_is_rounding() -> None:
     """A base that stands while its arm moves may creep by nanometres, on any arc."""
     plan = driven("car", [(0.2, False, 0.5), (0.0, False, 0.0), (0.0, False, 0.0), (0.2, False, 0.5)])
     x, y, yaw = plan.motion.base[1].tolist()
     base = plan.motion.base.copy()
-    base[2:4] = x, y, yaw = arc_end(x, y, yaw, rolled, turned)
+    base[2:4] = x, y, yaw = arc_end(x, y, yaw, 4e-9, -4e-9 / RADIUS)
     base[4] = arc_end(x, y, yaw, 0.2, 0.5 * 0.2 / RADIUS)
     found = retime(replace(plan, motion=replace(plan.motion, base=base)))
     assert found.motion.time[-1] < retime(plan).motion.time[-1] + 1e-3
+
+
+def test_where_a_car_stands_its_steering_has_no_rate() -> None:
+    """Between two long motions of the arm a tiny one, in which the base creeps by 0.2 nm."""
+    base = np.array(
+        [
+            [1.0609996490708202, -0.7278588136993009, -3.281504462523861],
+            [1.061015394033314, -0.7278610306974229, -3.281455175385654],
+            [1.0610153942693419, -0.7278610307306513, -3.2814551761244997],
+            [1.061031112771363, -0.7278632432135622, -3.281405972157777],
+        ]
+    )
+    joints = np.array([[0.0], [0.293575], [0.2935794], [0.586659]])
+    path = smooth_path(CarDrive(0.3226), base, joints)
+    at = path.position[1] + np.linspace(0.0, 0.99, 9) * path.lengths[1]
+    assert not path.steering_rate(at, np.ones(9, dtype=np.int64)).any()
 
 
 def test_a_car_that_stops_to_roll_stands_to_steer() -> None:
