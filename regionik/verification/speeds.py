@@ -20,7 +20,7 @@ from regionik.verification.timed_segments import (
     SLIPPED,
     CoursePolynomials,
     TimedSegments,
-    bernstein,
+    bernstein_parts,
     product,
     timed_segments,
 )
@@ -29,7 +29,6 @@ from regionik.worlds.scene import World
 from regionik.worlds.speeds import Speeds
 
 OVER = 2e-3  # share of a limit by which bounds may be beyond it
-PARTS = 16  # of a segment, each with bounds of its own
 
 
 def verify_speeds(world: World, segments: MotionSegments, names: StateNames) -> Iterator[Finding]:
@@ -145,9 +144,7 @@ def _derivatives(polynomials: Array, span: Array) -> list[Array]:
 
 def _largest(polynomials: Array) -> Array:
     """Upper bounds for the lengths of vectors of polynomials (m, n, k) from 0 to 1, (m,)."""
-    order = polynomials.shape[1] - 1
     bounds = np.zeros(len(polynomials))
-    for part in range(PARTS):
-        values = np.einsum("in,mnk->mik", bernstein(order, part / PARTS, 1 / PARTS), polynomials)
+    for values in bernstein_parts(polynomials):
         bounds = np.maximum(bounds, np.linalg.norm(values, axis=2).max(axis=1))
     return bounds

@@ -12,12 +12,17 @@ from collections.abc import Iterator
 import numpy as np
 
 from regionik.verification.motion import Indices, MotionSegments
-from regionik.verification.timed_segments import SLIPPED, TimedSegments, bernstein, product, substitution
+from regionik.verification.timed_segments import (
+    SLIPPED,
+    TimedSegments,
+    bernstein_parts,
+    product,
+    substitution,
+)
 from regionik.worlds.arrays import Array
 
 STEERED = 1e-5  # angle that a car's steering need not be turned for [rad]
 ZERO = 1e-9  # of derivatives at an end of a segment, as a share of the largest
-PARTS = 16  # of a segment, each with bounds of its own
 MOST = 1e9  # share of a limit where nothing bounds it
 
 
@@ -65,8 +70,7 @@ def _derivative(polynomials: Array) -> Array:
 
 def _parts(polynomials: Array) -> Array:
     """Bernstein coefficients of polynomials (m, n) on parts of the interval from 0 to 1, (parts, m, n)."""
-    order = polynomials.shape[1] - 1
-    return np.stack([polynomials @ bernstein(order, part / PARTS, 1 / PARTS).T for part in range(PARTS)])
+    return np.stack(list(bernstein_parts(polynomials)))
 
 
 def _without_common_zeros(ways: Array) -> Array:

@@ -7,6 +7,7 @@ a run.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from math import factorial
@@ -23,6 +24,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.speeds import Speeds
 
 SAME = 1e-9  # states that differ by less are the same [m], [rad]
+PARTS = 16  # of a piece, each with bounds of its own
 STANDS = 1e-7  # of a way that a car rolls with its steering as it is, by rounding [m]
 SLIP, SLIPPED = 1e-3, 1e-5  # that wheels may slip from state to state: as a share of the way, and besides [m]
 AT_REST = 1e-5  # path velocity at an end of a run, as a share of the largest
@@ -263,10 +265,13 @@ def substitution(order: int, start: ArrayLike, width: ArrayLike) -> Array:
     return comb(n, i) * a ** np.maximum(n - i, 0) * b**i
 
 
-def bernstein(order: int, start: float, width: float) -> Array:
-    """Matrix from powers to Bernstein coefficients on an interval, (order + 1, order + 1)."""
-    i, n = np.indices((order + 1, order + 1))
-    return comb(i, n) / comb(order, n) @ substitution(order + 1, start, width)
+def bernstein_parts(polynomials: Array) -> Iterator[Array]:
+    """Bernstein coefficients of polynomials (m, n, ...) on each part of the interval from 0 to 1, so many."""
+    i, n = np.indices((polynomials.shape[1], polynomials.shape[1]))
+    scale = comb(i, n) / comb(len(i) - 1, n)
+    for part in range(PARTS):
+        by_power = scale @ substitution(len(i), part / PARTS, 1 / PARTS)
+        yield np.einsum("in,mn...->mi...", by_power, polynomials)
 
 
 def product(one: Array, other: Array) -> Array:
