@@ -24,7 +24,7 @@ from regionik.postures.arm_guard import Guard
 from regionik.postures.poses import Pose, arrays
 from regionik.worlds.scene import Target, World
 
-STRIDE = 0.02  # of the tool from state to state [m]
+STRIDE = 0.05  # of the tool from state to state [m]
 TURN_STRIDE = 0.1  # of its frame [rad]
 
 

@@ -21,6 +21,7 @@ TIGHTENINGS = 6  # of limits, where they are exceeded between states
 EXCESS = 1e-3  # by which they may be, before the whole motion is slowed
 AT_REST = 1e-12  # squared path velocity at rest between runs; rounding in toppra does not bear 0
 LEAST_USE = 1e-3  # of the steering, at a path velocity of 1
+STEERING_SHARE = 0.95  # of the limit of its rate that it takes, which may peak between the shares below
 LAST = 1 - 1e-9  # share of a segment: at its end the next one starts
 CHECKED_SHARES = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, LAST)  # of a segment, at which limits are checked
 LIMITED_SHARES = (0.0, 0.5, LAST)  # at which the parametrization keeps accelerations
@@ -132,8 +133,9 @@ class _MovingSegments:
         return self.path.evaluate(*self._places(shares))
 
     def steered(self, shares: Sequence[float]) -> Array:
-        """Share of its limit that a car's steering uses at a path velocity of 1, as `evaluate`, (k m,)."""
-        rate: Array = self.path.steering_rate(*self._places(shares)) / self.limits.speeds.steering_velocity
+        """What a car's steering uses of the rate it may have, at a path velocity of 1, as `evaluate`, (k m,)."""
+        limit = STEERING_SHARE * self.limits.speeds.steering_velocity
+        rate: Array = self.path.steering_rate(*self._places(shares)) / limit
         return rate
 
     def _places(self, shares: Sequence[float]) -> tuple[Array, NDArray[np.int64]]:
