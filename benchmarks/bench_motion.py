@@ -144,7 +144,7 @@ def lines(name: str, smooth: bool) -> list[str]:
     plan, spent = planned(name, smooth)
     ideal, turned = length_of_path(plan) / TOOL, turns(plan.motion.base)
     timed, free = retime(plan, ASKED), retime(plan, ROBOT)
-    jerks = [retime(plan, SMOOTH), retime(plan, SMOOTH, blend=CUT)]
+    jerks = [retime(plan, SMOOTH), retime(plan, replace(SMOOTH, blend=CUT))]
     figures = (
         f"{name:8} {'smooth' if smooth else 'found':7} {plan.lift_offs:5} {timed.motion.time[-1]:7.1f} "
         f"{held(timed, ideal)} {' '.join(held(one, ideal) for one in jerks)} {free.motion.time[-1]:7.1f} "

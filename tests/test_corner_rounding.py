@@ -167,7 +167,10 @@ def test_corners_of_the_path_that_the_blend_has_no_room_for_are_listed(blend: fl
     turns = np.arccos(np.clip((unit[:-1] * unit[1:]).sum(1), -1, 1))
     change = 2 * 0.2 * np.sin(turns / 2)  # of the tool's velocity
     sharp = 1 + np.flatnonzero(change**1.5 / (6 * np.sqrt(10.0)) > blend)
-    found = [one["setpoint"] for one in retime(before, ASKED, blend=blend).stats["timing"]["tool"]["corners"]]
+    found = [
+        one["setpoint"]
+        for one in retime(before, replace(ASKED, blend=blend)).stats["timing"]["tool"]["corners"]
+    ]
     lifted = before.lift_offs > 0  # the tool does not pass a corner at which it is lifted
     assert set(found) <= set(sharp.tolist())
     assert len(found) >= len(sharp) - 2 * lifted
@@ -175,7 +178,7 @@ def test_corners_of_the_path_that_the_blend_has_no_room_for_are_listed(blend: fl
 
 def test_set_points_stay_within_their_tolerance_however_far_corners_may_be_cut() -> None:
     before = planned("l_shape")
-    found = retime(before, ASKED, blend=5e-3)
+    found = retime(before, replace(ASKED, blend=5e-3))
     assert verify(found).ok
     errors = [one.error for one in found.setpoints]
     assert max(errors) <= before.world.rules.tolerance

@@ -12,7 +12,7 @@ from hypothesis import example, given, settings
 from regionik.output.plan_file import load_plan
 from regionik.timing import retime as stage
 from regionik.timing.limits import motion_limits
-from regionik.timing.retime import BLEND, retime
+from regionik.timing.retime import retime
 from regionik.timing.smooth_path import SLIP
 from regionik.timing.trajectory import SplineTrajectory, trajectory
 from regionik.values import Plan, Report, Violation
@@ -223,7 +223,7 @@ def test_a_bundled_plan_holds_near_its_path_and_reads_back(tmp_path: pytest.Temp
         q[:, 2] = a[:, 2] + (q[:, 2] - a[:, 2] + np.pi) % (2 * np.pi) - np.pi
         part = ((q - a) * (b - a)).sum(1) / ((b - a) ** 2).sum(1)
         off = q - a - part[:, None] * (b - a)
-        assert limits.displacement(q - off, q).max() <= 1.5 * BLEND
+        assert limits.displacement(q - off, q).max() <= 1.5 * Speeds.blend
     path = f"{tmp_path}/plan.json"
     found.save(path)
     assert np.array_equal(trajectory(load_plan(path)).sample(time).joints, spline.sample(time).joints)
@@ -232,7 +232,7 @@ def test_a_bundled_plan_holds_near_its_path_and_reads_back(tmp_path: pytest.Temp
 def test_corners_rounded_as_the_blend_allows_win_more_than_limited_jerk_costs() -> None:
     """Without limits of jerk the path passes every state of the plan."""
     jerks = {"base_jerk": 10.0, "turn_jerk": 30.0, "joint_jerk": 30.0}
-    rounded, passing = (retime(planned("l_shape"), Speeds(**one), blend=1e-3) for one in (jerks, {}))
+    rounded, passing = (retime(planned("l_shape"), Speeds(**one, blend=1e-3)) for one in (jerks, {}))
     assert rounded.motion.time[-1] < passing.motion.time[-1]
 
 

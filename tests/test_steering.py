@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from shapely.geometry import box
 
 from regionik.planners.driving.arcs import arc_end
-from regionik.timing.retime import BLEND, retime
+from regionik.timing.retime import retime
 from regionik.timing.smooth_path import SLIP, SLIPPED, smooth_path
 from regionik.timing.trajectory import trajectory
 from regionik.values import Plan
@@ -83,7 +83,7 @@ def test_wheels_hardly_slip_between_states_and_all_stay_next_to_the_arcs(
     shares = np.linspace(0, 1, 400)
     ways = [plan.world.robot.drive.between(a, b, s) for a, b in pairwise(plan.motion.base) for s in shares]
     off = np.linalg.norm(np.array(ways)[:, None, :2] - sample.base[::10, :2], axis=2).min(axis=0)
-    assert off.max() < 2 * BLEND + 0.25 / 400
+    assert off.max() < 2 * SPEEDS.blend + 0.25 / 400
 
 
 WINDING = [(0.29, False, bend) for bend in (0.05, 0.25, 0.45, 0.65, 0.85)]
@@ -92,7 +92,7 @@ WINDING = [(0.29, False, bend) for bend in (0.05, 0.25, 0.45, 0.65, 0.85)]
 @pytest.mark.parametrize("jerk", [None, 5.0])
 def test_wheels_hardly_slip_however_far_the_motion_may_leave_its_arcs(jerk: float | None) -> None:
     limits = replace(SPEEDS, base_jerk=jerk, turn_jerk=jerk, joint_jerk=jerk)
-    found = retime(driven("differential", WINDING), limits, blend=1.0)
+    found = retime(driven("differential", WINDING), replace(limits, blend=1.0))
     assert verify(found).ok
     assert np.abs(np.diff(found.motion.base, axis=0)).max(axis=1).min() > 0  # it rests nowhere
     moving, time = trajectory(found), found.motion.time

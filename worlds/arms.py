@@ -21,6 +21,7 @@ from regionik.worlds.joints import Joint
 
 _ALIGNED = 1e-9
 _HINGES = 3
+_HELD = 1e-6  # limits nearer to each other than this hold a hinge still [rad]
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +105,8 @@ def planar_arm(chain: Chain) -> PlanarArm:
     offset = np.diff(np.arctan2(links[:, 1], links[:, 0]), prepend=0.0)
     limits = np.array([[j.lower, j.upper] for j in chain.joints[1 : 1 + _HINGES]])
     ends = np.sort(sign[:, None] * limits + offset[:, None], axis=1)
+    if np.count_nonzero(limits[:, 1] - limits[:, 0] < _HELD) > 1:
+        raise _not_planar("at most one hinge may be held still by its limits")
     pivot_zero, pitch = float(np.arctan2(r_axis[1], r_axis[0])), float(offset.sum())
     last_joint = chain.joints[-1]
     return PlanarArm(

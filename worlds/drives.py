@@ -209,3 +209,9 @@ def displacement(here: Array, there: Array) -> Array:
     step = np.array(there - here)
     step[..., 2] -= 2 * np.pi * np.ceil((step[..., 2] - np.pi) / (2 * np.pi))
     return step
+
+
+def unwrapped(base: Array) -> Array:
+    """Poses (n, 3) whose headings run on from one to the next, the shorter way."""
+    turn = displacement(base[:-1], base[1:])[:, 2]
+    return np.column_stack([base[:, :2], base[0, 2] + np.concatenate([[0.0], np.cumsum(turn)])])

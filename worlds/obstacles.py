@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     import trimesh  # takes long to load: imported by the functions that need it
 
 GRID = 1e-9  # to which corners of a mesh's shadow are rounded [m]
+SHEET = 1e-6  # that a shadow of a sheet is wider than nothing, to either side [m]
 
 
 @dataclass(frozen=True)
@@ -108,6 +109,7 @@ class Box(Obstacle):
     def __post_init__(self) -> None:
         freeze(self, self.name, size=(3,), center=(3,))
         _check_positive(self.name, "size", *self.size)
+        object.__setattr__(self, "yaw", float(frozen(self.yaw, (), f"{self.name}: yaw")))
 
     @property
     def bounds(self) -> Array:
@@ -318,8 +320,12 @@ class Mesh(Obstacle):
             self._trimesh, plane_normal=[0, 0, -1], plane_origin=[0, 0, below]
         )
         triangles = shapely.polygons(part.vertices[part.faces][:, :, :2])
+        valid = shapely.is_valid(triangles)
         # Without a grid GEOS silently loses faces of one mesh in fifty: slivers throw its overlay off.
-        return Shadow(shapely.union_all(triangles[shapely.is_valid(triangles)], grid_size=GRID))
+        whole = shapely.union_all(triangles[valid], grid_size=GRID)
+        lines = shapely.convex_hull(triangles[~valid])  # of upright faces; those of a sheet bound nothing
+        sheets = lines[~shapely.covers(shapely.buffer(whole, 2 * GRID), lines)]
+        return Shadow(shapely.union_all([whole, *shapely.buffer(sheets, SHEET)]))
 
     def distance(self, point: Array) -> float:
         import trimesh

@@ -12,6 +12,7 @@ from regionik.worlds.errors import InputError
 
 REVOLUTE_SPEED, PRISMATIC_SPEED = 1.0, 0.1  # of joints that have no limit [rad/s], [m/s]
 RISE_TIME = 0.5  # from rest to full speed, where no acceleration is given [s]
+BLEND = 2e-4  # [m]
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,8 @@ class Speeds:
         Of the rim of either driven wheel of a differential base whose ``gauge`` is known [m/s].
     tool_velocity : float, optional
         Of the tool while it works [m/s].
+    blend : float
+        By which points of the robot may cut corners, and leave the motion between a plan's states [m].
 
     Examples
     --------
@@ -57,6 +60,7 @@ class Speeds:
     steering_velocity: float = 1.0
     wheel_velocity: float | None = None
     tool_velocity: float | None = None
+    blend: float = BLEND
 
     __repr__ = one_line
 
@@ -67,6 +71,8 @@ class Speeds:
             for one in value if isinstance(value, tuple) else (value,):
                 if one is not None and not one > 0:
                     raise InputError(f"speeds: {key}: must be above 0, got {one:g}")
+        if not np.isfinite(self.blend):
+            raise InputError(f"speeds: blend: expected a finite length, got {self.blend}")
 
     @property
     def limit_jerk(self) -> bool:

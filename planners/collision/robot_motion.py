@@ -45,9 +45,9 @@ class MotionSegment(NamedTuple):
 def segment_between(
     base_a: Array, joints_a: Array, base_b: Array, joints_b: Array, rolls: bool
 ) -> MotionSegment:
-    """The motion between two states; the base turns the shorter way."""
+    """The motion between two states; the base turns the shorter way, half a turn to the left."""
     drive, arc = base_b - base_a, 0.0
-    drive[2] = (drive[2] + math.pi) % (2 * math.pi) - math.pi
+    drive[2] -= 2 * math.pi * np.ceil((drive[2] - math.pi) / (2 * math.pi))
     if rolls:
         x, y, yaw = base_a[0], base_a[1], base_a[2]
         arc, drive[0], drive[1] = arc_towards(x, y, yaw, x + drive[0], y + drive[1], drive[2])

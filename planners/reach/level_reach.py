@@ -146,9 +146,9 @@ def outer_range(chain: Chain, low: float, high: float, *, coarse: bool = False) 
 def _outer_range(chain: Chain, low: float, high: float, most: int) -> Intervals:
     meridian, span = _meridian(chain), reach_bound(chain)
     off = max(0.0, abs((low + high) / 2 - span.height) - (high - low) / 2)
-    if off > span.length:
+    if off > span.length + LEVEL:
         return ()
-    cap = span.radius + float(np.sqrt(span.length**2 - off**2))
+    cap = span.radius + float(np.sqrt(max(0.0, span.length**2 - off**2)))
     if meridian is None:
         return ((0.0, cap),)
     known = np.array(merged([ring for z in {low, high} for ring in inner_reach(chain, z)])).reshape(-1, 2)

@@ -14,6 +14,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from regionik.areas.ground import GUARD
 from regionik.areas.reach_model import (
     FineRows,
     Index,
@@ -204,9 +205,12 @@ class PlanarReach(ReachModel):
         half = (span[1] - span[0] + high - low) / 2
         if not half < np.pi:
             return [own]
+        half = half - query.guard if query.inner else half + GUARD  # a plane that cannot turn has a sliver
+        if half <= 0:
+            return []
         yaw = float(self.robot.mount[3]) + self.arm.pivot_zero
         middle = yaw + (span[0] + span[1] + low + high) / 2
-        return _common_arcs(own, (middle, half - query.guard))
+        return _common_arcs(own, (middle, half))
 
 
 @lru_cache(maxsize=4096)

@@ -38,7 +38,7 @@ from regionik.planners.solvers.posture_criteria import Thresholds
 from regionik.postures.arm import Arm, Goal, aim_of, goal_of
 from regionik.postures.families import FRONT, Family
 from regionik.postures.serial_solver import serial_solver
-from regionik.worlds.arms import planar_arm
+from regionik.worlds.arms import planar_arm, with_pivot_limits
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.criteria import Criteria
@@ -235,7 +235,8 @@ class PivotedReach(ReachModel):
         area = _inset(pose_reach(self.chain, self.height, aim, heading).area, query.rules.reach_margin)
         if query.proven and not area.is_empty:
             low, high = (angle + float(self.robot.mount[3]) for angle in query.span)
-            area &= proven_pose_area(self.chain, self.height, aim, heading, (low, high), query.guard)
+            chain = with_pivot_limits(self.chain, *self.pivot(query.rules))
+            area &= proven_pose_area(chain, self.height, aim, heading, (low, high), query.guard)
         return area
 
     def _rings(self, targets: Sequence[Target], query: ReachQuery) -> Rows:

@@ -157,16 +157,17 @@ def retime_plan(
     check_output(output, PLANS)
     with DelayedProgress("retime") as progress:
         found = read_plan(path, progress)
-        from regionik.timing.retime import BLEND, retime
+        from regionik.timing.retime import retime
         from regionik.worlds.speeds import Speeds
 
         options = {
             "base_velocity": base, "joint_velocity": joints, "wheel_velocity": wheels, "tool_velocity": tool,
             "base_jerk": base_jerk, "turn_jerk": turn_jerk, "joint_jerk": joint_jerk,
+            "blend": blend,
         }  # fmt: skip
         given = {key: value for key, value in options.items() if value is not None}
         speeds = replace(found.world.speeds or Speeds(), **given)
-        timed = retime(found, speeds, blend=BLEND if blend is None else blend, hold=hold)
+        timed = retime(found, speeds, hold=hold)
     timed.save(output)
     print_message(f"{timed.world.name}: {timed.motion.time[-1]:.2f} s, {len(timed.motion)} states")
     if "tool" in timed.stats["timing"]:

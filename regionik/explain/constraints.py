@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
@@ -181,6 +182,11 @@ def setpoint_at(task: Sequence[Target], i: int) -> str:
 def spot(position: Array) -> str:
     """A position in words."""
     return f"({', '.join(f'{value:z.3f}' for value in position)})"
+
+
+def rounded_down(value: float, digits: int) -> float:
+    """A length with so many digits, no more than it is but by rounding."""
+    return math.floor(value * 10**digits + 1e-6) / 10**digits
 
 
 def join(names: Sequence[str]) -> str:

@@ -14,7 +14,7 @@ from regionik.areas.ground import ground_of, grow
 from regionik.areas.reachable import model_of
 from regionik.areas.standing import by_heading, outer_by_heading, turns_matter
 from regionik.explain.changes import one_lift_off
-from regionik.explain.constraints import join, no_way_to, setpoint_at, spot, with_rules
+from regionik.explain.constraints import join, no_way_to, rounded_down, setpoint_at, spot, with_rules
 from regionik.planners.driving.footprint import footprint_width
 from regionik.planners.driving.footprint_planner import NarrowPassageError, passage_width
 from regionik.planners.driving.point_planner import NoPathError
@@ -164,10 +164,12 @@ def _crowded_out(
     reason = (
         f"{lead}: wherever the arm {reach} it from, the base {is_near} nearer than its clearance of "
         f"{wanted:.3f} m to {join(names[:4])}. The most clearance that is known to leave a place is "
-        f"{open_clearance:.3f} m, {missing:.3f} m less."
+        f"{rounded_down(open_clearance, 3):.3f} m, {missing:.3f} m less."
     )
     causes = tuple(Cause("obstacle", name, missing) for name in names)
-    left = open_clearance - world.base_allowance  # for the rule, as executions take their part
+    left = rounded_down(
+        open_clearance - world.base_allowance, 3
+    )  # for the rule, as executions take their part
     text = f"a clearance of {left:.3f} m lets it be reached"
     repairs = (Repair("clearance", "rules.clearance", left, text),) if left >= 0 else ()
     return reason, causes, repairs

@@ -16,7 +16,7 @@ import shapely
 
 from regionik.areas.ground import Geometries
 from regionik.areas.standing import Index
-from regionik.explain.constraints import no_way_to, setpoint_at
+from regionik.explain.constraints import no_way_to, rounded_down, setpoint_at
 from regionik.explain.failures import cut_off, no_place
 from regionik.parking.parking_areas import (
     Parking,
@@ -39,6 +39,8 @@ from regionik.planners.geometry.offsets import shrunk
 from regionik.regions import outer_areas, ways_to_stand
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 from regionik.worlds.scene import Target, World
+
+SURE = 0.99  # of a circle, that the rounding of shrunk areas leaves a place for
 
 
 def park(world: World) -> Parking:
@@ -166,6 +168,6 @@ def no_room(world: World, i: int, parking_areas: ParkingAreas) -> Explanation:
     if not proven:
         reason = f"{no_way_to(who)} from a {circle}; the largest known has {widest:.4f} m, and outer areas "
         reason += "leave room for one."
-    reason += f" A stop_tolerance of at most {widest:.4f} m would do."
+    reason += f" A stop_tolerance of at most {rounded_down(SURE * widest, 4):.4f} m would do."
     cause = Cause("floor", "room to park", wanted - widest)
     return Explanation("unreachable" if proven else "undecided", i, reason, (cause,))

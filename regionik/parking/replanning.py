@@ -144,7 +144,8 @@ def _out_of_reach(world: World, i: int) -> Explanation:
 
 
 def _alone(world: World, stop: Stop, start: Pose) -> World:
-    rules = replace(world.rules, order="given", stop_tolerance=0.0)
+    parking = world.rules.parking and replace(world.rules.parking, probability=None)
+    rules = replace(world.rules, order="given", stop_tolerance=0.0, parking=parking)
     task = world.task[stop.first : stop.last + 1]
     return replace(world, task=task, rules=rules, start=Start(start.base, start.joints))
 

@@ -28,7 +28,7 @@ from regionik.timing.limits import motion_limits
 from regionik.values import Plan
 from regionik.worlds.arms import pivot_index, with_pivot
 from regionik.worlds.arrays import Array, Index, Mask
-from regionik.worlds.drives import displacement
+from regionik.worlds.drives import displacement, unwrapped
 from regionik.worlds.robot import Robot, with_joint_margin
 from regionik.worlds.scene import World
 from regionik.worlds.speeds import Speeds
@@ -153,9 +153,7 @@ class _Layout:
 
     def _run(self, first: int, last: int) -> PathRun:
         world, motion, rows = self.plan.world, self.plan.motion, slice(first, last + 1)
-        before = np.column_stack(
-            [motion.base[rows, :2], np.unwrap(motion.base[rows, 2]), motion.joints[rows]]
-        )
+        before = np.column_stack([unwrapped(motion.base[rows]), motion.joints[rows]])
         owner, worked = motion.setpoint[rows], motion.kind[rows] == "setpoint"
         places = self._places(first, last)
         at, states = places, before

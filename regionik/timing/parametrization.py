@@ -133,7 +133,7 @@ class _MovingSegments:
         return self.path.evaluate(*self._places(shares))
 
     def steered(self, shares: Sequence[float]) -> Array:
-        """What a car's steering uses of the rate it may have, at a path velocity of 1, as `evaluate`, (k m,)."""
+        """What a car's steering uses of its rate at a path velocity of 1, as `evaluate`, (k m,)."""
         limit = STEERING_SHARE * self.limits.speeds.steering_velocity
         rate: Array = self.path.steering_rate(*self._places(shares)) / limit
         return rate

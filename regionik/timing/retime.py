@@ -33,7 +33,6 @@ from regionik.worlds.speeds import Speeds
 ROUNDED_CORNER = np.radians(60)  # where corners are rounded first, the robot stops at sharper ones
 TURN_SHARE = 0.25  # of the narrowest cone, by which the smooth path may turn the tool from the motion
 SPARE_CONE = 0.02  # of a set-point, without which its state stays where it is [rad]
-BLEND = 2e-4  # by which any point of the robot may leave the plan's motion on the smooth path [m]
 SLOWDOWNS, SPARE = 5, 1e-4  # of the motion, and by how much more
 NEGLIGIBLE = 0.002  # part by which the whole motion may as well be slower
 LOCAL = 4  # of these, the first, about what is too fast alone, each twice as much as the one before
@@ -43,10 +42,10 @@ APART = 20  # states between two that break a rule for reasons of their own
 BESIDE = 0, 0, 1, 4, ALL, ALL  # states next to one that breaks a rule at which to rest too, try by try
 
 
-def retime(plan: Plan, speeds: Speeds | None = None, *, blend: float = BLEND, hold: bool = False) -> Plan:
+def retime(plan: Plan, speeds: Speeds | None = None, *, hold: bool = False) -> Plan:
     """Time a plan: as fast as speeds, accelerations and jerks allow, from rest to rest.
 
-    The robot goes on a smooth path through the plan's states, whose points stay within ``blend`` of the
+    The robot goes on a smooth path through the plan's states, whose points stay within a ``blend`` of the
     motion that was verified. Where jerk is limited and the base does not roll, corners are rounded by that,
     at set-points too as far as their tolerance allows. The robot rests at sharp corners, and where its
     rounded motion would break a rule of the plan. States are inserted where the path bends or its
@@ -57,8 +56,6 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, blend: float = BLEND, ho
     plan : Plan
     speeds : Speeds, optional
         By default those of the plan's world, or of its robot.
-    blend : float
-        [m]
     hold : bool
         Refuse a tool speed that joints or base cannot give the tool everywhere on the path; without it the
         tool is slower there, and ``stats`` says where.
@@ -85,9 +82,8 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, blend: float = BLEND, ho
     """
     if not len(plan.motion):
         raise InputError("plan: it has no states to be timed")
-    if not 0 < blend < np.inf:
-        raise InputError(f"blend: must be above 0, got {blend:g}")
     asked = speeds or plan.world.speeds or Speeds()
+    blend = asked.blend
     limits = motion_limits(plan.world.robot, asked, blend / (TURN_SHARE * _narrowest(plan.world)))
     motion = with_rests(plan.motion, _rests(limits, plan.motion))
     stats = {key: value for key, value in plan.stats.items() if key not in ("margins", "timing")}

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_banded
 
 from regionik.worlds.arrays import Array
-from regionik.worlds.drives import BaseDrive
+from regionik.worlds.drives import BaseDrive, unwrapped
 
 SAME = 1e-9  # states that differ by less are the same [m], [rad]
 SLIP, SLIPPED = 1e-3, 1e-5  # that wheels may slip from state to state: as a share of the way, and besides [m]
@@ -319,17 +319,9 @@ class RollingSplinePath(RollingPath, SplinePath):
 
 def smooth_path(drive: BaseDrive, base: Array, joints: Array) -> SmoothPath:
     """Return the path through states whose headings turn the shorter way from one to the next."""
-    return (RollingPath if drive.rolls else SmoothPath)(drive, _unwrapped(base), joints)
+    return (RollingPath if drive.rolls else SmoothPath)(drive, unwrapped(base), joints)
 
 
 def spline_path(drive: BaseDrive, base: Array, joints: Array) -> SmoothPath:
     """Return the same without jumps of curvature."""
-    return (RollingSplinePath if drive.rolls else SplinePath)(drive, _unwrapped(base), joints)
-
-
-def _unwrapped(base: Array) -> Array:
-    """Poses (n, 3) whose headings run on."""
-    turn = np.diff(base[:, 2])
-    turn -= 2 * np.pi * np.ceil((turn - np.pi) / (2 * np.pi))
-    yaw = base[0, 2] + np.concatenate([[0.0], np.cumsum(turn)])
-    return np.column_stack([base[:, :2], yaw])
+    return (RollingSplinePath if drive.rolls else SplinePath)(drive, unwrapped(base), joints)

@@ -57,7 +57,7 @@ def verify_heading(world: World, segments: MotionSegments, names: StateNames) ->
     allow, in the states that are set-points. A fixed heading is that of the first state.
     """
     motion, chain, rules = segments.motion, world.robot.chain, world.rules
-    if rules.heading == "fixed" and rules.mode == "continuous":
+    if rules.heading == "fixed":
         off = np.abs(wrap_angle(motion.base[:, 2] - motion.base[0, 2]))
         text = "the base is turned by {:.4g} rad {}; its heading is fixed"
     elif rules.heading == "face_target" and with_pivot(chain) is chain:

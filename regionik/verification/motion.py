@@ -77,7 +77,7 @@ class MotionSegments:
 
     @cached_property
     def turn(self) -> Array:
-        """Turn of the base, the shorter way, (segments,) [rad]."""
+        """Turn of the base, the shorter way, half a turn to the left, (segments,) [rad]."""
         return wrap_angle(np.diff(self.motion.base[:, 2]))
 
     @cached_property
@@ -178,8 +178,9 @@ class MotionSegments:
 
 
 def wrap_angle(angle: Array) -> Array:
-    """Angles brought into [-pi, pi)."""
-    return np.remainder(angle + np.pi, 2 * np.pi) - np.pi
+    """Angles brought into (-pi, pi]."""
+    wrapped: Array = angle - 2 * np.pi * np.ceil((angle - np.pi) / (2 * np.pi))
+    return wrapped
 
 
 def chord_deviation(acceleration: Array, part: Array) -> Array:

@@ -15,6 +15,7 @@ from regionik.values import Violation
 from regionik.verification.motion import Indices, MotionSegments
 from regionik.verification.proofs import Finding, StateNames, finding
 from regionik.verification.steering import steering_shares
+from regionik.verification.timed_deviation import verify_deviation
 from regionik.verification.timed_segments import (
     SLIP,
     SLIPPED,
@@ -49,6 +50,9 @@ def verify_speeds(world: World, segments: MotionSegments, names: StateNames) -> 
         CoursePolynomials(*some)
         for some in zip(*(_derivatives(one, course.piece_span) for one in course.polynomials()), strict=True)
     ]
+    cones = [target.cone for target in world.task if target.direction is not None]
+    blend = (world.speeds or Speeds()).blend
+    yield verify_deviation(segments, course, names, blend, min(cones, default=np.inf))
     yield _held_against("speeds", _shares(world, segments, course, rates), names)
     if world.speeds is not None and world.speeds.limit_jerk:
         yield _held_against("jerk", _jerks(world, course.moving, rates), names)

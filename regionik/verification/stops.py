@@ -44,6 +44,10 @@ def verify_stops(plan: Plan, names: StateNames) -> Finding:
     margins = []
     for n, stop in enumerate(plan.stops):
         violations += _unlikely(plan, n)
+        wanted = plan.world.rules.stop_tolerance
+        if not stop.tolerance >= wanted - TOUCH:
+            text = f"{_name(plan, n)} promises {stop.tolerance:.4f} m to park in, asked for are {wanted:g} m"
+            violations.append(Violation("stops", None, stop.first, wanted - stop.tolerance, text))
         room = float(_rooms(plan.world, stop.base[None])[0])
         margins.append(room - stop.tolerance)
         if margins[-1] < -TOUCH:
@@ -67,8 +71,14 @@ def _incomplete(plan: Plan, names: StateNames) -> Iterator[Violation]:
 
 
 def _moving(plan: Plan, names: StateNames) -> Iterator[Violation]:
-    """Violations where the base leaves its stop between the first and last set-point of it."""
+    """Violations where the base drives with the tool not lifted, or leaves a stop that it serves."""
     motion = plan.motion
+    lifted, way = motion.kind == "transit", np.diff(motion.base, axis=0)
+    way[:, 2] = wrap_angle(way[:, 2])
+    drives = (np.abs(way).max(axis=1, initial=0.0) > EXACT) & ~(lifted[:-1] | lifted[1:])
+    for k in np.flatnonzero(drives).tolist():
+        text = f"the base moves with the tool not lifted {names.segment(k)}; it drives from stop to stop"
+        yield Violation("stops", k, names.owner(k), float(np.abs(way[k]).max()), text)
     at = {int(motion.setpoint[k]): k for k in np.flatnonzero(motion.kind == "setpoint").tolist()}
     for n, stop in enumerate(plan.stops):
         if stop.first not in at or stop.last not in at:
@@ -104,6 +114,10 @@ def _unlikely(plan: Plan, n: int) -> Iterator[Violation]:
     """Violation where a stop holds after fewer parkings than its probability allows, or than is asked for."""
     stop, accuracy = plan.stops[n], plan.world.rules.parking
     if stop.probability is None:
+        asked = None if accuracy is None else accuracy.probability
+        if asked is not None:
+            text = f"{_name(plan, n)} promises no probability after parking, the rules ask for {asked:g}"
+            yield Violation("stops", None, stop.first, asked, text)
         return
     if accuracy is None:
         text = (

@@ -106,7 +106,7 @@ class TimedSegments:
 
     def polynomials(self) -> CoursePolynomials:
         """Of moving segments; see `CoursePolynomials`."""
-        k, shape = self.moving, self._through(self._change)
+        k, shape = self.moving, self._through(self.change)
         if self.segments.robot.drive.rolls:
             shape = np.concatenate([shape, self._through(self.slip)], axis=2)
         start, end = (np.maximum(rate[k], 0.0) for rate in self._rates)
@@ -128,7 +128,7 @@ class TimedSegments:
             Segments; way rolled and heading; the square of the share's rate, by the share [1/s2].
         """
         rolls = np.abs(self.segments.rolled[self.moving]) > STANDS
-        k, ways = self.moving[rolls], self._through(self._change[:, :2])[rolls]
+        k, ways = self.moving[rolls], self._through(self.change[:, :2])[rolls]
         start, end = ((np.maximum(rate[k], 0.0) / self.lengths[k]) ** 2 for rate in self._rates)
         return k, np.moveaxis(ways, 2, 0), np.column_stack([start, end - start])
 
@@ -136,7 +136,7 @@ class TimedSegments:
     def slip(self) -> Array:
         """What is left of each segment's motion of a base on wheels when all is rolled, (segments, 2) [m]."""
         one, k = self.segments, self.moving
-        pieces = self._through(self._change)
+        pieces = self._through(self.change)
         order = pieces.shape[1]
         powers, slopes = np.vander(NODES, order, increasing=True), np.zeros((len(NODES), order))
         slopes[:, 1:] = np.arange(1, order) * powers[:, :-1]
@@ -146,7 +146,7 @@ class TimedSegments:
         return np.where(self.lengths[:, None] > 0, left, 0.0)
 
     @property
-    def _change(self) -> Array:
+    def change(self) -> Array:
         """Of coordinates and joints over segments, (segments, k + dof)."""
         one = self.segments
         slid = one.rolled[:, None] if one.robot.drive.rolls else one.slide
@@ -222,7 +222,7 @@ class SplinedSegments(TimedSegments):
 
     def polynomials(self) -> CoursePolynomials:
         """Of pieces; see `CoursePolynomials`."""
-        found = self._through(self._change)
+        found = self._through(self.change)
         if self.segments.robot.drive.rolls:
             found = np.concatenate([found, self._through(self.slip)], axis=2)
         return self._split(found)

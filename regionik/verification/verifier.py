@@ -173,5 +173,6 @@ def _standing_plan(world: World, target: Target, base: Array, joints: Array) -> 
         np.zeros(2, dtype=np.int64),
         np.full(2, np.nan),
     )
-    alone = replace(world, task=(target,), start=None)
+    rules = replace(world.rules, mode="continuous", order="given", parking=None, stop_criterion="tolerance")
+    alone = replace(world, task=(target,), start=None, rules=rules)
     return Plan(alone, 0, (Configuration(base, joints, error, 0, True),), motion, (), 0)

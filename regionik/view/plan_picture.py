@@ -13,7 +13,7 @@ from regionik.timing.trajectory import is_timed, trajectory
 from regionik.values import Plan
 from regionik.view.floor_areas import DETAIL, area_words, axis_path, drawn_union, parking_circles, used_areas
 from regionik.view.picture import Color, KeyframeTrack, Picture, SceneMesh, camera_for, count_noun
-from regionik.view.timeline import timeline, unwrapped
+from regionik.view.timeline import timeline
 from regionik.view.triangle_meshes import TUBE_SIDES, TriangleMesh, floor_mesh, merge, spheres, tubes
 from regionik.view.world_picture import (
     MARK_RADIUS,
@@ -26,6 +26,7 @@ from regionik.view.world_picture import (
     world_meshes,
 )
 from regionik.worlds.arrays import Array
+from regionik.worlds.drives import unwrapped
 from regionik.worlds.robot import Robot
 
 SPEED = 0.25  # of base or tool, whichever moves farther [m/s]

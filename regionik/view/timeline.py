@@ -13,6 +13,7 @@ from regionik.timing.trajectory import is_timed, trajectory
 from regionik.values import Motion, Plan
 from regionik.view.clearance import Clearances, clearances
 from regionik.worlds.arrays import Array
+from regionik.worlds.drives import unwrapped
 
 SAMPLES = 600  # of a motion, at even times
 STRIDE = 2  # of samples, from one at which distances are measured to the next
@@ -66,11 +67,6 @@ def timeline(plan: Plan, clock: Array) -> Timeline:
         areas=np.array([[area.pruned.area, area.admissible.area] for area in plan.areas]).reshape(-1, 2),
         lifted=lifted_intervals(motion, clock),
     )
-
-
-def unwrapped(base: Array) -> Array:
-    """Base poses (n, 3) whose headings go on from one to the next."""
-    return np.column_stack([base[:, :2], np.unwrap(base[:, 2])])
 
 
 def lifted_intervals(motion: Motion, clock: Array) -> Array:

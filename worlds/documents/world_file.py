@@ -150,6 +150,7 @@ class SpeedsPart(Strict):
     steering_velocity: Positive = Speeds.steering_velocity
     wheel_velocity: Positive | None = Speeds.wheel_velocity
     tool_velocity: Positive | None = Speeds.tool_velocity
+    blend: Positive = Speeds.blend
 
 
 class WorldDocument(Strict):
