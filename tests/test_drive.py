@@ -117,11 +117,8 @@ def test_ends_are_held_to_the_boundary_by_rounding_only() -> None:
 
 def test_a_refusal_says_from_where_to_where() -> None:
     apart = MultiPolygon([box(0, 0, 1, 1), box(2, 0, 3, 1)])
-    with pytest.raises(NoPathError) as caught:
+    with pytest.raises(RegionikError, match=r"start \(0.500, 0.500\) and goal \(2.500, 0.500\) are in parts"):
         drive_point(apart, [0.5, 0.5], [2.5, 0.5], step=0.1, seed=0)
-    assert isinstance(caught.value, RegionikError)
-    assert caught.value.start.tolist() == [0.5, 0.5]
-    assert caught.value.goal.tolist() == [2.5, 0.5]
 
 
 @pytest.mark.parametrize(("step", "seed", "what"), [(0.0, 0, "step"), (np.nan, 0, "step"), (0.1, -1, "seed")])

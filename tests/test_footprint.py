@@ -262,7 +262,6 @@ def test_a_corridor_that_is_too_narrow_is_refused_with_numbers(width: float) -> 
         "no way from (0.500, 1.000, 1.570 rad) to (5.500, 1.000, 0.000 rad): "
         f"its narrowest place is {width:.3f} m wide, the footprint nowhere less than 0.380 m"
     )
-    assert refused.value.proven
     assert refused.value.passage == pytest.approx(width, abs=1e-4)
     assert refused.value.across == pytest.approx(0.38, abs=1e-12)
 
@@ -273,9 +272,8 @@ def test_obstacles_and_clearance_narrow_a_corridor() -> None:
     assert (
         drive_footprint(YOUBOT, hall, start, goal, obstacles=posts, clearance=0.1, seed=0).poses.shape[1] == 3
     )
-    with pytest.raises(NarrowPassageError, match=r"narrowest place is 0.360 m wide") as refused:
+    with pytest.raises(NarrowPassageError, match=r"^no way from .* narrowest place is 0.360 m wide"):
         drive_footprint(YOUBOT, hall, start, goal, obstacles=posts, clearance=0.12, seed=0)
-    assert refused.value.proven
 
 
 def test_a_long_base_does_not_get_round_a_tight_bend_but_a_square_one_does() -> None:

@@ -83,17 +83,12 @@ class NarrowPassageError(NoPathError):
         Width of the narrowest place on the widest route, clearance taken off; 0 where there is none [m].
     across : float
         Smallest width of the footprint [m].
-    proven : bool
-        True if there is no path, False if none was found.
     """
 
-    def __init__(
-        self, reason: str, start: Array, goal: Array, passage: float, across: float, proven: bool
-    ) -> None:
-        super().__init__(reason, start, goal)
+    def __init__(self, reason: str, passage: float, across: float) -> None:
+        super().__init__(reason)
         self.passage = passage
         self.across = across
-        self.proven = proven
 
 
 def drive_footprint(
@@ -260,7 +255,7 @@ def _refusal(
             "too long for the bends on the way"
         )
     reason = f"{what} from {pose_text(start)} to {pose_text(goal)}: {why}"
-    return NarrowPassageError(reason, start[:2], goal[:2], passage, across, proven)
+    return NarrowPassageError(reason, passage, across)
 
 
 def path_through_slabs(

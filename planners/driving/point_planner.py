@@ -46,12 +46,7 @@ class PointPath:
 
 
 class NoPathError(RegionikError):
-    """The base cannot drive from ``start`` (2,) to ``goal`` (2,) [m]."""
-
-    def __init__(self, reason: str, start: Array, goal: Array) -> None:
-        super().__init__(reason)
-        self.start = start
-        self.goal = goal
+    """The base cannot drive from start to goal."""
 
 
 def drive_point(
@@ -105,7 +100,7 @@ def drive_point_inside(
     planned = [tighten(part, path) for path in _attempts(flat, a, b, seed)]
     path = min(planned, key=_length) if planned else route(part, a, b)
     if path is None:
-        raise NoPathError(f"no way through the free area from {_at(a)} to {_at(b)}", a, b)
+        raise NoPathError(f"no way through the free area from {_at(a)} to {_at(b)}")
     shorter = shorter_path(part, a, b, _length(path))
     points = cut(path if shorter is None else shorter, step)
     points.flags.writeable = False
@@ -132,14 +127,11 @@ def _common_part(free: Polygon | MultiPolygon, start: Array, goal: Array) -> Pol
     gaps = shapely.distance(parts, shapely.points([start, goal])[:, None])
     for what, p, gap in (("start", start, gaps[0].min()), ("goal", goal, gaps[1].min())):
         if gap > DEPTH:
-            raise NoPathError(f"{what} {_at(p)} is {gap:.3g} m outside the free area", start, goal)
+            raise NoPathError(f"{what} {_at(p)} is {gap:.3g} m outside the free area")
     common = np.flatnonzero((gaps <= DEPTH).all(axis=0))
     if not len(common):
-        raise NoPathError(
-            f"start {_at(start)} and goal {_at(goal)} are in parts of the free area that do not join",
-            start,
-            goal,
-        )
+        ends = f"start {_at(start)} and goal {_at(goal)}"
+        raise NoPathError(f"{ends} are in parts of the free area that do not join")
     part: Polygon = parts[common[0]]
     return part
 

@@ -261,7 +261,7 @@ def checked_ends(scene: FootprintScene, start: ArrayLike, goal: ArrayLike, seed:
     a, b = np.array(frozen(start, (3,), "start")), np.array(frozen(goal, (3,), "goal"))
     for what, pose in (("start", a), ("goal", b)):
         if not fits(scene, *pose):
-            raise NoPathError(f"{what} {pose_text(pose)}: the footprint does not fit there", a[:2], b[:2])
+            raise NoPathError(f"{what} {pose_text(pose)}: the footprint does not fit there")
     return a, b
 
 
@@ -341,8 +341,7 @@ def _driven(
     if poses is None:
         kind = f"a turning radius of {base.radius:g} m" if base.radius else "turns on the spot"
         ends = f"from {pose_text(a)} to {pose_text(b)}"
-        reason = f"no way with {kind} {ends} was found in {ITERATIONS} iterations"
-        raise NoPathError(reason, a[:2], b[:2])
+        raise NoPathError(f"no way with {kind} {ends} was found in {ITERATIONS} iterations")
     return _steered(scene, base, poses, "ompl")
 
 

@@ -68,10 +68,10 @@ class AnyHeadingDriver(Driver):
         a, b = (axis_of(self.world.robot, pose.base) for pose in (here, there))
         piece = self._piece(label)
         if not shapely.dwithin(piece, shapely.points([a, b]), ROUNDING).all():
-            raise NoPathError("it would stand where only its heading leaves it room", a, b)
+            raise NoPathError("it would stand where only its heading leaves it room")
         free = piece.buffer(-berth) if berth else piece
         if free.is_empty:
-            raise NoPathError("no floor is left", a, b)
+            raise NoPathError("no floor is left")
         flat = FlatPolygon.from_shapely(free) if berth else self._flat(label)
         return self.within(free, flat, a, b)
 
