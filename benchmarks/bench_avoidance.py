@@ -168,7 +168,7 @@ def with_search(number: int, scenes: int, feasible: list[bool]) -> int:
             right &= free(answer.joints, target, middles, radii)
         if not right:
             wrong += 1
-            print(f"  scene {seed}: {answer.note}: not confirmed")
+            print(f"  scene {seed}: {WORDS[answer.verdict]} by {answer.steps[-1]}: not confirmed")
     found = [stage for kind, stage in zip(kinds, stages, strict=True) if kind == "found"]
     told = ", ".join(f"{found.count(stage)} by {stage}" for stage in ("passes", "avoidance", "search"))
     print(f"  with the search behind them: found {len(found)} ({told}), none {kinds.count('none')}")

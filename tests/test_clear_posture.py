@@ -17,7 +17,7 @@ from benchmarks.sweeps import SWEEPS
 from regionik.planners.avoidance.clear_posture import ClearPosture, clear_posture, quick_clear_posture
 from regionik.planners.avoidance.posture_proof import PostureTask, redundant_joints
 from regionik.planners.collision.distances import obstacles_from
-from regionik.planners.collision.proximity import nearest
+from regionik.planners.collision.proximity import nearest, room_of
 from regionik.planners.collision.robot_bodies import ContactTargets, bodies_from
 from regionik.planners.search.box_search import Verdict
 from regionik.planners.search.fixed_base import search_fixed_base
@@ -71,8 +71,7 @@ def test_no_answer_collides() -> None:
         assert not faults(one, answer.joints, TOLERANCE)
         error = float(np.linalg.norm(one.robot.tool(one.base, answer.joints)[:3, 3] - one.target))
         assert answer.error == pytest.approx(error, abs=1e-12)
-        touch = nearest(bodies_from(one.robot, one.solids), one.base, answer.joints)
-        assert answer.distance == touch.distance >= 0.0
+        assert nearest(bodies_from(one.robot, one.solids), one.base, answer.joints).distance >= 0.0
 
 
 @pytest.mark.slow
@@ -109,27 +108,11 @@ def test_sweeps_put_the_tool_on_the_target(arm: str) -> None:
     )
 
 
-@pytest.mark.slow
-def test_no_posture_comes_with_evidence() -> None:
-    for one, answer in answers():
-        if answer.verdict == Verdict.PROVEN:
-            continue
-        assert answer.joints is None
-        assert answer.note.startswith("none: " if answer.verdict == Verdict.RULED_OUT else "undecided: ")
-        if answer.touch is None:
-            assert answer.distance == -np.inf
-            assert "no posture on the target was met" in answer.note
-        else:
-            assert answer.distance == answer.touch.distance < 0.0
-            assert one.robot.solids[answer.touch.solid].name in answer.note
-
-
 def test_same_seed_same_bits() -> None:
     for number in (0, 2, 5, 20, 30):
         one, first = scene(number), answer_to(number)
         again = solved(one, number)
-        assert again.note == first.note
-        assert again.iterations == first.iterations
+        assert (again.verdict, again.steps) == (first.verdict, first.steps)
         assert (again.joints is None) == (first.joints is None)
         if again.joints is not None and first.joints is not None:
             assert again.joints.tobytes() == first.joints.tobytes()
@@ -142,15 +125,12 @@ def test_a_target_inside_an_obstacle_is_none_for_any_arm() -> None:
         bodies = bodies_from(robot, [Sphere("ball", 0.05, target)])
         answer = clear_posture(PostureTask(bodies, HERE, target), robot.carry)
         assert (answer.verdict, answer.steps) == (Verdict.RULED_OUT, ("passes",))
-        assert "in ball" in answer.note
 
 
 def test_a_target_out_of_reach_is_none() -> None:
     task = PostureTask(bodies_from(YOUBOT, []), HERE, np.array([1.5, 0, 0.3]))
     answer = clear_posture(task, YOUBOT.carry)
-    assert answer.verdict == Verdict.RULED_OUT
-    assert "the arm reaches" in answer.note
-    assert answer.distance == -np.inf
+    assert (answer.verdict, answer.joints, answer.error) == (Verdict.RULED_OUT, None, np.inf)
 
 
 def test_contact_lets_the_tool_in() -> None:
@@ -170,16 +150,15 @@ def test_margin_is_kept() -> None:
     off, beside = (PostureTask(bodies, HERE, np.array([x, 0, 0.3]), margin=0.005) for x in (0.46, 0.48))
     answer = clear_posture(off, YOUBOT.carry)
     assert answer.verdict == Verdict.PROVEN
-    assert answer.distance >= 0.005
+    assert answer.joints is not None
+    assert room_of(bodies, nearest(bodies, HERE, answer.joints)) >= 0.005
     assert clear_posture(beside, YOUBOT.carry).verdict == Verdict.RULED_OUT
 
 
 def test_an_arm_that_must_run_into_its_base_is_told() -> None:
     robot = robot_named("youbot-real")
     task = PostureTask(bodies_from(robot, []), HERE, np.array([-0.05, 0.0, 0.1]))
-    answer = clear_posture(task, robot.carry)
-    assert answer.verdict == Verdict.RULED_OUT
-    assert "the base" in answer.note
+    assert clear_posture(task, robot.carry).verdict == Verdict.RULED_OUT
 
 
 def test_wherever_the_robot_stands_the_answer_is_the_same() -> None:
@@ -199,13 +178,12 @@ def replace_scene(one: Scene, solids: list, base: Array, target: Array) -> Scene
 def test_going_round_alone_is_quick_and_says_so() -> None:
     for one, answer in answers(40):
         task = PostureTask(bodies_from(one.robot, one.solids), one.base, one.target)
-        quick = quick_clear_posture(task, one.joints, attempts=3)
+        quick = quick_clear_posture(task, one.joints)
         assert "search" not in quick.steps
         if answer.steps[-1] == "passes" and answer.verdict == Verdict.PROVEN:
             assert quick.verdict == Verdict.PROVEN
         if quick.joints is None:
             assert quick.verdict == Verdict.OPEN
-            assert "no search was made" in quick.note
         else:
             assert not faults(one, quick.joints, TOLERANCE)
 
@@ -219,9 +197,8 @@ def test_a_slide_without_limits_is_undecided() -> None:
     assert chain.unbounded
     ring = Point(1.0, 0.0).buffer(0.4) - Point(1.0, 0.0).buffer(0.2)
     bodies = bodies_from(robot, [Prism("ring", ring, -9.0, 9.0)])
-    answer = clear_posture(PostureTask(bodies, HERE, np.array([1.0, 0.0, 0.2])), robot.carry)
-    assert answer.verdict == Verdict.OPEN
-    assert "sliding joint" in answer.note
+    task = PostureTask(bodies, HERE, np.array([1.0, 0.0, 0.2]))
+    assert clear_posture(task, robot.carry).verdict == Verdict.OPEN
 
 
 @pytest.mark.parametrize(
@@ -264,9 +241,6 @@ def test_segments_apart_as_dense_points_say() -> None:
     ("changed", "message"),
     [
         ({"tolerance": 0.0}, "tolerance"),
-        ({"margin": -1.0}, "margin"),
-        ({"attempts": 0}, "attempts"),
-        ({"most_boxes": 0}, "most_boxes"),
         ({"seed": -1}, "seed"),
         ({"target": [0, np.nan, 0]}, "target"),
         ({"base": [0, 0]}, "base"),
@@ -274,7 +248,7 @@ def test_segments_apart_as_dense_points_say() -> None:
     ],
 )
 def test_bad_input_is_told(changed: dict[str, object], message: str) -> None:
-    task: dict[str, Any] = {"base": HERE, "target": [0.4, 0, 0.3], "tolerance": 1e-3, "margin": 0.0}
+    task: dict[str, Any] = {"base": HERE, "target": [0.4, 0, 0.3], "tolerance": 1e-3}
     asked: dict[str, Any] = {"joints": YOUBOT.carry}
     for name, value in changed.items():
         (task if name in task else asked)[name] = value

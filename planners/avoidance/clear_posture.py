@@ -32,10 +32,9 @@ from regionik.planners.avoidance.posture_proof import (
     search_postures,
     solid_at_target,
 )
-from regionik.planners.collision.proximity import Touch, describe, nearest, room_of
+from regionik.planners.collision.proximity import nearest, room_of
 from regionik.planners.collision.robot_bodies import Bodies, ContactTargets
 from regionik.planners.search.box_search import Verdict
-from regionik.planners.search.fixed_base import WORDS
 from regionik.planners.solvers.damped_least_squares import POSITION, Aim, polish
 from regionik.planners.solvers.mfabrik_serial import in_arm_frame
 from regionik.planners.solvers.multistart_ik import ArmSolver, Effort, solve_ik
@@ -48,6 +47,7 @@ SAMPLES = 300  # postures drawn at random for a target
 POSE_SAMPLES = 60  # postures tried for a pose, every other one drawn at random
 FEW_BOXES = 500  # boxes of joint values after which a proof is no longer to be had cheaply
 MOST_BOXES = 200_000
+ATTEMPTS = 3  # of FABRIK with obstacle avoidance, each with other random rotations
 QUICK_PASSES = 12  # of FABRIK with obstacle avoidance; where it succeeds it mostly takes fewer than ten
 STEPS = 60  # of damped least squares that take a posture back to the target
 LARGEST_CHANGE = 1.0  # of a joint when the best posture so far is varied [rad] or [m]
@@ -60,24 +60,12 @@ class ClearPosture:
     # PROVEN by a posture; RULED_OUT by a proof that there is none; or OPEN, within the effort made
     verdict: Verdict
     joints: Array | None  # (dof,) the posture, within limits [rad] or [m]
-    error: float  # what the tool misses; infinite where no posture on the target was met [m]
-    iterations: int  # passes, each forward and backward, of all stages together
+    error: float  # what the tool misses, infinite without a posture [m]
     steps: tuple[str, ...]  # what was used, in order: "passes", "avoidance", "search"
-    # least distance of the posture from anything, or of the one met that came nearest to being clear; from
-    # obstacles, what is left beyond the bodies' clearance. Infinite where nothing is near, -inf where no
-    # posture on the target was met [m].
-    distance: float
-    touch: Touch | None  # where that distance is; None where no posture on the target was met
-    note: str  # the evidence in one line
 
 
 def clear_posture(
-    task: PostureTask,
-    joints: ArrayLike,
-    *,
-    seed: int = 0,
-    attempts: int = 3,
-    most_boxes: int = MOST_BOXES,
+    task: PostureTask, joints: ArrayLike, *, seed: int = 0, most_boxes: int = MOST_BOXES
 ) -> ClearPosture:
     """Find a posture that brings the tool to a target with every solid clear, or prove that there is none.
 
@@ -87,8 +75,6 @@ def clear_posture(
         Posture to start from, clear or not.
     seed : int
         Same question and seed, same answer to the last bit.
-    attempts : int
-        Runs of FABRIK with obstacle avoidance, each with other random rotations.
     most_boxes : int
         Budget of the exhaustive search.
 
@@ -98,32 +84,25 @@ def clear_posture(
         When a number is out of its range.
     """
     search = _Search(task, joints, seed)
-    _at_least_one("attempts", attempts)
-    _at_least_one("most_boxes", most_boxes)
     return (
         search.by_passes()
         or search.by_proof(min(FEW_BOXES, most_boxes))
-        or search.by_avoidance(attempts)
+        or search.by_avoidance(ATTEMPTS)
         or search.by_sampling()
         or search.by_branch_and_bound(most_boxes)
     )
 
 
-def quick_clear_posture(
-    task: PostureTask, joints: ArrayLike, *, seed: int = 0, attempts: int = 1
-) -> ClearPosture:
+def quick_clear_posture(task: PostureTask, joints: ArrayLike, *, seed: int = 0) -> ClearPosture:
     """A few passes of `clear_posture` alone, without the search: found or undecided, and soon."""
     search = _Search(task, joints, seed)
-    _at_least_one("attempts", attempts)
-    found = search.by_passes() or search.by_avoidance(attempts, QUICK_PASSES)
-    return found or search.answer(Verdict.OPEN, "no search was made")
+    return search.by_passes() or search.by_avoidance(1, QUICK_PASSES) or search.answer(Verdict.OPEN)
 
 
 def sampled_clear_posture(task: PostureTask, joints: ArrayLike, *, samples: int) -> ClearPosture:
     """The samples of `clear_posture` alone, for one of many targets: found or undecided."""
     search = _Search(task, joints, 0)
-    found = search.by_passes() or search.by_sampling(samples)
-    return found or search.answer(Verdict.OPEN, "no search was made")
+    return search.by_passes() or search.by_sampling(samples) or search.answer(Verdict.OPEN)
 
 
 def clear_posture_at_pose(
@@ -190,31 +169,24 @@ class _Search:
         self.goal: Array = T[:3, :3].T @ (task.target - T[:3, 3])
         self.solver = _solver(self.chain, task.tolerance)
         self.steps: list[str] = []
-        self.iterations, self.met = 0, 0
-        self.best: tuple[Array, float, Touch] | None = None
+        self.best: tuple[Array, float, float] | None = None  # joints, error, room
 
     def by_passes(self) -> ClearPosture | None:
         """FABRIK-R from the start, obstacles left aside."""
         self.steps.append("passes")
         q = self.start.copy()
-        self.iterations += self.solver.solve(Aim(self.goal, POSITION, np.eye(3)), q)[2]
+        self.solver.solve(Aim(self.goal, POSITION, np.eye(3)), q)
         return self._found() if self._offer(q) else None
 
     def by_proof(self, most: int) -> ClearPosture | None:
         """A proof that is at hand, or a short search for one; postures that it finds are left aside."""
         task = self.task
-        name = solid_at_target(self.bodies, task.target, task.tolerance, task.margin, task.contact)
-        if name:
-            return self.answer(
-                Verdict.RULED_OUT, f"at the target the end of the last link is in {name}, or too near to it"
-            )
-        if self.chain.unbounded:
-            return None
-        result = search_postures(task, lambda q: False, most)
-        if result.verdict != Verdict.RULED_OUT:
+        if solid_at_target(self.bodies, task.target, task.tolerance, task.margin, task.contact):
+            return self.answer(Verdict.RULED_OUT)
+        if self.chain.unbounded or search_postures(task, lambda q: False, most).verdict != Verdict.RULED_OUT:
             return None
         self.steps.append("search")
-        return self.answer(Verdict.RULED_OUT, result.note)
+        return self.answer(Verdict.RULED_OUT)
 
     def by_avoidance(self, attempts: int, most: int = MOST_ITERATIONS) -> ClearPosture | None:
         """FABRIK with obstacle avoidance, with other random rotations each time; not of mimicking joints."""
@@ -228,7 +200,6 @@ class _Search:
             found = avoid_obstacles(
                 self.chain, self.goal, self.start, clear, tolerance=task.tolerance, seed=seed, most=most
             )
-            self.iterations += found.iterations
             if found.converged and self._offer(found.joints):
                 return self._found()
         return None
@@ -242,7 +213,7 @@ class _Search:
         for k, fresh in enumerate(spread_postures(self.chain, effort.reach, samples, self.seed)):
             q = fresh
             if self.best is None or k % 2 == 0:
-                self.iterations += solve_ik(solver.pointing, aim, none, effort, q)[2]
+                solve_ik(solver.pointing, aim, none, effort, q)
             else:
                 q = _varied(self.chain, self.best[0], rng)
                 near = q[:n].copy()
@@ -254,32 +225,20 @@ class _Search:
 
     def by_branch_and_bound(self, most: int) -> ClearPosture:
         """All postures, where the arm is not too mobile for that."""
-        if self.chain.unbounded:
-            return self.answer(Verdict.OPEN, f"{self.chain.unbounded} to be searched through")
-        spare = redundant_joints(self.chain, self.bodies.robot.solids)
-        if spare > MOST_REDUNDANT:
-            return self.answer(Verdict.OPEN, f"{spare} spare joints are too many to search through")
-        result = search_postures(self.task, self._offer, most)
-        return self._found() if result.verdict == Verdict.PROVEN else self.answer(result.verdict, result.note)
+        if self.chain.unbounded or redundant_joints(self.chain, self.bodies.robot.solids) > MOST_REDUNDANT:
+            return self.answer(Verdict.OPEN)
+        verdict = search_postures(self.task, self._offer, most).verdict
+        return self._found() if verdict == Verdict.PROVEN else self.answer(verdict)
 
-    def answer(self, verdict: Verdict, why: str) -> ClearPosture:
-        """Return no posture, and why."""
-        _, error, touch = self.best or (None, np.inf, None)
-        seen = "no posture on the target was met"
-        if touch is not None:
-            seen = f"in the best of {self.met} postures on the target, {describe(self.bodies, touch)}"
-        word = WORDS[verdict]
-        note = f"{word}: {why.removeprefix(f'{word}: ')}; {seen}"
-        room = -np.inf if touch is None else room_of(self.bodies, touch)
-        return ClearPosture(verdict, None, error, self.iterations, tuple(self.steps), room, touch, note)
+    def answer(self, verdict: Verdict) -> ClearPosture:
+        """Return no posture."""
+        return ClearPosture(verdict, None, np.inf, tuple(self.steps))
 
     def _found(self) -> ClearPosture:
         assert self.best is not None
-        joints, error, touch = self.best
+        joints, error, _ = self.best
         joints.flags.writeable = False
-        note = f"found by {self.steps[-1]}: {describe(self.bodies, touch)}"
-        room, steps = room_of(self.bodies, touch), tuple(self.steps)
-        return ClearPosture(Verdict.PROVEN, joints, error, self.iterations, steps, room, touch, note)
+        return ClearPosture(Verdict.PROVEN, joints, error, tuple(self.steps))
 
     def _offer(self, joints: Array) -> bool:
         """Tell whether a posture is an answer: within limits, on the target, and clear."""
@@ -287,14 +246,13 @@ class _Search:
         error = float(np.linalg.norm(self.chain.forward(joints)[:3, 3] - self.goal))
         if not within or error > self.task.tolerance:
             return False
-        best = -np.inf if self.best is None else room_of(self.bodies, self.best[2])
+        best = -np.inf if self.best is None else self.best[2]
         touch = nearest(
             self.bodies, self.task.base, joints, contact=self.task.contact, enough=min(best, self.task.margin)
         )
         room = room_of(self.bodies, touch)
-        self.met += 1
         if room > best or self.best is None:
-            self.best = np.array(joints), error, touch
+            self.best = np.array(joints), error, room
         return room >= self.task.margin
 
 
@@ -309,8 +267,3 @@ def _varied(chain: Chain, joints: Array, rng: np.random.Generator) -> Array:
 def _solver(chain: Chain, tolerance: float) -> ArmSolver:
     """Kept for the last few arms, as one arm is asked about many targets."""
     return ArmSolver(chain, tolerance)
-
-
-def _at_least_one(name: str, value: int) -> None:
-    if value < 1:
-        raise InputError(f"{name}: expected 1 or more, got {value}")

@@ -16,7 +16,6 @@ from regionik.planners.search.motion_bounds import longest_levers
 from regionik.planners.search.self_clearance import SelfClearance
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.chain import Chain
-from regionik.worlds.errors import InputError
 from regionik.worlds.links import LinkSolid
 from regionik.worlds.obstacles import Mesh
 from regionik.worlds.self_collision import base_body, off_floor, self_collision_pairs
@@ -40,12 +39,6 @@ class PostureTask:
     def __post_init__(self) -> None:
         object.__setattr__(self, "base", frozen(self.base, (3,), "base"))
         object.__setattr__(self, "target", frozen(self.target, (3,), "target"))
-        object.__setattr__(self, "tolerance", float(self.tolerance))
-        object.__setattr__(self, "margin", float(self.margin))
-        if not 0 <= self.margin < np.inf:
-            raise InputError(f"margin: expected a finite length of 0 or more, got {self.margin}")
-        if not 0 < self.tolerance < np.inf:
-            raise InputError(f"tolerance: expected a length above 0, got {self.tolerance}")
 
 
 def search_postures(task: PostureTask, accept: Callable[[Array], bool], most: int) -> FixedBaseResult:
