@@ -121,10 +121,9 @@ def test_a_refusal_says_from_where_to_where() -> None:
         drive_point(apart, [0.5, 0.5], [2.5, 0.5], step=0.1, seed=0)
 
 
-@pytest.mark.parametrize(("step", "seed", "what"), [(0.0, 0, "step"), (np.nan, 0, "step"), (0.1, -1, "seed")])
-def test_bad_numbers_are_refused(step: float, seed: int, what: str) -> None:
-    with pytest.raises(InputError, match=f"{what}: expected"):
-        drive_point(BLOCK, [0, 0], [0.5, 0], step=step, seed=seed)
+def test_a_seed_below_zero_is_refused() -> None:
+    with pytest.raises(InputError, match="seed: expected"):
+        drive_point(BLOCK, [0, 0], [0.5, 0], step=0.1, seed=-1)
 
 
 def raw_paths(seeds: list[int]) -> dict[int, list[list[float]]]:

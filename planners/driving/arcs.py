@@ -136,8 +136,6 @@ class WheeledPath:
         >>> path_of_motions([0, 0, 0], [(0.5, 0), (0, 0.1)], "straight").sample(0.25).tolist()
         [[0.0, 0.0, 0.0], [0.25, 0.0, 0.0], [0.5, 0.0, 0.0], [0.5, 0.0, 0.1]]
         """
-        if not 0 < step < np.inf:
-            raise InputError(f"step: expected a length above 0, got {step}")
         poses = [self.start]
         for segment in self.segments:
             most = max(abs(segment.length) / step, abs(segment.turn) / TURN_STEP)

@@ -35,20 +35,14 @@ def convex_corners(footprint: ArrayLike) -> Array:
     Raises
     ------
     InputError
-        When it is not convex, or has no area and is not a single point.
+        When it has no area and is not a single point.
     """
     given = frozen(footprint, (None, 2), "footprint")
     if len(given) == 1:
         return given
-    if len(given) < 3:
-        raise InputError("footprint: expected one point or at least three corners")
     hull = shapely.convex_hull(shapely.multipoints(given))
     if not isinstance(hull, Polygon) or hull.area < 1e-9:
         raise InputError("footprint: expected an outline with an area, its corners lie on one line")
-    ring = Polygon(given)
-    if not ring.is_valid or hull.area - ring.area > 1e-9 * hull.area:
-        more = 100 * (hull.area / ring.area - 1) if ring.is_valid else np.inf
-        raise InputError(f"footprint: expected a convex outline, its convex hull is {more:.3g} % larger")
     corners = np.asarray(shapely.orient_polygons(hull).exterior.coords)[:-1]
     return frozen(corners, (None, 2), "footprint")
 
@@ -110,10 +104,8 @@ def footprint_scene(
     Raises
     ------
     InputError
-        When the footprint is not convex, the clearance is negative or the floor is no polygon.
+        When the footprint has no area and is no point, or the floor is no polygon.
     """
-    if not 0 <= clearance < np.inf:
-        raise InputError(f"clearance: expected 0 or above, got {clearance}")
     flat = FlatPolygon.from_shapely(floor)
     shadows = [shadow for shadow in obstacles if not shadow.core.is_empty]
     tables = [edges_of(flat), *(core_edges(shadow.core) for shadow in shadows)]

@@ -27,7 +27,6 @@ from regionik.planners.driving.footprint import (
 from regionik.planners.driving.minkowski_sums import grown_by_disc, minkowski_sum, minkowski_sums
 from regionik.planners.geometry.convex_decomposition import hull_corners
 from regionik.worlds.arrays import Array, frozen
-from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Shadow
 
 GUARD = 1e-9  # by which a hull of rotations is larger, a core smaller, against rounding [m]
@@ -62,8 +61,6 @@ def slabs(count: int) -> Array:
     >>> np.round(slabs(4), 3).tolist()
     [[-0.785, 0.785], [0.785, 2.356], [2.356, 3.927], [3.927, 5.498]]
     """
-    if count < 1:
-        raise InputError(f"slabs: expected at least 1, got {count}")
     ends = (np.arange(count + 1) - 0.5) * (2 * np.pi / count)
     return np.column_stack([ends[:-1], ends[1:]])
 
@@ -137,12 +134,10 @@ def slab_areas(
     [0.057, 0.142]
     """
     scene = convex_scene(footprint, floor, obstacles, clearance)
-    found = []
-    for low, high in frozen(bounds, (None, 2), "slabs").tolist():
-        if low > high:
-            raise InputError(f"slab: expected two rising headings, got {low} and {high}")
-        found.append(Slab(low, high, free_at_all(scene, low, high), free_at_some(scene, low, high)))
-    return tuple(found)
+    return tuple(
+        Slab(low, high, free_at_all(scene, low, high), free_at_some(scene, low, high))
+        for low, high in frozen(bounds, (None, 2), "slabs").tolist()
+    )
 
 
 def free_at_all(scene: ConvexScene, low: float, high: float) -> BaseGeometry:

@@ -71,7 +71,7 @@ def drive_point(
         When start or goal is not in ``free``, or they are in parts of it that do not join. In all other cases
         there is a path, and it is found.
     InputError
-        When ``step`` is not above 0, ``seed`` is negative, ``free`` is empty or a point is not two numbers.
+        When ``seed`` is negative, ``free`` is empty or a point is not two numbers.
 
     Examples
     --------
@@ -79,8 +79,6 @@ def drive_point(
     >>> drive_point(box(0, 0, 2, 1), [0.2, 0.5], [1.2, 0.5], step=0.5, seed=0).points.tolist()
     [[0.2, 0.5], [0.7, 0.5], [1.2, 0.5]]
     """
-    if not 0 < step < np.inf:
-        raise InputError(f"step: expected a length above 0, got {step}")
     if seed < 0:
         raise InputError(f"seed: expected a whole number from 0 up, got {seed}")
     a, b = frozen(start, (2,), "start"), frozen(goal, (2,), "goal")

@@ -312,7 +312,7 @@ def drive_car(
     NoPathError
         When none was found, or the footprint does not fit at start or goal.
     InputError
-        When the turning radius is not above 0, the seed is negative or a pose is not three numbers.
+        When the seed is negative or a pose is not three numbers.
 
     Examples
     --------
@@ -323,8 +323,6 @@ def drive_car(
     >>> round(path.length, 3)
     1.318
     """
-    if not 0 < turning_radius < np.inf:
-        raise InputError(f"turning_radius: expected a length above 0, got {turning_radius}")
     return _driven(scene, Steering(REEDS_SHEPP, float(turning_radius), 0.0), start, goal, seed)
 
 
