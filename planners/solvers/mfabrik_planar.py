@@ -48,8 +48,6 @@ from regionik.worlds.arrays import Array, Index, Mask
 PATIENCE, STALLED = 10, 0.9  # passes in which the error must come down to this share, for a start to go on
 STRAIGHT = 1e-12  # a target so near to the axis, seen from above, does not turn the plane [m]
 PITCH_SLACK = 1e-9  # rounding allowed where the pitch of the last link is fixed [rad]
-PITCHES = 180  # of the last link, tried to either side for the posture of least change
-TILT = 0.5  # how far to either side [rad]
 
 NO_VERTICES, NO_RINGS = np.empty((0, 2)), np.zeros(1, np.int64)  # of an area that is not asked
 
@@ -258,7 +256,7 @@ def _least_change(
     near[0], near[1], near[2] = start.bends
     dx, dy = target[0] - start.x, target[1] - start.y
     r, yaw = setup.facing * np.hypot(dx, dy), math.atan2(setup.facing * dy, setup.facing * dx)
-    change = nearest_posture(linkage_of(setup), setup.pitch, r, target[2], near, bends, PITCHES, TILT)
+    change = nearest_posture(linkage_of(setup), setup.pitch, r, target[2], near, bends)
     if not np.isfinite(change):
         return change, False
     found = PlanarState(start.x, start.y, yaw, (bends[0], bends[1], bends[2]))

@@ -17,6 +17,8 @@ from regionik.planners.solvers.fabrik import Pair
 from regionik.worlds.arrays import Array
 
 LIMIT_SLACK = 1e-10  # rounding allowed when a bend is held against its limit [rad]
+PITCHES = 180  # of the last link, tried to either side for the posture of least change
+TILT = 0.5  # how far to either side [rad]
 
 
 class PlanarLinkage(NamedTuple):
@@ -235,18 +237,16 @@ def nearest_posture(
     z: float,
     near: Array,
     bends: Array,
-    tries: int,
-    reach: float,
 ) -> float:
     """Among postures that reach (r, z), the one with the least largest change of a bend against ``near``.
 
-    Pitches within ``reach`` of the present one are tried, ``tries`` a side; returns the change, inf for none.
+    Pitches within `TILT` of the present one are tried; returns the change, inf for none.
     """
     best = np.inf
     old_a, old_b, old_c = near[0], near[1], near[2]
-    count = 1 if np.isfinite(pitch) else 2 * tries + 1
+    count = 1 if np.isfinite(pitch) else 2 * PITCHES + 1
     for k in range(count):
-        tool = pitch if np.isfinite(pitch) else old_a + old_b + old_c + reach * (k - tries) / tries
+        tool = pitch if np.isfinite(pitch) else old_a + old_b + old_c + TILT * (k - PITCHES) / PITCHES
         lead, root, tip, ok = wrist_triangle(arm, r, z, tool)
         for elbow in (-1.0, 1.0):
             first, second = lead + elbow * root, lead - elbow * tip

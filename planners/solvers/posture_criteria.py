@@ -26,6 +26,7 @@ from regionik.worlds.criteria import Criteria
 from regionik.worlds.links import LinkMass
 from regionik.worlds.robot import GRAVITY, Robot
 
+PITCHES = 360  # of the last link, tried for a posture that meets the thresholds
 REFINEMENTS = 30  # of the pitch, where no sampled one meets the thresholds
 SPARE = 1e-9  # share of a threshold, beyond rounding
 COMFORT = 0.01  # share of a threshold, so that a tool moved within its tolerance still meets it
@@ -156,18 +157,17 @@ def posture_within_thresholds(
     z: float,
     near: Array,
     bends: Array,
-    tries: int,
 ) -> bool:
     """Fill in bends (3,) of the posture on (r, z) nearest to ``near`` that meets the thresholds by `COMFORT`.
 
-    ``tries`` pitches are looked at, or the one given. Where none will do, pitches ever closer to the best are
+    `PITCHES` of them are looked at, or the one given. Where none will do, pitches ever closer to the best are
     tried for one that just meets them. False where no posture was found.
     """
-    count = 1 if np.isfinite(pitch) else tries
+    count = 1 if np.isfinite(pitch) else PITCHES
     tried, best = np.empty(3), np.zeros(2)
     change, most = np.inf, -np.inf
     for k in range(count):
-        tool = pitch if np.isfinite(pitch) else TWO_PI * k / tries
+        tool = pitch if np.isfinite(pitch) else TWO_PI * k / PITCHES
         for elbow in (-1.0, 1.0):
             room = _at(arm, thresholds, r, z, tool, elbow, tried)
             if room > most:
@@ -178,7 +178,7 @@ def posture_within_thresholds(
                 bends[:] = tried
     if change < np.inf:
         return True
-    width = 0.0 if np.isfinite(pitch) else TWO_PI / tries
+    width = 0.0 if np.isfinite(pitch) else TWO_PI / PITCHES
     for _ in range(REFINEMENTS):
         for side in (-0.5, 0.5):
             room = _at(arm, thresholds, r, z, best[0] + side * width, best[1], tried)

@@ -27,8 +27,6 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.chain import within_half_turns
 from regionik.worlds.scene import Target
 
-THRESHOLD_PITCHES = 360  # of the last link, tried for a posture that meets the thresholds
-
 
 @dataclass(frozen=True, eq=False)
 class PlanarSolver:
@@ -103,9 +101,7 @@ class PlanarSolver:
             return found
         r, plane_yaw = self._seen(target.position, found.axis)
         near, bends, z = self.arm.bends(joints), np.empty(3), float(target.position[2])
-        if not posture_within_thresholds(
-            self.plane, self.asked, kind.pitch, r, z, near, bends, THRESHOLD_PITCHES
-        ):
+        if not posture_within_thresholds(self.plane, self.asked, kind.pitch, r, z, near, bends):
             return replace(found, meets=False)
         q, angle = self._turned(target, bends, plane_yaw, yaw, joints)
         return replace(found, joints=q, error=0.0, angle=angle)
