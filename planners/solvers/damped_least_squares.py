@@ -40,7 +40,7 @@ class Aims(NamedTuple):
     cones: Array  # (m,)
     angle_tolerances: Array  # (m,) what may be left of each direction or orientation beyond its cone [rad]
 
-    def part(self, rows: slice) -> Aims:
+    def part(self, rows: slice | Index) -> Aims:
         """Some of the goals."""
         return Aims._make(column[rows] for column in self)
 

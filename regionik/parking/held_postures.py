@@ -9,15 +9,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from regionik.areas.standing import into_span
 from regionik.mfabrik import Solver
 from regionik.parking.arm_roadmap import ArmRoadmap, HeldPostures, grown_roadmap, travel_roadmap
 from regionik.planners.avoidance.neighboring_postures import NeighboringTargets, neighboring_postures
+from regionik.planners.solvers.aims import in_columns
 from regionik.planners.solvers.damped_least_squares import POSITION, Aims, polish_along
 from regionik.planners.solvers.redundancy_resolution import PathSolving, resolve_redundancy
 from regionik.planners.solvers.serial_chain import serial_arm
@@ -292,21 +291,16 @@ class PostureCarrier:
         """Set-points as an arm sees them whose base frame stands at a place with a heading."""
         c, s = np.cos(yaw), np.sin(yaw)
         back = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-        positions, kinds, turns, cones, angles = (column[some] for column in self._goals)
-        seen = positions - (0.0, 0.0, self.world.robot.mount[2])
+        goals = self._goals.part(some)
+        seen = goals.positions - (0.0, 0.0, self.world.robot.mount[2])
         seen[:, :2] -= axis
-        return Aims(seen @ back.T, kinds, back @ turns, cones, angles)
+        return goals._replace(positions=seen @ back.T, turns=back @ goals.turns)
 
     @cached_property
-    def _goals(self) -> tuple[NDArray[Any], ...]:
+    def _goals(self) -> Aims:
         goals = [self._free.goal_for(target) for target in self.targets]
-        return (
-            np.array([goal.aim.position for goal in goals]),
-            np.array([goal.aim.kind for goal in goals]),
-            np.array([goal.aim.turn for goal in goals]),
-            np.array([goal.aim.cone for goal in goals]),
-            np.array([goal.effort.angle_tolerance for goal in goals]),
-        )
+        angles = np.array([goal.effort.angle_tolerance for goal in goals])
+        return in_columns([goal.aim for goal in goals])._replace(angle_tolerances=angles)
 
     @cached_property
     def _free(self) -> SerialSolver:

@@ -64,6 +64,7 @@ class ParkingAreas:
     narrow: Geometries  # (m,) components shrunk by the circle to park in
     # For each component those of the set-point before that the arm comes from while the base stands still
     back: tuple[tuple[int, ...], ...]
+    _areas: dict[int, Geometries] = field(default_factory=dict)
 
     @cached_property
     def floor(self) -> BaseGeometry:
@@ -99,10 +100,6 @@ class ParkingAreas:
             return self._groups(first, last + 1)[0]
         shared = {s: shapely.intersection_all(self.areas_at(s)[list(setpoints)]) for s in self.sides}
         return StopGroup(setpoints, {s: area for s, area in shared.items() if area.area > 0})
-
-    @cached_property
-    def _areas(self) -> dict[int, Geometries]:
-        return {}
 
     def areas_at(self, side: int) -> Geometries:
         """Places to park at one side, by set-point, whatever the posture."""
