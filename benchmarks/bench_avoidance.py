@@ -197,7 +197,7 @@ def main(scenes: int) -> int:
                 right = searched.verdict == Verdict.RULED_OUT and room < THIN
             if not right:
                 wrong += 1
-                print(f"  scene {seed}: {searched.note}: not confirmed")
+                print(f"  scene {seed}: {WORDS[searched.verdict]}: not confirmed")
         counts = ", ".join(f"{kind} {kinds.count(kind)}" for kind in ("found", "none", "undecided"))
         print(
             f"test {number}: {counts}; boxes median {statistics.median(boxes):.0f}, most {max(boxes)}; "

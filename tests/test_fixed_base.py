@@ -325,7 +325,7 @@ def test_youbot_among_boxes_agrees_with_a_sweep_of_pitches() -> None:
         q = pitch_sweep(chain, target)
         best = float(sampled_room(solids, chain, boxes, q).max()) if len(q) else -np.inf
         if result.joints is None:
-            assert result.verdict == Verdict.RULED_OUT, result.note
+            assert result.verdict == Verdict.RULED_OUT
             assert best < 1e-4  # of half the spacing, squared, over the radius
         else:
             room = float(sampled_room(solids, chain, boxes, result.joints[None])[0])
@@ -340,10 +340,8 @@ def test_youbot_among_boxes_agrees_with_a_sweep_of_pitches() -> None:
 def test_target_out_of_reach_takes_no_box() -> None:
     result = search_fixed_base(planar(), [], NOTHING, [2.9, 2.9, 0], 1e-3)
     assert (result.verdict, result.boxes, result.joints) == (Verdict.RULED_OUT, 0, None)
-    assert "4.101 m" in result.note
     result = search_fixed_base(planar(), [], NOTHING, [0.5, 0.1, 0.01], 1e-3)
     assert (result.verdict, result.boxes) == (Verdict.RULED_OUT, 0)
-    assert "0.01 m off the plane" in result.note
 
 
 @pytest.mark.parametrize(
@@ -405,14 +403,8 @@ def test_budget_spent_is_told_and_the_same_question_has_the_same_answer() -> Non
     short = search_fixed_base(arm, links, about, [2.8, 2.8, 0], 1e-3, most=5)
     assert short.verdict == Verdict.OPEN
     assert short.boxes <= 6
-    assert "are left after" in short.note
     one, two = (search_fixed_base(arm, links, about, [2.8, 2.8, 0], 1e-3) for _ in range(2))
-    assert (one.verdict, one.boxes, one.clearance, one.note) == (
-        two.verdict,
-        two.boxes,
-        two.clearance,
-        two.note,
-    )
+    assert (one.verdict, one.boxes, one.clearance) == (two.verdict, two.boxes, two.clearance)
 
 
 def test_meshes_refuse_postures_but_prove_nothing() -> None:
@@ -424,7 +416,6 @@ def test_meshes_refuse_postures_but_prove_nothing() -> None:
     result = search_fixed_base(arm, links, on_link, [1, 0, 0], 1e-3, most=500)
     assert result.verdict == Verdict.OPEN
     assert result.clearance < 0
-    assert "failed the exact check" in result.note
     assert search_fixed_base(arm, links, aside, [1, 0, 0], 1e-3).clearance == pytest.approx(0.39, abs=0.002)
 
 

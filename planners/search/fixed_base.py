@@ -17,10 +17,7 @@ from numpy.typing import ArrayLike
 from regionik.planners.collision.distances import Obstacles, nearest_solid
 from regionik.planners.collision.upright_solids import uprights_from
 from regionik.planners.search.box_search import (
-    CLOSED,
     JUDGED,
-    QUEUED,
-    Boxes,
     Verdict,
     begin,
     proven,
@@ -57,7 +54,6 @@ class FixedBaseResult:
     # the posture's least distance from the obstacles; where none was found, the largest one among the
     # postures met that reach the target (meshes left aside), -inf where no posture was met [m]
     clearance: float
-    note: str  # one line in words
 
 
 def search_fixed_base(
@@ -103,13 +99,13 @@ def search_fixed_base(
     >>> arm = Chain.from_dh([(0, 0, 1, 0, -3, 3), (0, 0, 1, 0, -3, 3)])
     >>> search_fixed_base(arm, [], obstacles_from([]), [1.2, 0.9, 0.0], 1e-3).verdict.name
     'PROVEN'
-    >>> search_fixed_base(arm, [], obstacles_from([]), [2.2, 0.9, 0.0], 1e-3).note
-    'none: the target is 2.377 m from the first joint and the arm reaches 2.000 m'
+    >>> search_fixed_base(arm, [], obstacles_from([]), [2.2, 0.9, 0.0], 1e-3).verdict.name
+    'RULED_OUT'
     """
     goal = frozen(target, (3,), "target")
     _check(chain, solids, tolerance, clearance, most)
-    if why := _out_of_reach(chain, goal, tolerance + ROUNDING):
-        return FixedBaseResult(Verdict.RULED_OUT, None, 0, -np.inf, f"none: {why}")
+    if _out_of_reach(chain, goal, tolerance + ROUNDING):
+        return FixedBaseResult(Verdict.RULED_OUT, None, 0, -np.inf)
     whole = uprights_from([piece for piece in obstacles.pieces if piece.mesh is None])
     arm, capsules = _bounded(chain), link_capsules(chain, solids)
     task = fixed_base_for(arm, capsules, whole, goal, tolerance, clearance, own)
@@ -132,13 +128,13 @@ def _first_accepted(
             q = frozen(posture_in(task, boxes.low[slot], boxes.high[slot]), (len(task.arm.lower),), "joints")
             room, good = checked(q)
             if good:
-                note = f"found: a posture with a clearance of {room:.6g} m, after {boxes.tally[JUDGED]} boxes"
-                return FixedBaseResult(Verdict.PROVEN, q, int(boxes.tally[JUDGED]), room, note)
+                return FixedBaseResult(Verdict.PROVEN, q, int(boxes.tally[JUDGED]), room)
             refused, best = refused + 1, max(best, room)
             reopen(boxes, slot)
         boxes = explore_postures(task, boxes, most - PER_REFUSAL * refused)
-        if verdict_of(boxes) != Verdict.PROVEN:
-            return _nothing_found(task, boxes, best, refused)
+        if (verdict := verdict_of(boxes)) != Verdict.PROVEN:
+            room = max(best, float(task.best[0]))
+            return FixedBaseResult(verdict, None, int(boxes.tally[JUDGED]), room)
 
 
 def _clearance(chain: Chain, solids: Sequence[LinkCapsule], obstacles: Obstacles, q: Array) -> float:
@@ -153,22 +149,6 @@ def _clearance(chain: Chain, solids: Sequence[LinkCapsule], obstacles: Obstacles
 
 def _off(chain: Chain, goal: Array, q: Array) -> float:
     return float(np.linalg.norm(chain.forward(q)[:3, 3] - goal))
-
-
-def _nothing_found(task: FixedBase, boxes: Boxes, best: float, refused: int) -> FixedBaseResult:
-    judged, room = int(boxes.tally[JUDGED]), max(best, float(task.best[0]))
-    met = "no posture met reaches the target"
-    if np.isfinite(room):
-        met = f"the best posture met has a clearance of {room:.6g} m"
-    verdict = verdict_of(boxes)
-    if verdict == Verdict.RULED_OUT:
-        note = f"{WORDS[verdict]}: {judged} boxes of joint values hold no free posture; {met}"
-    else:
-        left = boxes.tally[QUEUED] + boxes.tally[CLOSED]
-        note = f"{WORDS[verdict]}: {left} boxes are left after {judged}; {met}"
-        if refused:
-            note += f"; {refused} postures failed the exact check"
-    return FixedBaseResult(verdict, None, judged, room, note)
 
 
 def _check(
@@ -191,19 +171,17 @@ def _check(
             raise InputError(f"{solid.name}: link must be 0 to {len(chain.joints) - 1}, got {solid.link}")
 
 
-def _out_of_reach(chain: Chain, target: Array, tolerance: float) -> str:
-    """Words on why no posture reaches the target, where lengths alone decide; otherwise empty."""
+def _out_of_reach(chain: Chain, target: Array, tolerance: float) -> bool:
+    """True if no posture reaches the target, where lengths alone decide."""
     reach = longest_levers(chain, len(chain.joints) - 1, chain.T_last_tool[:3, 3])[1]
     far = float(np.linalg.norm(target - chain.joints[0].T_parent_joint[:3, 3]))
     if far > reach + tolerance:
-        return f"the target is {far:.3f} m from the first joint and the arm reaches {reach:.3f} m"
+        return True
     frames = chain.frames(np.zeros(chain.dof))
     axes = np.array([frame[:3, :3] @ joint.axis for frame, joint in zip(frames, chain.joints, strict=False)])
     flat = np.linalg.norm(np.cross(axes, axes[0]), axis=1).max() < PARALLEL
     gap = abs(float(axes[0] @ (target - frames[-1, :3, 3])))
-    if flat and gap > tolerance and all(joint.kind == "revolute" for joint in chain.joints):
-        return f"the target is {gap:.3g} m off the plane in which the tool moves"
-    return ""
+    return bool(flat) and gap > tolerance and all(joint.kind == "revolute" for joint in chain.joints)
 
 
 def _bounded(chain: Chain) -> SerialArm:
