@@ -57,8 +57,8 @@ def verify(plan: Plan) -> Report:
         ``step``, ``wheels``, ``setpoint``, ``path``, ``floor``, ``clearance``, ``arm``, ``contact``,
         ``self``, ``stops`` [m], ``direction``, ``orientation`` [rad], and of criteria that the rules ask for
         ``manipulability`` [m3], ``joint_margin`` (a share of the range), ``effort`` [N m] or [N]; of a timed
-        plan ``speeds`` (a share of the limit of speed or acceleration that is used most), and ``jerk`` where
-        that is limited. Those of
+        plan ``timing`` (distance from the proven motion) [m], ``speeds`` (a share of the limit of speed or
+        acceleration that is used most), and ``jerk`` where that is limited. Those of
         ``arm``, ``contact`` and ``self`` go up to 0.05; that of ``contact`` is how much deeper the tool might
         sink in. Violations of kind ``structure`` or ``derived`` are of the plan's form, or of fields that its
         states contradict; those of kind ``execution`` tell where the arm does not take up the errors that the
