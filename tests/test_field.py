@@ -123,11 +123,10 @@ def test_a_slice_above_the_arm_is_empty() -> None:
 
 def test_rings_are_counted_once_where_they_overlap() -> None:
     x, y = np.linspace(0.5, 4.5, 5), np.linspace(0.5, 3.5, 4)
-    centers, starts = np.array([[2.5, 1.5], [9.0, 9.0]]), np.array([0, 2, 3])
-    spans, free = np.array([[0.0, 1.0], [0.5, 1.1], [0.0, 1.0]]), np.ones((4, 5), dtype=bool)
+    centers, free = np.array([[2.5, 1.5], [9.0, 9.0]]), np.ones((4, 5), dtype=bool)
+    spans = [np.array([[0.0, 1.0], [0.5, 1.1]]), np.array([[0.0, 1.0]])]
     free[1, 1] = False
-    count = np.zeros((4, 5), dtype=np.int32)
-    count_rings(centers, starts, spans, x, y, free, count)
+    count = count_rings(centers, spans, x, y, free)
     assert count.tolist() == [[0, 0, 1, 0, 0], [0, 0, 1, 1, 0], [0, 0, 1, 0, 0], [0, 0, 0, 0, 0]]
 
 

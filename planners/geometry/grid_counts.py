@@ -2,55 +2,31 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from regionik.planners.kernels import compiled
-from regionik.worlds.arrays import Array, Index, Mask
+from regionik.worlds.arrays import Array, Mask
 
 
-@compiled
-def count_rings(
-    centers: Array,
-    starts: Index,
-    spans: Array,
-    x: Array,
-    y: Array,
-    free: Mask,
-    count: NDArray[np.int32],
-) -> None:
-    """Add to each free cell one for every center that is as far off as one of its spans says.
+def count_rings(centers: Array, spans: Sequence[Array], x: Array, y: Array, free: Mask) -> NDArray[np.int32]:
+    """Count, for each free cell, the centers that are as far off as one of their spans says, (ny, nx).
 
     Parameters
     ----------
     centers : (n, 2) array [m]
-    starts : (n + 1,) array of int
-        Center i has the spans from ``starts[i]`` to ``starts[i + 1]``.
-    spans : (m, 2) array
-        Least and largest distance [m].
+    spans : sequence of n arrays (k, 2)
+        Least and largest distances [m].
     x, y : (nx,), (ny,) array
-        Middles of the cells, evenly spaced [m].
+        Middles of the cells [m].
     free : (ny, nx) array of bool
-    count : (ny, nx) array of int
-        Added to in place.
     """
-    cell = x[1] - x[0] if len(x) > 1 else (y[1] - y[0] if len(y) > 1 else 1.0)
-    for i in range(len(centers)):
-        far = 0.0
-        for s in range(starts[i], starts[i + 1]):
-            far = max(far, spans[s, 1])
-        cx, cy = centers[i]
-        left = max(0, math.ceil((cx - far - x[0]) / cell) - 1)
-        right = min(len(x), math.floor((cx + far - x[0]) / cell) + 2)
-        low = max(0, math.ceil((cy - far - y[0]) / cell) - 1)
-        high = min(len(y), math.floor((cy + far - y[0]) / cell) + 2)
-        for row in range(low, high):
-            for column in range(left, right):
-                if free[row, column]:
-                    off = np.hypot(x[column] - cx, y[row] - cy)
-                    for s in range(starts[i], starts[i + 1]):
-                        if spans[s, 0] <= off <= spans[s, 1]:
-                            count[row, column] += 1
-                            break
+    count = np.zeros(free.shape, dtype=np.int32)
+    for (cx, cy), own in zip(centers, spans, strict=False):
+        far = own[:, 1].max(initial=0.0)
+        rows, columns = np.flatnonzero(np.abs(y - cy) <= far), np.flatnonzero(np.abs(x - cx) <= far)
+        off = np.hypot(x[columns] - cx, y[rows, None] - cy)[..., None]
+        count[np.ix_(rows, columns)] += ((own[:, 0] <= off) & (off <= own[:, 1])).any(axis=-1)
+    count[~free] = 0
+    return count

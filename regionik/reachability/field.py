@@ -184,14 +184,9 @@ def _counted(
     world: World, targets: Array | list[Target], side: Side, free: NDArray[np.bool_], x: Array, y: Array
 ) -> NDArray[np.int32]:
     """Targets reached from each free cell within one side's headings."""
-    count = np.zeros(free.shape, dtype=np.int32)
     if isinstance(targets, list) or not _model(world).turns_freely(world.rules, side.span):
-        _count_areas(world, _as_targets(targets), side, free, x, y, count)
-        return count
-    spans = _distances(world, targets[:, 2], inner=True)
-    starts = np.concatenate([[0], np.cumsum([len(some) for some in spans])]).astype(np.int64)
-    count_rings(targets[:, :2], starts, np.vstack([np.empty((0, 2)), *spans]), x, y, free, count)
-    return count
+        return _count_areas(world, _as_targets(targets), side, free, x, y)
+    return count_rings(targets[:, :2], _distances(world, targets[:, 2], inner=True), x, y, free)
 
 
 def _model(world: World) -> ReachModel:
@@ -210,9 +205,9 @@ def _count_areas(
     free: NDArray[np.bool_],
     x: Array,
     y: Array,
-    count: NDArray[np.int32],
-) -> None:
+) -> NDArray[np.int32]:
     """Count where headings or tool directions bound the reach: cells within its polygons."""
+    count = np.zeros(free.shape, dtype=np.int32)
     for k in range(0, len(targets), _CHUNK):
         which, _, shapes = reach_rows(
             world, targets[k : k + _CHUNK], (FRONT, BACK), inner=True, span=side.span
@@ -225,6 +220,7 @@ def _count_areas(
             for shape in rows:
                 met |= _inside(shape, x[columns], y[lines])
             count[lines, columns] += met & free[lines, columns]
+    return count
 
 
 def _distances(world: World, heights: Array, *, inner: bool) -> list[Array]:
