@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.geometry import Polygon
 
-from regionik.planners.collision.distances import Obstacles, nearest_solid, obstacles_from
+from regionik.planners.collision.distances import Obstacles, nearest_distance, obstacles_from
 from regionik.planners.collision.upright_solids import least_along, signed_distance, uprights_from
 from regionik.planners.search.box_search import Verdict
 from regionik.planners.search.fixed_base import FixedBaseResult, search_fixed_base
@@ -93,7 +93,7 @@ def room_of(chain: Chain, solids: list[LinkCapsule], obstacles: Obstacles, q: Ar
     frames = chain.frames(q)
     ends = [s.corners @ frames[s.link, :3, :3].T + frames[s.link, :3, 3] for s in solids]
     pairs = zip(solids, ends, strict=True)
-    return min(nearest_solid(obstacles, a, b, s.radius).distance for s, (a, b) in pairs)
+    return min(nearest_distance(obstacles, a, b, s.radius) for s, (a, b) in pairs)
 
 
 @settings(max_examples=examples(200))

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -38,15 +37,6 @@ from regionik.worlds.obstacles import Solid
 from regionik.worlds.polytopes import Polytope
 
 EXACT = 1e-8  # of a distance that a plane proves [m]
-
-
-class NearestSolid(NamedTuple):
-    """The nearest solid to a capsule, with the witness points."""
-
-    distance: float  # [m], negative where they overlap
-    solid: int  # index into Obstacles.solids, -1 where there is none
-    on_link: Array  # (3,) [m]
-    on_solid: Array  # (3,) [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,8 +72,8 @@ def bounding_boxes(pieces: Sequence[Piece]) -> tuple[Array, Array]:
     return low, high
 
 
-def nearest_solid(obstacles: Obstacles, start: ArrayLike, end: ArrayLike, radius: float) -> NearestSolid:
-    """The nearest solid to a capsule, and its signed distance.
+def nearest_distance(obstacles: Obstacles, start: ArrayLike, end: ArrayLike, radius: float) -> float:
+    """Signed distance of the nearest solid from a capsule, infinite where there is none [m].
 
     Where the capsule's axis enters a convex piece, the distance is minus the penetration depth (of
     cylinders: along the best of a fine fan of directions); inside a mesh it is minus that from its surface.
@@ -94,11 +84,6 @@ def nearest_solid(obstacles: Obstacles, start: ArrayLike, end: ArrayLike, radius
         Ends of the capsule's axis [m].
     radius : float [m]
 
-    Returns
-    -------
-    NearestSolid
-        Infinite and -1 where there is no solid.
-
     Raises
     ------
     InputError
@@ -107,17 +92,12 @@ def nearest_solid(obstacles: Obstacles, start: ArrayLike, end: ArrayLike, radius
     a, b = frozen(start, (3,), "capsule: start"), frozen(end, (3,), "capsule: end")
     frozen(radius, (), "capsule: radius")
     gaps = box_distances(obstacles, np.minimum(a, b)[None, None], np.maximum(a, b)[None, None])[0] - radius
-    best, owner = Separation(np.inf, UP, np.full(3, np.nan)), -1
+    best = np.inf
     for k in np.argsort(gaps, kind="stable"):
-        if gaps[k] >= best.distance - radius:
+        if gaps[k] >= best:
             break
-        found = segment_separation(obstacles.pieces[k], a, b)
-        if found.distance < best.distance:
-            best, owner = found, int(obstacles.owner[k])
-    if owner < 0:
-        return NearestSolid(np.inf, -1, best.on_axis, best.on_axis)
-    on_link = best.on_axis - radius * best.normal
-    return NearestSolid(best.distance - radius, owner, on_link, best.on_axis - best.distance * best.normal)
+        best = min(best, segment_separation(obstacles.pieces[k], a, b).distance - radius)
+    return best
 
 
 def solids_within(obstacles: Obstacles, point: Array, reach: float) -> list[tuple[float, int]]:

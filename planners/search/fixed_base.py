@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regionik.planners.collision.distances import Obstacles, nearest_solid
+from regionik.planners.collision.distances import Obstacles, nearest_distance
 from regionik.planners.collision.upright_solids import uprights_from
 from regionik.planners.search.box_search import (
     JUDGED,
@@ -143,7 +143,7 @@ def _clearance(chain: Chain, solids: Sequence[LinkCapsule], obstacles: Obstacles
     for solid in solids:
         frame = frames[solid.link]
         start, end = solid.corners @ frame[:3, :3].T + frame[:3, 3]
-        least = min(least, nearest_solid(obstacles, start, end, solid.radius).distance)
+        least = min(least, nearest_distance(obstacles, start, end, solid.radius))
     return least
 
 
