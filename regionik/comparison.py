@@ -29,10 +29,9 @@ from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import axis_of, configuration_pose, pose_of
 from regionik.pruning import choose_chain, solvers_along, start_place, whole_path
 from regionik.values import Configuration
+from regionik.worlds.arms import sliding_chain
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
-from regionik.worlds.joints import Joint
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Target, World
 
@@ -93,15 +92,6 @@ def _shifted(
 
 def _yaw(robot: Robot, base: Array) -> float:
     return float(base[2] + robot.mount[3])
-
-
-def sliding_chain(chain: Chain) -> Chain:
-    """Return the chain after two prismatic joints along x and y of its base frame, without limits."""
-    slides = [
-        Joint(f"(base {name})", "prismatic", -np.inf, np.inf, np.eye(4), axis)
-        for name, axis in zip("xy", np.eye(3)[:BASE_JOINTS], strict=True)
-    ]
-    return Chain((*slides, *chain.joints), chain.T_last_tool)
 
 
 Methods = Sequence[Method]  # one for each set-point of a world

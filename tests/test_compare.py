@@ -19,9 +19,9 @@ from regionik.comparison import (
     Score,
     compare,
     prepare_methods,
-    sliding_chain,
 )
 from regionik.values import Configuration
+from regionik.worlds.arms import sliding_chain
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import load_world

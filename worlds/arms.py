@@ -224,6 +224,16 @@ def with_pivot_limits(chain: Chain, lower: float, upper: float) -> Chain:
 
 
 @lru_cache(maxsize=64)
+def sliding_chain(chain: Chain) -> Chain:
+    """Return the chain after two slides without limits, which take its base frame along x and y."""
+    slides = (
+        Joint(f"(base {name})", "prismatic", -np.inf, np.inf, np.eye(4), axis)
+        for name, axis in zip("xy", np.eye(3)[:2], strict=True)
+    )
+    return Chain((*slides, *chain.joints), chain.T_last_tool)
+
+
+@lru_cache(maxsize=64)
 def reach_bound(chain: Chain) -> ReachBound:
     """Return a bound of an arm's reach, about its pivot or the one that `with_pivot` gives it.
 

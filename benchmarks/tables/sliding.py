@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from benchmarks.tables.batch import solve_batch
-from regionik.comparison import BASE_JOINTS, SlidingBase, sliding_chain
+from regionik.comparison import BASE_JOINTS, SlidingBase
 from regionik.mfabrik import Batch
 from regionik.planners.rivals.iterative import IterativeMethod
 from regionik.values import Configuration
+from regionik.worlds.arms import sliding_chain
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.robot import Robot

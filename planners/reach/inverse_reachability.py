@@ -20,10 +20,9 @@ from numpy.typing import NDArray
 from regionik.planners.kernels import compiled
 from regionik.planners.solvers.damped_least_squares import DIRECTION, Aim, polish
 from regionik.planners.solvers.serial_chain import SerialArm, serial_arm
-from regionik.worlds.arms import pivot_index
+from regionik.worlds.arms import pivot_index, sliding_chain
 from regionik.worlds.arrays import Array, Mask
 from regionik.worlds.chain import Chain, spread_postures
-from regionik.worlds.joints import Joint
 
 SAMPLES = 4096
 NEAREST, MORE = 128, 512  # that are moved to a pose; so many where the reach is small
@@ -109,17 +108,9 @@ def posture_seeds(
     chosen = nearest_samples(samples, rise, aim, count)
     postures, places = samples.postures[chosen], np.empty((len(chosen), 2))
     level = Aim(np.array([0.0, 0.0, rise]), aim.kind, aim.turn, aim.cone)
-    met = _moved(_sliding(chain), level, samples.tools[chosen], within, pivot_index(chain), postures, places)
+    arm = serial_arm(sliding_chain(chain))
+    met = _moved(arm, level, samples.tools[chosen], within, pivot_index(chain), postures, places)
     return postures[met], places[met]
-
-
-@lru_cache(maxsize=32)
-def _sliding(chain: Chain) -> SerialArm:
-    """A chain on two slides without limits, which take its base frame along x and y."""
-    x, y, _ = np.eye(3)
-    ways = (("(base x)", x), ("(base y)", y))
-    slides = [Joint(name, "prismatic", -np.inf, np.inf, np.eye(4), axis) for name, axis in ways]
-    return serial_arm(Chain((*slides, *chain.joints), chain.T_last_tool))
 
 
 @compiled
