@@ -14,11 +14,12 @@ import json
 import os
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache
 from multiprocessing import parent_process
 from pathlib import Path
+from pickle import UnpicklingError
 from typing import Any, Literal, TypeVar, cast
 
 import numpy as np
@@ -55,13 +56,20 @@ class _Kept(FunctionCache):
 
     def holds(self, kernel: Kernel, arguments: tuple[Any, ...]) -> bool:
         """True if there is machine code for arguments of these types."""
+        known = self._known()
+        if not known:
+            return False
+        types = tuple(kernel.typeof_pyval(value) for value in arguments)
+        return self._index_key(types, kernel.targetctx.codegen()) in known  # type: ignore[no-untyped-call]
+
+    def _known(self) -> Mapping[Any, str]:
+        """Machine code that there is; what an earlier version left, of types that are gone, is given up."""
         with suppress(OSError):
-            known = self._cache_file._load_index()  # type: ignore[no-untyped-call]
-            if known:
-                types = tuple(kernel.typeof_pyval(value) for value in arguments)
-                key = self._index_key(types, kernel.targetctx.codegen())  # type: ignore[no-untyped-call]
-                return key in known
-        return False
+            try:
+                return self._cache_file._load_index()  # type: ignore[no-untyped-call]
+            except (AttributeError, ImportError, EOFError, UnpicklingError):
+                self.flush()  # type: ignore[no-untyped-call]
+        return {}
 
 
 _Dispatcher: Any = CPUDispatcher  # it has more than its types say
