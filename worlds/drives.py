@@ -213,5 +213,6 @@ def displacement(here: Array, there: Array) -> Array:
 
 def unwrapped(base: Array) -> Array:
     """Poses (n, 3) whose headings run on from one to the next, the shorter way."""
-    turn = displacement(base[:-1], base[1:])[:, 2]
-    return np.column_stack([base[:, :2], base[0, 2] + np.concatenate([[0.0], np.cumsum(turn)])])
+    turns = (displacement(base[:-1], base[1:])[:, 2] - np.diff(base[:, 2])) / (2 * np.pi)
+    whole = np.concatenate([[0.0], np.cumsum(np.round(turns))])
+    return np.column_stack([base[:, :2], base[:, 2] + 2 * np.pi * whole])

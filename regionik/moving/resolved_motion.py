@@ -15,16 +15,17 @@ from functools import cached_property
 import numpy as np
 
 from regionik.areas.standing import room_for
-from regionik.moving.path_following import LOOKED_AT, SAG_SHARE, turned_as_asked
+from regionik.moving.path_following import LOOKED_AT, SAG_SHARE, TOOL_STRIDE, turned_as_asked
 from regionik.moving.resolved_states import ResolvedStates
 from regionik.planners.driving.footprint import arc_is_free, slide_is_free
 from regionik.planners.solvers.aims import in_columns
 from regionik.postures.arm import aim_of, goals_between
 from regionik.postures.arm_guard import Guard
 from regionik.postures.poses import Pose, arrays
+from regionik.worlds.arms import reach_bound
 from regionik.worlds.scene import Target, World
 
-STRIDE = 0.05  # of the tool from state to state [m]
+STRIDE = 0.06  # of the tool from state to state, as a share of the arm's reach, and `TOOL_STRIDE` at the most
 TURN_STRIDE = 0.1  # of its frame [rad]
 
 
@@ -51,6 +52,10 @@ class ResolvedMotion:
         return poses[1:] if self._holds([self.world.task[i], *asked], poses) else None
 
     @cached_property
+    def _stride(self) -> float:
+        return min(TOOL_STRIDE, STRIDE * reach_bound(self.world.robot.chain).length)
+
+    @cached_property
     def states(self) -> ResolvedStates:
         return ResolvedStates(self.world, self.guard)
 
@@ -60,7 +65,8 @@ class ResolvedMotion:
         turn = 0.0
         if a.direction is not None and b.direction is not None:
             turn = math.acos(min(max(float(a.direction @ b.direction), -1.0), 1.0))
-        count = max(1, math.ceil(math.dist(a.position, b.position) / STRIDE), math.ceil(turn / TURN_STRIDE))
+        way = math.dist(a.position, b.position)
+        count = max(1, math.ceil(way / self._stride), math.ceil(turn / TURN_STRIDE))
         return [*goals_between(a, b, np.arange(1, count) / count), b]
 
     def drives(self, poses: list[Pose]) -> bool:
