@@ -14,7 +14,6 @@ from regionik.verification.motion import MotionSegments
 from regionik.verification.proofs import Finding, StateNames, finding
 from regionik.verification.timed_segments import TimedSegments, bernstein_parts
 from regionik.worlds.arrays import Array
-from regionik.worlds.links import LinkHull
 from regionik.worlds.robot import Robot
 
 BEYOND = 10.0  # times `Speeds.blend` to which bounds may come: they add up what all joints are off
@@ -67,9 +66,8 @@ def _levers(segments: MotionSegments, pointer: float) -> Array:
     chain, n = robot.chain, len(robot.chain.joints)
     radii = np.zeros(n)
     for solid in robot.solids:
-        thick = 0.0 if isinstance(solid, LinkHull) else solid.radius
-        corners = float(np.linalg.norm(solid.corners, axis=1).max()) + thick
-        radii[solid.link] = max(radii[solid.link], corners)
+        farthest = float(np.linalg.norm(solid.corners, axis=1).max()) + solid.radius
+        radii[solid.link] = max(radii[solid.link], farthest)
     radii[-1] = max(radii[-1], float(np.linalg.norm(chain.T_last_tool[:3, 3])) + pointer)
     by_joint, far = np.zeros(n), 0.0
     slides = np.abs(chain.joint_values(segments.motion.joints)).max(axis=0, initial=0.0)
