@@ -44,6 +44,7 @@ from regionik.worlds.scene import World
 SUFFIXES = (".svg", ".png")
 _DPI = 130
 BEYOND, LIGHT = 0.45, 0.13  # opacity beyond limits, and of intervals with the tool lifted
+FLAT = 0.01  # room about a curve, so that rounding is not drawn as motion [m] or [rad], and a second
 _LEFT, _RIGHT, _ROW = 4.2, 7.2, 1.9  # widths of a column of joints and of the floor, height of curves [in]
 _STYLE = {
     "axes.axisbelow": True, "axes.edgecolor": "#5f6b76", "axes.grid": True, "axes.labelsize": 9,
@@ -261,7 +262,7 @@ def _curve(ax: Axes, curves: PlanCurves, values: Array, limits: tuple[float, flo
     """A joint's curve; beyond its limits the panel is shaded."""
     ends = [limit for limit in limits if np.isfinite(limit)]
     low, high = min([*values, *ends]), max([*values, *ends])
-    pad = 0.08 * (high - low) or 0.1
+    pad = max(0.08 * (high - low), FLAT)
     ax.set_ylim(low - pad, high + pad)
     for limit, beyond in zip(limits, (low - pad, high + pad), strict=True):
         if np.isfinite(limit):
@@ -308,11 +309,13 @@ def _clearance(ax: Axes, plan: Plan, curves: PlanCurves) -> None:
         ("arm to solids", found.arm, Color.AHEAD, "-", world.arm_clearance),
         ("arm to itself", found.own, Color.ARM, ":", 0.0),
     )
-    for label, values, color, style, least in lines:
-        if np.isfinite(values).any():
-            ax.plot(curves.states, values, color=_hex(color), linestyle=style, label=label)
-            if least > 0:
-                ax.axhline(least, color=_hex(color), linestyle="--", linewidth=0.9, label="asked for")
+    shown = [line for line in lines if np.isfinite(line[1]).any()]
+    for label, values, color, style, least in shown:
+        ax.plot(curves.states, values, color=_hex(color), linestyle=style, label=label)
+        if least > 0:
+            ax.axhline(least, color=_hex(color), linestyle="--", linewidth=0.9)
+    if any(least > 0 for *_, least in shown):
+        ax.plot([], [], color=_hex(Color.SOLID), linestyle="--", linewidth=0.9, label="asked for")
     ax.set(title="clearance", ylabel="[m]")
     ax.set_ylim(bottom=min(0.0, *(float(values.min()) for _, values, *_ in lines)))
     _shared_axis(ax, curves, last=True)
@@ -320,9 +323,11 @@ def _clearance(ax: Axes, plan: Plan, curves: PlanCurves) -> None:
 
 
 def _legend(ax: Axes) -> None:
-    """The legend of the curves, above them and beside the title."""
-    if ax.get_legend_handles_labels()[0]:
-        ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=5, borderaxespad=0.0)
+    """The legend of the curves, above them and beside the title: of more than three in two rows."""
+    count = len(ax.get_legend_handles_labels()[0])
+    if count:
+        ncols = 3 if count <= 3 else 2
+        ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=ncols, borderaxespad=0.0)
 
 
 def _floor(ax: Axes, floor: FloorView) -> None:
