@@ -237,7 +237,7 @@ class Solver:
     @property
     def _bound(self) -> bool:
         """True where the base must take one heading, whichever it has."""
-        return self.heading != "fixed" and self.span[0] == self.span[1]
+        return self.span[0] == self.span[1]
 
     @property
     def _turns(self) -> bool:

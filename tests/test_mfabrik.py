@@ -82,6 +82,17 @@ def test_heading_policies() -> None:
     assert fixed.base[2] == free.base[2] == 0.3
 
 
+def test_a_fixed_heading_is_that_of_the_span_wherever_the_base_is_turned() -> None:
+    """What missed the set-point before may have turned it."""
+    joints = np.deg2rad([20, 60, -40, 90, 0])
+    tool = YOUBOT.tool([0.1, 0.2, 0.3], joints)
+    solver = Solver(YOUBOT, heading="fixed", span=(0.3, 0.3))
+    for target in (Target(tool[:3, 3]), Target(tool[:3, 3], direction=tool[:3, 2], cone=0.1)):
+        found = solver(target, [0.1, 0.2, 0.8], joints)
+        assert found.converged
+        assert found.base[2] == pytest.approx(0.3, abs=1e-9)
+
+
 def test_free_heading_turns_only_by_what_the_pivot_cannot_take() -> None:
     joints = np.deg2rad([160, 60, -40, 90, 0])
     found = Solver(YOUBOT).hold([-0.4, -0.02, 0.25], [0, 0, 0], joints)

@@ -67,7 +67,7 @@ def share_turn(plane: float, yaw: float, now: float, turning: Turning) -> tuple[
         pivot = min(max(0.0, lower), upper)
         yaw += wrap(plane - yaw - pivot)
         return pivot, yaw, abs(_into_span(yaw, low, high) - yaw) <= ROUNDING
-    if heading == FIXED:
+    if heading == FIXED and low < high:  # the present one
         low, high = yaw, yaw
     yaw = _into_span(yaw, low, high)  # the base turns into its span, and on by what the pivot cannot take
     to = now + wrap(plane - yaw - now)

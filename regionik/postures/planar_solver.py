@@ -62,7 +62,7 @@ class PlanarSolver:
     @cached_property
     def _alone(self) -> Record:
         """The arm on its own base frame, which keeps its heading: the pivot is endless."""
-        return self.setup(np.zeros(4), Turning(-np.inf, np.inf, FIXED, 0.0, 0.0))
+        return self.setup(np.zeros(4), Turning(-np.inf, np.inf, FIXED, -np.inf, np.inf))
 
     def _at_pitch(self, pitch: float) -> Record:
         setup = self._alone.copy()
