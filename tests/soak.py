@@ -296,7 +296,7 @@ def _witness_row(name: str, mine: list[Judged]) -> str:
     verdicts = Counter("refused" if "refused" in one.verdict else one.verdict for one in mine)
     first, last = ("planned", "unreachable", "undecided"), ("refused", GIVEN_UP)
     rest = Counter({verdict: n for verdict, n in verdicts.items() if verdict not in (*first, *last)})
-    share = f"{100 * verdicts['planned'] / max(len(mine), 1):.0f} %"
+    share = f"{100 * verdicts['planned'] / max(len(mine), 1):.1f} %"
     cells = [*(verdicts[v] for v in first), _counted(rest), *(verdicts[v] for v in last), share]
     return " | ".join([f"| {name}", str(len(mine)), *map(str, cells)]) + " |"
 
