@@ -120,8 +120,8 @@ def test_the_report_counts_witnesses_planned() -> None:
         Judged("slides", 5, soak.GIVEN_UP, ()),
     ]
     lines = report(found).splitlines()
-    assert "| wrists | 2 | 1 | 0 | 1 | none | 0 | 0 | 50 % |" in lines
-    assert "| slides | 4 | 1 | 1 | 0 | none | 1 | 1 | 25 % |" in lines
-    assert "| all | 6 | 2 | 1 | 1 | none | 1 | 1 | 33 % |" in lines
-    assert "| stops | 2 | 0 | 0 | 1 | none | 1 | 0 | 0 % |" in lines
+    assert "| wrists | 2 | 1 | 0 | 1 | none | 0 | 0 | 50.0 % |" in lines
+    assert "| slides | 4 | 1 | 1 | 0 | none | 1 | 1 | 25.0 % |" in lines
+    assert "| all | 6 | 2 | 1 | 1 | none | 1 | 1 | 33.3 % |" in lines
+    assert "| stops | 2 | 0 | 0 | 1 | none | 1 | 0 | 0.0 % |" in lines
     assert "- slides 4: said though there is a witness" in lines
