@@ -5,7 +5,7 @@ for each. A path counts where `plan` finds one stop, every pose is met within 1e
 accepts the plan: joint limits, links off each other all the way, a circle to park in. B* tells no circle, and
 proves nothing between two poses. Links that its files let touch may touch here. Robots and
 paths: DATA/robots and DATA/ARM.npz, converted from its repository. Times are seconds of the processor, the
-first path of an arm left out.
+first path of an arm left out, linear algebra on one thread: another's waiting would count.
 
 Run: python benchmarks/bench_bstar.py DATA [--paths N] [--levels 4 16 64] [--arms ARM ...]
 """
@@ -23,6 +23,7 @@ import numpy as np
 import shapely
 import yaml
 from scipy.spatial.transform import Rotation
+from threadpoolctl import threadpool_limits
 
 import regionik as rik
 from regionik.worlds.arrays import Array
@@ -88,6 +89,7 @@ def main() -> None:
     parser.add_argument("--levels", type=int, nargs="+", default=[4, 16, 64], help="poses of a path")
     parser.add_argument("--arms", nargs="+", default=list(TIPS), choices=list(TIPS))
     asked = parser.parse_args()
+    threadpool_limits(1)
     print(f"{'arm':<12} {'poses':>5} {'one stop':>9} {'median s':>9} {'worst s':>8} {'B* prints':>9}")
     for arm in asked.arms:
         robot, paths = robot_of(asked.data, arm), np.load(asked.data / f"{arm}.npz")

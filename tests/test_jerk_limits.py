@@ -113,7 +113,7 @@ def test_the_polynomials_are_those_of_the_trajectory(kind: BaseKind) -> None:
     again = np.append(False, k[1:] == k[:-1])
     start = found.motion.time[k] + np.where(again, span, 0.0)
     for share in (0.1, 0.5, 0.9):
-        base, joints, slip = course.polynomials()
+        base, joints, slip = course.polynomials
         times = start + share * span
         sample, jerk = trajectory(found).sample(times), trajectory(found).jerk(times)
         assert jerk is not None

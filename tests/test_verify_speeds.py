@@ -39,7 +39,7 @@ def test_the_polynomials_are_those_of_the_trajectory(kind: BaseKind) -> None:
     """Two codes of one definition: derivatives of joints, heading, and what the base rolls or slides."""
     found = timed(kind)
     course = TimedSegments(MotionSegments(found.world.robot, found.motion))
-    base, joints, _ = course.polynomials()
+    base, joints, _ = course.polynomials
     share = np.linspace(0.1, 0.9, 5)
     k, moving = course.moving, trajectory(found)
     for one in share:

@@ -36,7 +36,10 @@ def move_to_area(area: BaseArea, x: float, y: float) -> tuple[float, float]:
 
 
 class Turning(NamedTuple):
-    """Limits of pivot and base, which share a turn."""
+    """Limits of pivot and base, which share a turn.
+
+    A `FIXED` heading is that of its span where this has a single value, else the present one.
+    """
 
     # lower, upper: limits of the pivot [rad]
     lower: float

@@ -48,7 +48,7 @@ def verify_speeds(world: World, segments: MotionSegments, names: StateNames) -> 
         return
     rates = [
         CoursePolynomials(*some)
-        for some in zip(*(_derivatives(one, course.piece_span) for one in course.polynomials()), strict=True)
+        for some in zip(*(_derivatives(one, course.piece_span) for one in course.polynomials), strict=True)
     ]
     cones = [target.cone for target in world.task if target.direction is not None]
     blend = (world.speeds or Speeds()).blend

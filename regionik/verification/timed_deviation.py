@@ -17,7 +17,6 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.robot import Robot
 
 BEYOND = 10.0  # times `Speeds.blend` to which bounds may come: they add up what all joints are off
-TURNED = 0.5  # share of a cone by which the tool may be turned off the proven motion
 
 
 def verify_deviation(
@@ -25,10 +24,10 @@ def verify_deviation(
 ) -> Finding:
     """No point of the robot leaves the proven motion by much more than the blend [m].
 
-    The tool turns from it by no more than a share of the narrowest ``cone`` [rad].
+    The tool turns from it by no more than the narrowest ``cone`` [rad].
     """
     most = BEYOND * blend
-    off = deviations(segments, course, most / (TURNED * cone))
+    off = deviations(segments, course, most / cone)
     violations = [
         Violation(
             "timing", int(k), names.owner(int(k)), float(far - most),
@@ -44,7 +43,7 @@ def deviations(segments: MotionSegments, course: TimedSegments, pointer: float) 
 
     Points are those of all solids, and of lines as long as a ``pointer`` from the tool's point [m].
     """
-    k, motion, robot = course.moving, course.polynomials(), segments.robot
+    k, motion, robot = course.moving, course.polynomials, segments.robot
     levers = _levers(segments, pointer)
     coordinates = np.concatenate([motion.base, motion.joints], axis=2)
     change = course.change[k]

@@ -104,6 +104,7 @@ class TimedSegments:
         wrong = (~still & (self.span <= 0)) | (end < -tolerance) | (ends & (np.abs(end) > tolerance))
         return np.flatnonzero(wrong & np.isfinite(start))
 
+    @cached_property
     def polynomials(self) -> CoursePolynomials:
         """Of moving segments; see `CoursePolynomials`."""
         k, shape = self.moving, self._through(self.change)
@@ -220,6 +221,7 @@ class SplinedSegments(TimedSegments):
     def piece_span(self) -> Array:
         return self.span[self.moving] / (1 + self._halved[self.moving])
 
+    @cached_property
     def polynomials(self) -> CoursePolynomials:
         """Of pieces; see `CoursePolynomials`."""
         found = self._through(self.change)
