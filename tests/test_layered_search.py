@@ -10,6 +10,7 @@ import shapely
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
+from regionik.areas.held_reach import held_reach
 from regionik.moving import layered_search
 from regionik.moving.layered_search import EDGE, LIFT, Layer, LayeredSearch
 from regionik.planners.driving.pose_lattice import spin_moves
@@ -152,3 +153,16 @@ def test_long_paths_are_computed_part_by_part(monkeypatch: pytest.MonkeyPatch) -
     parts = search(0)
     for i in (*range(COUNT), 0):
         assert np.array_equal(parts.layer(i).owner, wanted[i])
+
+
+@pytest.mark.parametrize("clear", [0, 5])
+def test_an_arm_that_is_hardly_ever_clear_of_itself_reaches_somewhere(
+    clear: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        "regionik.areas.held_reach.postures_clear", lambda _, q, __: np.arange(len(q)) < clear
+    )
+    found = held_reach.__wrapped__(robot_named("youbot"))
+    base, tool = np.zeros((1, 3)), found.tools[7]
+    assert found.holds(base, tool).all()
+    assert len(found.postures(base[0], tool, 8)) == 8

@@ -20,6 +20,7 @@ from regionik.worlds.self_collision import postures_clear
 CELL = 0.03  # least width of a cell [m]
 SAMPLES = 14  # postures drawn, as a power of two
 SHARED = 4  # postures to a cell, if they were spread evenly
+FEWEST = 100  # postures clear of the robot itself, of fewer nothing is learnt
 
 Mask = NDArray[np.bool_]
 
@@ -70,13 +71,14 @@ def _seen_from(base: Array, position: Array) -> Array:
 
 @lru_cache(maxsize=16)
 def held_reach(robot: Robot) -> HeldReach:
-    """Return where a robot's tool comes while its base stands, the arm clear of itself."""
+    """Return where a robot's tool comes while its base stands, the arm clear of itself where it often is."""
     chain = robot.chain
     endless = np.isinf(chain.upper - chain.lower)
     low, high = np.where(endless, -np.pi, chain.lower), np.where(endless, np.pi, chain.upper)
     unit = qmc.Sobol(chain.dof, scramble=True, rng=np.random.default_rng(0)).random_base2(SAMPLES)
     joints = low + unit * (high - low)
-    joints = joints[postures_clear(robot, joints, 0.0)]
+    clear = postures_clear(robot, joints, 0.0)
+    joints = joints[clear] if np.count_nonzero(clear) >= FEWEST else joints
     tools = robot.tool(np.zeros((len(joints), 3)), joints)[:, :3, 3]
     width = float(max(CELL, (np.ptp(tools, axis=0).prod() * SHARED / len(joints)) ** (1 / 3)))
     cells = np.floor(tools / width).astype(np.intp)
