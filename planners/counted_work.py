@@ -66,6 +66,16 @@ class CountedFunctions:
                 self._sizes[function] = own + sum(map(self.size, self._called(function).values()))
         return self._sizes[function]
 
+    def files(self, function: Any) -> set[str]:
+        """Files of a function and of all that it calls."""
+        found, left = set[Any](), [function]
+        while left:
+            one = left.pop()
+            if one not in found:
+                found.add(one)
+                left += self._called(one).values()
+        return {one.__code__.co_filename for one in found}
+
     def _twin(self, function: Any, tree: ast.Module) -> Callable[..., Any]:
         counting = ast.fix_missing_locations(_Counting().visit(tree))
         names = {**function.__globals__, _COUNTER: self.work, _TOO_MUCH: TooMuchWork}

@@ -43,7 +43,15 @@ _work_here: Counter[str] = Counter()  # done as plain Python in this process, by
 
 
 class _Kept(FunctionCache):
-    """Machine code on disk; where it cannot be written or read, each process compiles for itself."""
+    """Machine code on disk; where it cannot be written or read, each process compiles for itself.
+
+    It is that of a kernel and of all kernels inside, for which numba itself would look at one file alone.
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)  # type: ignore[no-untyped-call]
+        stats = [os.stat(file) for file in sorted(_plain.files(function))]
+        self._cache_file._source_stamp = [(one.st_mtime, one.st_size) for one in stats]
 
     def save_overload(self, sig: object, data: object) -> None:
         with suppress(OSError):
@@ -135,7 +143,7 @@ class Kernel(_Dispatcher):  # type: ignore[misc]
             self._opened = True
             self._work += _work_before().get(self._full_name, 0)
             with suppress(RuntimeError):  # there is no folder that can be written
-                self._cache = _Kept(self.py_func)  # type: ignore[no-untyped-call]
+                self._cache = _Kept(self.py_func)
 
 
 def compiled(function: Function, error_model: Literal["python", "numpy"] = "python") -> Function:
@@ -178,7 +186,7 @@ def plain_work() -> float:
 def cache_folder() -> str | None:
     """Return the folder in which machine code is kept; None where no folder can be written."""
     try:
-        return str(_Kept(_as_compiled).cache_path)  # type: ignore[no-untyped-call]
+        return str(_Kept(_as_compiled).cache_path)
     except RuntimeError:
         return None
 

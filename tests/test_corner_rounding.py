@@ -32,10 +32,10 @@ ASKED = Speeds(
     turn_velocity=1.5,
     turn_acceleration=3.0,
     tool_velocity=0.2,
+    blend=3e-4,
     **JERKS,
 )
 LIMITS = motion_limits(robot_named("youbot"), ASKED)
-BLEND = 3e-4
 
 
 def motion_of(q: Array) -> Motion:
@@ -55,9 +55,9 @@ def bent(turns: list[float]) -> Motion:
 @given(st.lists(st.floats(-0.5, 0.5), min_size=3, max_size=12), st.integers(1, 3))
 def test_no_point_leaves_the_motion_by_more_than_asked(turns: list[float], held: int) -> None:
     motion = bent(turns)
-    room = np.full(len(motion), BLEND)
+    room = np.full(len(motion), ASKED.blend)
     room[held] = 0.0
-    found = rounded(LIMITS, motion, BLEND, room)
+    found = rounded(LIMITS, motion, room)
     q, p = (np.column_stack([one.base, one.joints]) for one in (motion, found))
     assert np.array_equal(p[[0, -1]], q[[0, -1]])
     assert (np.abs(p - q[held]).max(1) == 0).any()
@@ -65,7 +65,7 @@ def test_no_point_leaves_the_motion_by_more_than_asked(turns: list[float], held:
         change = np.diff(q, axis=0)
         share = np.clip(((row - q[:-1]) * change).sum(1) / (change**2).sum(1), 0, 1)
         off = row - q[:-1] - share[:, None] * change
-        assert LIMITS.displacement(row - off, np.broadcast_to(row, off.shape)).min() <= BLEND * (1 + 1e-9)
+        assert LIMITS.displacement(row - off, row + 0 * off).min() <= ASKED.blend * (1 + 1e-9)
 
 
 @settings(max_examples=examples(30))
@@ -93,7 +93,7 @@ def test_an_arm_that_turns_against_its_base_has_more_room_than_one_that_turns() 
         q = np.column_stack([motion.base, motion.joints])
         q[:, 3] += 0.2 * np.abs(np.arange(len(q)) - 3)
         q[:, 2] += yaw * (q[:, 3] - q[0, 3])
-        found = rounded(LIMITS, motion_of(q), BLEND, np.full(len(q), BLEND))
+        found = rounded(LIMITS, motion_of(q), np.full(len(q), ASKED.blend))
         swung.append(float(np.abs(found.joints[:, 0] - q[3, 3]).min()))
     assert swung[1] > 1.5 * swung[0] > 0
 
@@ -102,7 +102,8 @@ def test_a_corner_bends_less_the_more_room_there_is() -> None:
     sharpest = []
     for blend in (1e-5, 1e-4, 1e-3):
         motion = bent([0.0, 0.2, 0.0])
-        base = rounded(LIMITS, motion, blend, np.full(len(motion), blend)).base[:, :2]
+        limits = motion_limits(LIMITS.robot, replace(ASKED, blend=blend))
+        base = rounded(limits, motion, np.full(len(motion), blend)).base[:, :2]
         hops = np.diff(base, axis=0)
         turn = np.abs(np.diff(np.arctan2(hops[:, 1], hops[:, 0])))
         length = np.linalg.norm(hops, axis=1)

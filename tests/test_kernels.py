@@ -189,6 +189,21 @@ def test_machine_code_on_disk_is_used_at_once(tmp_path: Path) -> None:
     assert said() == f"{bits} 1"
 
 
+def test_machine_code_is_made_anew_where_a_kernel_inside_has_changed(tmp_path: Path) -> None:
+    kernel = "from regionik.planners.kernels import *\n{}\n@compiled\ndef {}(x: int) -> int:\n    return {}\n"
+    (tmp_path / "outer.py").write_text(kernel.format("from inner import one", "two", "one(x) + 1"))
+    there = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kept"), "NUMBA_DISABLE_JIT": "0"}
+    there["PYTHONPATH"] = os.pathsep.join([str(tmp_path), str(ROOT)])
+    code = "from outer import *\nwith compiled_at_once():\n    print(two(1))\n"
+    for body, expected in (("x", "2"), ("x + 10", "12"), ("x", "2")):
+        (tmp_path / "inner.py").write_text(kernel.format("", "one", body))
+        ran = subprocess.run(
+            [sys.executable, "-B", "-c", code],
+            cwd=tmp_path, env=there, capture_output=True, text=True, check=True,
+        )  # fmt: skip
+        assert ran.stdout.strip() == expected
+
+
 def test_the_work_of_earlier_processes_counts(tmp_path: Path) -> None:
     code = (
         "import sys\n"

@@ -18,8 +18,9 @@ from regionik.timing.inserted_states import with_states
 from regionik.timing.limits import MotionLimits, segments_on_path
 from regionik.timing.parametrization import path_of
 from regionik.values import Motion
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Index
 
+RAMP = 0.06  # of accelerations, at least [s]
 PERIOD = 0.0125  # between states that are laid out, at most [s]
 SHORTEST = 0.01  # of a segment [s]
 ROUNDS = 30, 60  # of weighing states: at least, and at most
@@ -29,10 +30,10 @@ EASING, STIFFENING = 0.5, 4.0  # least and largest share of the distance that co
 POWER = 1.5  # of that share
 SHORTEST_LEVER = 0.05  # of a joint [m]
 HELD = 0.1  # part of the distance below which a state stays where it is
-MOVED = 0.1  # part of the distance from which states are inserted
+STRAIGHT = 0.15  # part of the distance by which the motion may leave lines between its states
 
 
-def rounded(limits: MotionLimits, motion: Motion, blend: float, room: Array) -> Motion:
+def rounded(limits: MotionLimits, motion: Motion, room: Array) -> Motion:
     """Motion whose corners are rounded, with more states there.
 
     Parameters
@@ -41,10 +42,9 @@ def rounded(limits: MotionLimits, motion: Motion, blend: float, room: Array) -> 
         Of a robot that does not roll.
     motion : Motion
         Both ends of its runs stay where they are.
-    blend : float
-        By which any point of the robot may leave the motion [m].
     room : (n,) array
-        The same in its own states; those with hardly any stay where they are [m].
+        By which any point may leave the motion in its own states, those with hardly any stay where they are;
+        elsewhere by ``limits.blend`` [m].
     """
     path = path_of(limits.robot, motion)
     q, moving = path.coordinates, path.lengths > 0
@@ -56,17 +56,29 @@ def rounded(limits: MotionLimits, motion: Motion, blend: float, room: Array) -> 
     share = (np.arange(own[-1]) - own[segment]) / count[segment]
     before = np.vstack([q[segment] + share[:, None] * change[segment], q[-1:]])
     time = np.append((np.cumsum(span) - span)[segment] + share * span[segment], span.sum())
-    allowed = np.full(len(before), blend)
-    allowed[own] = np.minimum(room, blend)
+    allowed = np.full(len(before), limits.blend)
+    allowed[own] = np.minimum(room, limits.blend)
     after = before.copy()
     for a, b in path.runs:
         rows = slice(int(own[a]), int(own[b]) + 1)
         after[rows] = _smoothed(limits, before[rows], time[rows], allowed[rows])
     moved = after - before
-    bent = np.maximum.reduceat(limits.displacement(before, after), own[:-1]) > MOVED * blend
-    some = np.flatnonzero((share > 0) & bent[segment])
+    some = _between(limits, after, own, STRAIGHT * limits.blend)
     found = replace(motion, base=motion.base + moved[own, :3], joints=motion.joints + moved[own, 3:])
     return with_states(found, segment[some], after[some, :3], after[some, 3:])
+
+
+def _between(limits: MotionLimits, q: Array, own: Index, near: float) -> Index:
+    """Rows of states (n, m) that a motion needs besides its own, for lines between them to be near all."""
+    kept, rows = own, np.arange(len(q))
+    while True:
+        part = np.clip(np.searchsorted(kept, rows, side="right") - 1, 0, len(kept) - 2)
+        share = (rows - kept[part]) / np.diff(kept)[part]
+        straight = q[kept[part]] + share[:, None] * (q[kept[part + 1]] - q[kept[part]])
+        bent = np.unique(part[limits.displacement(straight, q) > near])
+        if not len(bent):
+            return np.setdiff1d(kept, own)
+        kept = np.union1d(kept, (kept[bent] + kept[bent + 1]) // 2)
 
 
 def _smoothed(limits: MotionLimits, q: Array, time: Array, allowed: Array) -> Array:
@@ -80,7 +92,7 @@ def _smoothed(limits: MotionLimits, q: Array, time: Array, allowed: Array) -> Ar
     lever = np.maximum(np.concatenate([[1.0, 1.0, limits.reach], limits.levers]), SHORTEST_LEVER)
     pull = (np.concatenate([least, limits.joint_acceleration]) * lever / blend) ** 2
     lower, upper = np.minimum(chain.lower, q[:, 3:]), np.maximum(chain.upper, q[:, 3:])
-    form, weight, best = _jerk_form(time) * limits.ramp**2, np.ones(len(q)), q
+    form, weight, best = _jerk_form(time) * max(limits.ramp, RAMP) ** 2, np.ones(len(q)), q
     for k in range(ROUNDS[1]):
         weight = np.where(held, WEIGHTS[1], weight)
         found = np.column_stack(

@@ -58,17 +58,17 @@ def _knots(x: Array, y: Array) -> list[int]:
     return [*_knots(x[: k + 1], y[: k + 1]), *(k + j for j in _knots(x[k:], y[k:])[1:])]
 
 
-def blended(limits: MotionLimits, motion: Motion, blend: float) -> Motion:
+def blended(limits: MotionLimits, motion: Motion) -> Motion:
     """Motion with states inserted halfway until the smooth path keeps to the segments between all."""
     for _ in range(ROUNDS):
-        far = np.flatnonzero(_deviation(limits, motion) > blend)
+        far = np.flatnonzero(_deviation(limits, motion) > limits.blend)
         if not len(far):
             return motion
         base = limits.robot.drive.between(motion.base[far], motion.base[far + 1], np.full(len(far), 0.5))
         joints = (motion.joints[far] + motion.joints[far + 1]) / 2
         motion = with_states(motion, far, base, joints)
     raise InputError(
-        f"blend: the smooth path does not come within {blend:g} m of the plan's motion; ask for more"
+        f"blend: the smooth path does not come within {limits.blend:g} m of the plan's motion; ask for more"
     )
 
 

@@ -37,23 +37,21 @@ BISECTIONS = 50  # for the time at which a state is passed
 CHECKED_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the time of each piece, at which limits are checked
 
 
-def jerk_limited_motion(limits: MotionLimits, fine: Motion, blend: float) -> Motion:
+def jerk_limited_motion(limits: MotionLimits, fine: Motion) -> Motion:
     """Motion timed within limits of jerk.
 
     Parameters
     ----------
     limits : MotionLimits
     fine : Motion
-        With states inserted so that path accelerations are constant between them.
-    blend : float
-        By which any point of the robot may leave the path of that motion, and then the segments between the
-        states that are found [m].
+        With states inserted so that path accelerations are constant between them. By ``limits.blend`` any
+        point of the robot may leave its path, and then the segments between the states that are found.
     """
     path, factor = timed_path(limits, fine), np.ones(len(fine) - 1)
     best, least, found = fine, np.inf, 0
     for k in range(ROUNDS):
         position, rate = fastest_rates(limits, fine, 0, factor)
-        timed, places = _resampled(limits, fine, _TimeLaw(path, rate, limits.ramp), blend)
+        timed, places = _resampled(limits, fine, _TimeLaw(path, rate, limits.ramp))
         excess = np.maximum(_excess(limits, timed), 1.0)
         slower = stretched(limits, timed, np.sqrt(excess))
         lost = float(slower.time[-1]) + _time_below(limits, slower)
@@ -63,7 +61,7 @@ def jerk_limited_motion(limits: MotionLimits, fine: Motion, blend: float) -> Mot
             break
         factor *= _on_segments(position, places, excess)
     best = _within_limits(limits, best)
-    timed = best if limits.robot.drive.rolls else _densely(limits, best, blend)
+    timed = best if limits.robot.drive.rolls else _densely(limits, best)
     steering, span = limits.speeds.steering_velocity, np.diff(timed.time)
     pauses = steering_pauses(path_of(limits.robot, timed), span, steering)
     return replace(timed, time=timed.time + np.concatenate([[0.0], np.cumsum(pauses)]))
@@ -136,7 +134,7 @@ class _TimeLaw:
         return np.where(ends & ~starts, self._start[states] + self.window, found)
 
 
-def _resampled(limits: MotionLimits, fine: Motion, law: _TimeLaw, blend: float) -> tuple[Motion, Array]:
+def _resampled(limits: MotionLimits, fine: Motion, law: _TimeLaw) -> tuple[Motion, Array]:
     """Motion timed by a law: few states of its path, whose splines stay near it, and their path positions."""
     path, rows = law.path, np.flatnonzero(_kept(fine, law.path))
     own = Motion(fine.base[rows], fine.joints[rows], fine.kind[rows], fine.setpoint[rows], fine.time[rows])
@@ -153,7 +151,7 @@ def _resampled(limits: MotionLimits, fine: Motion, law: _TimeLaw, blend: float) 
         found = with_rolled_states(limits, own, gap, *path.states_at(segment, part))
         found = replace(found, time=np.insert(times, gap + 1, between))
         far = np.zeros(len(count), dtype=bool)
-        far[np.repeat(np.arange(len(count)), count + 1)[_strayed(limits, found, law) > blend]] = True
+        far[np.repeat(np.arange(len(count)), count + 1)[_strayed(limits, found, law) > limits.blend]] = True
         if not left or not (far & moves).any():
             break
         count = np.where(far & moves, 2 * count + 1, count)
@@ -194,7 +192,7 @@ def _strayed(limits: MotionLimits, timed: Motion, law: _TimeLaw) -> Array:
     return np.where(spline.slipping, np.inf, off)
 
 
-def _densely(limits: MotionLimits, timed: Motion, blend: float) -> Motion:
+def _densely(limits: MotionLimits, timed: Motion) -> Motion:
     """The same motion with states inserted until its splines keep to the segments between all."""
     count = np.zeros(len(timed) - 1, dtype=np.int64)
     spline = time_spline(path_of(limits.robot, timed), timed.time)
@@ -204,7 +202,7 @@ def _densely(limits: MotionLimits, timed: Motion, blend: float) -> Motion:
         found = with_states(timed, gap, q[:, :3], q[:, 3:])
         found = replace(found, time=np.insert(timed.time, gap + 1, between))
         far = np.zeros(len(count), dtype=bool)
-        far[np.repeat(np.arange(len(count)), count + 1)[_deviation(limits, found) > blend]] = True
+        far[np.repeat(np.arange(len(count)), count + 1)[_deviation(limits, found) > limits.blend]] = True
         if not far.any():
             break
         count = np.where(far, 2 * count + 1, count)  # halves, so that knots stay knots

@@ -56,6 +56,11 @@ class MotionLimits:
     reach: float
     pointer: float = 0.0
 
+    @property
+    def blend(self) -> float:
+        """By which any point of the robot may leave the motion [m]."""
+        return self.speeds.blend
+
     def limited_derivatives(self, q_s: Array, q_ss: Array) -> tuple[Array, Array, Array]:
         """Path derivatives (m, k) of coordinates whose accelerations are limited, and their limits (k,)."""
         s = self.speeds

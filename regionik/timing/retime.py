@@ -83,18 +83,17 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, hold: bool = False) -> P
     if not len(plan.motion):
         raise InputError("plan: it has no states to be timed")
     asked = speeds or plan.world.speeds or Speeds()
-    blend = asked.blend
-    limits = motion_limits(plan.world.robot, asked, blend / (TURN_SHARE * _narrowest(plan.world)))
+    limits = motion_limits(plan.world.robot, asked, asked.blend / (TURN_SHARE * _narrowest(plan.world)))
     motion = with_rests(plan.motion, _rests(limits, plan.motion))
     stats = {key: value for key, value in plan.stats.items() if key not in ("margins", "timing")}
     plan = replace(plan, world=replace(plan.world, speeds=asked))
     for beside in track("timing", BESIDE):
-        found = _timed(limits, motion, blend, _room(plan, motion, blend))
+        found = _timed(limits, motion, _room(plan, motion, asked.blend))
         timed, report = _verified(limits, replace(plan, stats=stats), found)
         if report.ok:
             if hold:
                 check_tool_speed(limits, timed.motion)
-            figures = {"margins": report.margins, "timing": timing_figures(limits, timed.motion, blend)}
+            figures = {"margins": report.margins, "timing": timing_figures(limits, timed.motion)}
             return replace(timed, stats={**timed.stats, **figures})
         rests = _nearby_states(limits.robot, motion, timed.motion, _worst(report), beside)
         if not len(rests):
@@ -145,7 +144,7 @@ def _slower(limits: MotionLimits, motion: Motion, factor: Array) -> Motion:
 
 def _rounds(limits: MotionLimits) -> bool:
     """Corners are rounded before the motion is timed; a base on wheels keeps to its arcs."""
-    return limits.speeds.limit_jerk and not limits.robot.drive.rolls
+    return not limits.robot.drive.rolls
 
 
 def _room(plan: Plan, motion: Motion, blend: float) -> Array:
@@ -180,15 +179,15 @@ def _listed(plan: Plan, motion: Motion) -> list[tuple[int, int]]:
     return [(k, i) for k, i in zip(rows.tolist(), motion.setpoint[rows].tolist(), strict=True) if i < count]
 
 
-def _timed(limits: MotionLimits, motion: Motion, blend: float, room: Array) -> Motion:
+def _timed(limits: MotionLimits, motion: Motion, room: Array) -> Motion:
     """Motion with times, through its own states and more; a single state has time 0."""
     if len(motion) == 1:
         return replace(motion, time=np.zeros(1))
     if _rounds(limits):
-        motion = rounded(limits, motion, blend, room)
-    fine = blended(limits, refined(limits, blended(limits, motion, blend)), blend)
+        motion = rounded(limits, motion, room)
+    fine = blended(limits, refined(limits, blended(limits, motion)))
     if limits.speeds.limit_jerk:
-        motion = jerk_limited_motion(limits, fine, blend)
+        motion = jerk_limited_motion(limits, fine)
     else:
         motion = replace(fine, time=fastest_times(limits, fine))
     tightened = np.ones(max(len(motion) - 1, 1))

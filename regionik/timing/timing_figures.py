@@ -20,7 +20,7 @@ SHARES = np.linspace(0.0, 1.0, 13)  # of this time, at which it is looked
 SAME = 1e-9  # set-points that are less apart are the same [m]
 
 
-def timing_figures(limits: MotionLimits, motion: Motion, blend: float) -> dict[str, Any]:
+def timing_figures(limits: MotionLimits, motion: Motion) -> dict[str, Any]:
     """Plain numbers about a timing, for ``Plan.stats``."""
     used: dict[str, float] = {}
     time: list[Array] = []
@@ -33,9 +33,9 @@ def timing_figures(limits: MotionLimits, motion: Motion, blend: float) -> dict[s
         if asked is not None:
             time.append(sample.time[on_path])
             speed.append(np.linalg.norm(tool_velocity(limits.robot, q[on_path], velocity[on_path]), axis=1))
-    figures: dict[str, Any] = {"duration": float(motion.time[-1]), "blend": blend, "used": used}
+    figures: dict[str, Any] = {"duration": float(motion.time[-1]), "blend": limits.blend, "used": used}
     if asked is not None:
-        held = _HeldSpeed(limits, motion, blend, asked, np.concatenate(time), np.concatenate(speed))
+        held = _HeldSpeed(limits, motion, asked, np.concatenate(time), np.concatenate(speed))
         figures["tool"] = held.figures()
     return figures
 
@@ -48,8 +48,6 @@ class _HeldSpeed:
     ----------
     limits : MotionLimits
     motion : Motion
-    blend : float
-        By which corners may be cut [m].
     asked : float
         [m/s]
     time, speed : (n,) arrays
@@ -58,7 +56,6 @@ class _HeldSpeed:
 
     limits: MotionLimits
     motion: Motion
-    blend: float
     asked: float
     time: Array
     speed: Array
@@ -170,7 +167,7 @@ class _HeldSpeed:
         unit = way / np.maximum(length, SAME)[:, None]
         angle = np.arccos(np.clip((unit[:-1] * unit[1:]).sum(1), -1.0, 1.0))
         counts = (length[1:] > SAME) & (length[:-1] > SAME) & (lifted[rows[2:]] == lifted[rows[:-2]])
-        some = 1 + np.flatnonzero(counts & (self._cut(angle) > self.blend))
+        some = 1 + np.flatnonzero(counts & (self._cut(angle) > self.limits.blend))
         return [(int(rows[k]), float(angle[k - 1])) for k in some]
 
     def _cut(self, angle: Array) -> Array:
