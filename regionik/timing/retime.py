@@ -46,8 +46,8 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, hold: bool = False) -> P
     """Time a plan: as fast as speeds, accelerations and jerks allow, from rest to rest.
 
     The robot goes on a smooth path through the plan's states, whose points stay within a ``blend`` of the
-    motion that was verified. Where jerk is limited and the base does not roll, corners are rounded by that,
-    at set-points too as far as their tolerance allows. The robot rests at sharp corners, and where its
+    motion that was verified. Unless the base rolls, corners are rounded by that, at set-points too as far as
+    their tolerance allows. The robot rests at sharp corners, and where its
     rounded motion would break a rule of the plan. States are inserted where the path bends or its
     acceleration, constant between two, changes.
 
