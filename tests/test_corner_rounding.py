@@ -111,6 +111,14 @@ def test_a_corner_bends_less_the_more_room_there_is() -> None:
     assert sharpest[0] > 1.5 * sharpest[1] > 1.5**2 * sharpest[2]
 
 
+def test_states_without_room_stay_where_they_are() -> None:
+    motion = bent([0.0, 0.02, -0.02])
+    still = replace(LIMITS, speeds=replace(ASKED, base_velocity=5.0, joint_velocity=100.0, tool_velocity=None))
+    found = rounded(still, motion, np.zeros(len(motion)))
+    assert len(found) == len(motion)
+    assert np.array_equal(found.base, motion.base)
+
+
 def test_time_is_stretched_where_it_must_be_and_nowhere_else() -> None:
     timed = replace(bent([0.0] * 40), time=np.linspace(0.0, 10.0, 42))
     factor = np.ones(41)

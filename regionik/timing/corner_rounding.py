@@ -83,7 +83,7 @@ def _between(limits: MotionLimits, q: Array, own: Index, near: float) -> Index:
 
 def _smoothed(limits: MotionLimits, q: Array, time: Array, allowed: Array) -> Array:
     """States (n, m) at times (n,) of least jerk within distances (n,); the same where none is found."""
-    held, blend = allowed < HELD * allowed.max(initial=0.0), allowed.max(initial=0.0)
+    held, blend = allowed <= HELD * allowed.max(initial=0.0), allowed.max(initial=0.0)
     held[[0, -1]] = True
     if held.all() or len(q) < 4:
         return q
