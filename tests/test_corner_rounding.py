@@ -113,8 +113,8 @@ def test_a_corner_bends_less_the_more_room_there_is() -> None:
 
 def test_states_without_room_stay_where_they_are() -> None:
     motion = bent([0.0, 0.02, -0.02])
-    still = replace(LIMITS, speeds=replace(ASKED, base_velocity=5.0, joint_velocity=100.0, tool_velocity=None))
-    found = rounded(still, motion, np.zeros(len(motion)))
+    fast = replace(ASKED, base_velocity=5.0, joint_velocity=100.0, tool_velocity=None)
+    found = rounded(replace(LIMITS, speeds=fast), motion, np.zeros(len(motion)))
     assert len(found) == len(motion)
     assert np.array_equal(found.base, motion.base)
 

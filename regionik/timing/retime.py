@@ -9,7 +9,7 @@ import numpy as np
 
 from regionik.planners.progress import track
 from regionik.postures.arm import deviation
-from regionik.timing.corner_rounding import rounded
+from regionik.timing.corner_rounding import HELD, rounded
 from regionik.timing.inserted_states import blended, refined, with_rests
 from regionik.timing.jerk_limited_timing import jerk_limited_motion, stretched
 from regionik.timing.limits import (
@@ -84,7 +84,7 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, hold: bool = False) -> P
         raise InputError("plan: it has no states to be timed")
     asked = speeds or plan.world.speeds or Speeds()
     limits = motion_limits(plan.world.robot, asked, asked.blend / (TURN_SHARE * _narrowest(plan.world)))
-    motion = with_rests(plan.motion, _rests(limits, plan.motion))
+    motion = with_rests(plan.motion, _rests(limits, plan.motion, _room(plan, plan.motion, asked.blend)))
     stats = {key: value for key, value in plan.stats.items() if key not in ("margins", "timing")}
     plan = replace(plan, world=replace(plan.world, speeds=asked))
     for beside in track("timing", BESIDE):
@@ -109,12 +109,14 @@ def _narrowest(world: World) -> float:
     return min((target.cone for target in world.task if target.direction is not None), default=np.inf)
 
 
-def _rests(limits: MotionLimits, motion: Motion) -> Index:
+def _rests(limits: MotionLimits, motion: Motion, room: Array) -> Index:
     """States to rest at: corners, and both ends of a path on which the tool has a speed."""
     path = path_of(limits.robot, motion)
-    rests = path.corners(
-        ROUNDED_CORNER if _rounds(limits) else CORNER, 0.0 if limits.speeds.limit_jerk else GENTLE
-    )
+    gentle = 0.0 if limits.speeds.limit_jerk else GENTLE
+    rests = path.corners(CORNER, gentle)
+    if _rounds(limits):
+        sharp = np.isin(rests, path.corners(ROUNDED_CORNER, gentle))
+        rests = rests[sharp | (room[rests] <= HELD * limits.blend)]
     if limits.speeds.tool_velocity is None:
         return rests
     return np.union1d(rests, 1 + np.flatnonzero(np.diff(segments_on_path(motion))))
