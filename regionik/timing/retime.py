@@ -33,7 +33,7 @@ from regionik.worlds.speeds import Speeds
 ROUNDED_CORNER = np.radians(60)  # where corners are rounded first, the robot stops at sharper ones
 TURN_SHARE = 0.25  # of the narrowest cone, by which the smooth path may turn the tool from the motion
 SPARE_CONE = 0.02  # of a set-point, without which its state stays where it is [rad]
-SLOWDOWNS, SPARE = 5, 1e-4  # of the motion, and by how much more
+SLOWDOWNS, SPARE = 8, 1e-4  # of the motion, and by how much more
 NEGLIGIBLE = 0.002  # part by which the whole motion may as well be slower
 LOCAL = 4  # of these, the first, about what is too fast alone, each twice as much as the one before
 SLIGHT = 0.05  # share of a limit by which bounds may exceed it where the motion is slowed, not rested
