@@ -228,7 +228,7 @@ class Solver:
         model = reach_model(self._kept, goal_of(target))
         if model is self._model:
             return self._arm
-        return model.solver(self.family, self.tolerance, turns=self._turns)
+        return model.solver(self.family, self.tolerance, turns=self._turns, criteria=self.criteria)
 
     def _yaw(self, base: Array) -> float:
         yaw = self.span[0] if self._bound else base[2]

@@ -136,9 +136,16 @@ def known_area(world: World, target: Target) -> BaseGeometry:
 def _whole_areas(
     world: World, targets: Sequence[Target], *, inner: bool, proven: bool = False
 ) -> list[BaseGeometry]:
-    """Area of each target at any heading, from within or from outside."""
+    """Area of each target at any heading, from within or from outside.
+
+    Slabs of headings may be too narrow for an arm whose azimuth differs from place to place, so that within
+    them it has fewer places than where the circle round the footprint has room.
+    """
     which, parts = [np.empty(0, dtype=np.intp)], [np.empty(0, dtype=object)]
-    for side in (by_heading(world) if inner else outer_by_heading(world)).sides:
+    sides = (by_heading(world) if inner else outer_by_heading(world)).sides
+    if inner and turns_matter(world):
+        sides = (*anywhere(world).sides, *sides)
+    for side in sides:
         rows, _, rings = reach_rows(world, targets, (FRONT, BACK), inner=inner, span=side.span, proven=proven)
         which.append(rows)
         parts.append(side.subtract(rings))

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from regionik.areas.reachable import model_of
 from regionik.worlds.bundled import world_names
 from regionik.worlds.chain import Chain
 from regionik.worlds.criteria import Criteria
@@ -90,8 +89,6 @@ def demanding(world: World, rng: np.random.Generator) -> World:
             joint_margin=float(rng.uniform(0.0, 0.08)) if rng.random() < 0.6 else None,
             effort=float(rng.uniform(3.0, 10.0)) * payload if rng.random() < 0.6 else None,
         )
-        if not all(model_of(world, target).exact for target in world.task):  # the others are not known
-            criteria = Criteria(joint_margin=criteria.joint_margin)
         robot, rules = replace(world.robot, payload=payload), replace(world.rules, criteria=criteria)
         world = replace(world, robot=robot, rules=rules)
     if rng.random() < 0.25:

@@ -29,8 +29,6 @@ from regionik.regions import admissible_area
 from regionik.verification.verifier import verify
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, rot_x
-from regionik.worlds.criteria import Criteria
-from regionik.worlds.errors import InputError
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 
@@ -170,16 +168,3 @@ def test_a_pivot_that_turns_once_round_plans_with_a_fixed_heading() -> None:
         "test", bounded(robot_named("pioneer7"), np.pi), FLOOR, task=task, rules=Rules(heading="fixed")
     )
     assert verify(plan(world)).ok
-
-
-def test_criteria_that_an_arm_cannot_be_held_to_are_refused() -> None:
-    asked = Criteria(manipulability=0.01)
-    refused: tuple[tuple[Robot, Goal, str], ...] = (
-        (robot_named("pioneer7"), "point", "one vertical plane"),
-        (robot_named("pioneer7"), "direction", "one vertical plane"),
-        (across(robot_named("youbot")), "direction", "along the last link"),
-    )
-    for robot, goal, words in refused:
-        with pytest.raises(InputError, match=words):
-            reach_model(robot, goal).thresholds(asked)
-        assert reach_model(robot, goal).thresholds(Criteria(joint_margin=0.1)) is None

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from regionik.planners.reach.serial_criteria import led_along, serial_thresholds
 from regionik.planners.solvers.closed_form import postures_at
-from regionik.planners.solvers.damped_least_squares import ORIENTATION, POSITION, Aim, Aims, polish_along
+from regionik.planners.solvers.damped_least_squares import ORIENTATION, POSITION, Aim, Aims
 from regionik.planners.solvers.redundancy_resolution import (
     PathSolving,
     resolve_redundancy,
@@ -84,7 +85,7 @@ def test_the_elbow_turns_along_the_way_where_that_is_asked() -> None:
     for start in starts:
         rows = np.zeros((30, 7))
         rows[0] = start
-        count = polish_along(arm, aims, REACH, TOLERANCE, 60, rows)
+        count = led_along(arm, serial_thresholds(None, rows.shape[1]), aims, REACH, TOLERANCE, 60, rows)
         short = (np.abs(np.diff(rows[:count], axis=0)) <= LONGEST).all()
         assert count < 30 or not short or not all(clear(row, row) for row in rows)
     solving = PathSolving(REACH, TOLERANCE, np.full(7, LONGEST), 400)

@@ -10,8 +10,10 @@ import trimesh
 from shapely.geometry.base import BaseGeometry
 
 from regionik.values import Configuration, Motion, Plan, Stop
+from regionik.verification.limits import efforts, manipulability
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
+from regionik.worlds.criteria import Criteria
 from regionik.worlds.documents.world_file import world_from_document, world_to_document
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
 from regionik.worlds.robot import Robot
@@ -79,7 +81,7 @@ def witness(kind: str, seed: int) -> Plan:
             continue
         empty = _plan(motion, times, _world(f"{kind} {seed}", motion, times, rng))
         if verify(empty).ok:
-            return _among_obstacles(empty, rng)
+            return _demanding(_among_obstacles(empty, rng), rng)
     raise RuntimeError(f"no witness of kind {kind} and seed {seed}")
 
 
@@ -96,6 +98,7 @@ def traits_of(world: World) -> tuple[str, ...]:
         *(["a map"] if world.floor.cells else []),
         *(["meshes"] if any(isinstance(one, Mesh) for one in world.obstacles) else []),
         *(["speeds"] if world.speeds else []),
+        *(["criteria"] if world.rules.criteria else []),
     )
 
 
@@ -247,6 +250,23 @@ def _among_obstacles(plan: Plan, rng: np.random.Generator) -> Plan:
             kept.append(solid)
     document = world_to_document(replace(world, obstacles=tuple(kept)))
     found = replace(plan, world=world_from_document(document, where=world.name))
+    return found if verify(found).ok else plan
+
+
+def _demanding(plan: Plan, rng: np.random.Generator) -> Plan:
+    """Return the same, now and then under criteria that its postures meet."""
+    if rng.random() > 0.25:
+        return plan
+    robot = replace(plan.world.robot, payload=float(rng.uniform(0.2, 1.5)))
+    joints = plan.motion.joints[plan.motion.kind == "setpoint"]
+    least, most = float(manipulability(robot, joints).min()), float(np.abs(efforts(robot, joints)).max())
+    asked = rng.integers(3)
+    criteria = Criteria(
+        manipulability=rng.uniform(0.3, 0.9) * least if asked != 1 else None,
+        effort=rng.uniform(1.1, 2.0) * most if asked != 0 else None,
+    )
+    world = replace(plan.world, robot=robot, rules=replace(plan.world.rules, criteria=criteria))
+    found = replace(plan, world=world)
     return found if verify(found).ok else plan
 
 

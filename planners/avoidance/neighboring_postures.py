@@ -9,6 +9,7 @@ import numpy as np
 from regionik.planners.collision.collision_checking import is_clear
 from regionik.planners.collision.robot_scene import RobotScene
 from regionik.planners.kernels import compiled
+from regionik.planners.reach.serial_criteria import SerialThresholds, led_within
 from regionik.planners.solvers.damped_least_squares import Aim, Aims, polish
 from regionik.planners.solvers.serial_chain import SerialArm
 from regionik.worlds.arrays import Array, Index, Mask
@@ -22,6 +23,7 @@ class NeighboringTargets(NamedTuple):
     scene: RobotScene
     margin: float  # kept from all solids beyond what the scene asks [m]
     base: Array  # (3,) x, y [m], yaw [rad]
+    asked: SerialThresholds  # of the postures
     arm: SerialArm  # it may have more joints than the robot, the first of which do not move
     aims: Aims  # n targets as the arm's base frame has them
     tool_on: Index  # (n,) obstacle that the tool works on at each, -1 for none
@@ -67,13 +69,14 @@ def neighboring_postures(targets: NeighboringTargets, starts: Array, postures: A
 
 @compiled
 def _meets(targets: NeighboringTargets, i: int, start: Array, postures: Array) -> bool:
-    """True if a start leads to a clear posture at target i, which is kept."""
+    """True if a start leads to a clear posture at target i that meets what is asked; it is kept."""
     aims, joints = targets.aims, start.copy()
     aim = Aim(aims.positions[i], aims.kinds[i], aims.turns[i], aims.cones[i])
-    error, angle, _ = polish(
-        targets.arm, aim, joints, targets.reach, targets.tolerance, aims.angle_tolerances[i], STEPS
-    )
-    if error > targets.tolerance or angle > aims.angle_tolerances[i]:
+    reach, most, widest = targets.reach, targets.tolerance, aims.angle_tolerances[i]
+    error, angle, _ = polish(targets.arm, aim, joints, reach, most, widest, STEPS)
+    if error > most or angle > widest:
+        return False
+    if not led_within(targets.arm, targets.asked, aim, joints, reach, most, widest):
         return False
     more = len(joints) - len(targets.scene.robot.arm.lower)
     if not is_clear(targets.scene, targets.margin, targets.base, joints[more:], targets.tool_on[i]):

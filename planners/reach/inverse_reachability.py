@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionik.planners.kernels import compiled
-from regionik.planners.solvers.damped_least_squares import DIRECTION, Aim, polish
+from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, POSITION, Aim, polish
 from regionik.planners.solvers.serial_chain import SerialArm, serial_arm
 from regionik.worlds.arms import pivot_index, sliding_chain
 from regionik.worlds.arrays import Array, Mask
@@ -71,9 +71,8 @@ def nearest_samples(samples: PostureSamples, rise: float, aim: Aim, count: int) 
     rise : float
         Height of the aim over the arm's base frame [m].
     aim : Aim
-        Of kind DIRECTION or ORIENTATION.
     """
-    upward = slice(2, 3) if aim.kind == DIRECTION else slice(0, 3)
+    upward = {POSITION: slice(0), DIRECTION: slice(2, 3), ORIENTATION: slice(3)}[aim.kind]
     away = np.square(samples.tools[:, 2, upward] - aim.turn[2, upward]).sum(axis=1)
     away += np.square((samples.tools[:, 2, 3] - rise) / (0.5 * samples.reach))
     return np.argpartition(away, count)[:count] if count < len(away) else np.arange(len(away))

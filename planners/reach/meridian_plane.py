@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.planners.kernels import compiled
-from regionik.planners.search.motion_bounds import longest_levers
+from regionik.planners.search.motion_bounds import longest_levers, second_derivatives
 from regionik.planners.solvers.serial_chain import (
     SerialArm,
     active_levers,
@@ -128,19 +128,9 @@ def meridian_of(chain: Chain) -> Meridian | None:
         np.where(all_round, np.inf, arm.upper),
         levers,
         active_levers(arm, levers),
-        _bends(left, levers),
+        second_derivatives(left, levers),
         np.array([0.0, *(hub_along(*pair) for pair in pairwise(left.joints))]),
     )
-
-
-def _bends(chain: Chain, levers: Array) -> Array:
-    """Bounds of the tool's second derivatives: the later joint's speed, turned by the earlier joint."""
-    bend, coupling = np.zeros((len(levers), len(levers))), np.abs(chain.coupling)
-    for j, joint in enumerate(chain.joints):
-        if joint.kind == "revolute":
-            bend[j, j:] = bend[j:, j] = levers[j:]
-    folded: Array = coupling.T @ bend @ coupling
-    return folded
 
 
 def hub_along(before: Joint, joint: Joint) -> float:

@@ -1,4 +1,4 @@
-"""Reach of any arm for a tool direction or orientation, or at one heading, sampled on a polar grid.
+"""Reach of any arm for a tool direction or orientation, at one heading, or under criteria, sampled on a grid.
 
 The grid lies about the target. Samples of the arm's postures are moved to it (`inverse_reachability`); from
 each that meets it, and from each grid point found, damped least squares leads on to the neighbours, so that
@@ -27,7 +27,13 @@ from regionik.planners.reach.inverse_reachability import (
     posture_seeds,
 )
 from regionik.planners.reach.polar_cells import PolarCells
-from regionik.planners.solvers.damped_least_squares import DIRECTION, POSITION, Aim, polish
+from regionik.planners.reach.serial_criteria import (
+    PostureDemand,
+    SerialThresholds,
+    led_within,
+    serial_thresholds,
+)
+from regionik.planners.solvers.damped_least_squares import ORIENTATION, POSITION, Aim, polish
 from regionik.planners.solvers.rigid_bodies import span
 from regionik.planners.solvers.serial_chain import SerialArm, serial_arm
 from regionik.worlds.arms import pivot_index, reach_bound, with_pivot_limits
@@ -76,7 +82,13 @@ class _Sampled(NamedTuple):
     area: BaseGeometry
 
 
-def pose_reach(chain: Chain, height: float, aim: Aim, heading: float | None = None) -> PoseReach:
+def pose_reach(
+    chain: Chain,
+    height: float,
+    aim: Aim,
+    heading: float | None = None,
+    demand: PostureDemand | None = None,
+) -> PoseReach:
     """Return the places of the pivot axis from which some posture meets an aim.
 
     Parameters
@@ -85,16 +97,18 @@ def pose_reach(chain: Chain, height: float, aim: Aim, heading: float | None = No
     height : float
         Of the arm's base frame over the floor [m].
     aim : Aim
-        In the world; of kind POSITION only with a heading.
+        In the world.
     heading : float, optional
         That the arm's base frame keeps, the pivot within its limits; without, the base turns for the pivot,
         which has none [rad].
+    demand : PostureDemand, optional
+        That postures meet besides.
     """
     kept = heading is not None
     turn, azimuth = _level(aim) if heading is None else (rot_z(-heading)[:3, :3] @ aim.turn, heading)
     key = tuple(np.round(turn, DIGITS).ravel().tolist())
     rise = round(float(aim.position[2]) - height, DIGITS)
-    found = _sampled(chain, rise, aim.kind, key, float(aim.cone), kept)
+    found = _sampled(chain, rise, aim.kind, key, float(aim.cone), kept, demand)
     away = azimuth + found.places[:, 1]
     places = aim.position[:2] + found.places[:, :1] * np.column_stack([np.cos(away), np.sin(away)])
     c, s = np.cos(azimuth), np.sin(azimuth)
@@ -112,7 +126,13 @@ def _level(aim: Aim) -> tuple[Array, float]:
 
 @lru_cache(maxsize=4096)  # some 20 kB each
 def _sampled(
-    chain: Chain, rise: float, kind: int, key: tuple[float, ...], cone: float, kept: bool
+    chain: Chain,
+    rise: float,
+    kind: int,
+    key: tuple[float, ...],
+    cone: float,
+    kept: bool,
+    demand: PostureDemand | None,
 ) -> _Sampled:
     turning = with_pivot_limits(chain, -np.inf, np.inf)
     arm = serial_arm(chain if kept else turning)
@@ -121,10 +141,14 @@ def _sampled(
     samples = posture_samples(turning, within.reach)
     bound = reach_bound(chain)
     far = bound.radius + np.sqrt(max(bound.length**2 - (rise - bound.height) ** 2, 0.0))
-    grid = _grid(arm, aim, within, far, 1, kept)
+    asked = serial_thresholds(demand, chain.dof)
+    grid = _grid(arm, asked, aim, within, far, 1, kept)
     for count in (MORE,) if kept else (NEAREST, MORE):
         seeds = posture_seeds(turning, samples, rise, aim, within, count)
         seeds = _at_heading(chain, aim, *seeds) if kept else seeds
+        if demand is not None:
+            met = _led(grid, *seeds)
+            seeds = seeds[0][met], seeds[1][met]
         _fill(grid, *seeds)
         if np.count_nonzero(grid.found) >= SMALL * grid.found.size:
             break
@@ -132,7 +156,7 @@ def _sampled(
     for finer in FINER if len(seeds[0]) else ():
         if cells.whole >= max(1.0, THIN * np.count_nonzero(grid.found)):
             break
-        grid = _grid(arm, aim, within, far, finer, kept)
+        grid = _grid(arm, asked, aim, within, far, finer, kept)
         _fill(grid, *seeds)
         cells = _cells(grid)
     r, b = np.nonzero(grid.found)
@@ -163,10 +187,11 @@ def _at_heading(chain: Chain, aim: Aim, postures: Array, places: Array) -> tuple
 class _Grid(NamedTuple):
     """Poses found about a target, by distance and bearing of the pivot axis.
 
-    With a direction that is vertical no bearing differs from another, and there is one column.
+    With a point or a direction that is vertical no bearing differs from another, and there is one column.
     """
 
     arm: SerialArm
+    asked: SerialThresholds
     aim: Aim
     within: Tolerances
     distances: Array  # (r,) [m]
@@ -176,12 +201,16 @@ class _Grid(NamedTuple):
     kept: bool  # at heading zero
 
 
-def _grid(arm: SerialArm, aim: Aim, within: Tolerances, far: float, finer: int, kept: bool) -> _Grid:
+def _grid(
+    arm: SerialArm, asked: SerialThresholds, aim: Aim, within: Tolerances, far: float, finer: int, kept: bool
+) -> _Grid:
     """An empty grid, its cells divided."""
-    round_about = not kept and aim.kind == DIRECTION and np.hypot(*aim.turn[:2, 2]) < 1e-9
+    upright = aim.kind != ORIENTATION and np.hypot(*aim.turn[:2, 2]) < 1e-9
+    round_about = upright and not kept
     rows, columns = DISTANCES * finer + 1, 1 if round_about else BEARINGS * finer
     return _Grid(
         arm,
+        asked,
         aim,
         within,
         np.linspace(0.0, far, rows),
@@ -190,6 +219,15 @@ def _grid(arm: SerialArm, aim: Aim, within: Tolerances, far: float, finer: int, 
         np.zeros((rows, columns, len(arm.lower))),
         kept,
     )
+
+
+@compiled
+def _led(grid: _Grid, seeds: Array, places: Array) -> Mask:
+    """Lead seeds (k, n) to meet what is asked from their places (k, 2), and tell which do; overwritten."""
+    met = np.empty(len(seeds), dtype=np.bool_)
+    for k in range(len(seeds)):
+        met[k] = _come_to(grid, places[k, 0], places[k, 1], seeds[k])
+    return met
 
 
 @compiled
@@ -238,7 +276,9 @@ def _come_to(grid: _Grid, distance: float, bearing: float, joints: Array) -> boo
     within = grid.within
     aim = aim_at(grid.aim, distance, bearing, 0.0 if grid.kept else bearing + np.pi)
     error, angle, _ = polish(grid.arm, aim, joints, within.reach, within.error, within.angle, STEPS)
-    return bool(error <= within.error and angle <= within.angle)
+    if error > within.error or angle > within.angle:
+        return False
+    return led_within(grid.arm, grid.asked, aim, joints, within.reach, within.error, within.angle)
 
 
 def _cells(grid: _Grid) -> PolarCells:

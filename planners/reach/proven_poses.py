@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -21,7 +22,9 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.planners.kernels import compiled
 from regionik.planners.reach.inverse_reachability import aim_at
-from regionik.planners.reach.pose_reach import PoseReach, pose_reach
+from regionik.planners.reach.level_reach import Intervals, merged
+from regionik.planners.reach.pose_reach import DIGITS, PoseReach, pose_reach
+from regionik.planners.reach.serial_criteria import PostureDemand, led_within
 from regionik.planners.reach.square_proofs import EXACT, SquareTask, constraints, holds_about, square_task
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, POSITION, Aim, polish
 from regionik.worlds.arms import pivot_index
@@ -31,8 +34,10 @@ from regionik.worlds.chain import Chain
 LEAST = 0.005  # half the side of squares that are not quartered, as a share of the arm's length
 QUARTERED = 5  # times, from the first squares to the least
 STEPS = 12  # of damped least squares
+AMPLE = 0.3  # share of a threshold, by which postures are to meet it
 CENTRED = 0.3  # of the way to the middles of the joints' limits that the arm's self-motion goes
 
+EVERY = -np.inf, np.inf
 ASKED = {POSITION: 3, DIRECTION: 5, ORIENTATION: 6}  # numbers that an aim fixes
 CORNERS = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
 
@@ -54,6 +59,7 @@ def proven_pose_area(
     heading: float | None = None,
     span: tuple[float, float] = (-np.inf, np.inf),
     guard: float = 0.0,
+    demand: PostureDemand | None = None,
 ) -> BaseGeometry:
     """Return an area from all of which some posture within limits meets an aim.
 
@@ -64,13 +70,15 @@ def proven_pose_area(
     height : float
         Of the arm's base frame over the floor [m].
     aim : Aim
-        In the world; of kind POSITION only with a heading.
+        In the world.
     heading : float, optional
         That the arm's base frame keeps, and postures are looked for at; see `pose_reach` [rad].
     span : (low, high), optional
         Headings that it may take, any one of them at each place [rad].
     guard : float, optional
         That the pivot keeps from its limits, for errors of the heading [rad].
+    demand : PostureDemand, optional
+        That the posture meets besides.
 
     Returns
     -------
@@ -78,18 +86,51 @@ def proven_pose_area(
         Places of the pivot axis, as squares [m].
     """
     pivot = chain.active_joints[pivot_index(chain)]
-    goal = (aim.kind, float(aim.cone), *aim.position.tolist(), *aim.turn.ravel().tolist())
+    goal = _goal(aim)
     if heading is not None:
         kept = min(guard, 0.5 * (pivot.upper - pivot.lower))
         azimuths = heading + pivot.lower + kept, heading + pivot.upper - kept
-        return _squares(chain, height, goal, heading, azimuths).area
-    found = _squares(chain, height, goal, None, (-np.inf, np.inf))
+        return _squares(chain, height, goal, heading, azimuths, demand).area
+    found = _squares(chain, height, goal, None, EVERY, demand)
     lowest, wide = span[0] + pivot.lower + guard, span[1] - span[0] + pivot.upper - pivot.lower - 2 * guard
     if wide >= 2 * np.pi:
         return found.area
     behind = np.remainder(found.azimuths - found.turns - lowest, 2 * np.pi)
     missed = behind + 2 * found.turns > wide
     return found.area - shapely.union_all(_boxes(found.middles[missed], found.half[missed]))
+
+
+def likely_distances(chain: Chain, rise: float, demand: PostureDemand) -> Intervals:
+    """Distances of pivot axis and a point at which postures that meet a demand were found, as intervals [m].
+
+    The point is at a height ``rise`` over the arm's base frame; the base turns for the pivot.
+    """
+    return _along_ray(pose_reach(chain, 0.0, _point(rise), None, demand).area)
+
+
+def proven_distances(chain: Chain, rise: float, demand: PostureDemand) -> Intervals:
+    """`likely_distances` of those from all of which some posture is proven to meet the demand."""
+    return _along_ray(_squares(chain, 0.0, _goal(_point(rise)), None, EVERY, demand, along_ray=True).area)
+
+
+def _point(rise: float) -> Aim:
+    return Aim(np.array([0.0, 0.0, rise]), POSITION, np.zeros((3, 3)))
+
+
+def _goal(aim: Aim) -> tuple[float, ...]:
+    """An aim as a key."""
+    return (aim.kind, float(aim.cone), *aim.position.tolist(), *aim.turn.ravel().tolist())
+
+
+def _along_ray(area: BaseGeometry) -> Intervals:
+    """Intervals in which an area holds the positive x axis."""
+    ends = [part.bounds[::2] for part in shapely.get_parts(area & _ray(area)) if part.length > 0]
+    return merged(np.round(ends, DIGITS).tolist())
+
+
+def _ray(area: BaseGeometry) -> BaseGeometry:
+    """The positive x axis, as far as an area goes."""
+    return shapely.LineString([(0.0, 0.0), (0.0 if area.is_empty else area.bounds[2], 0.0)])
 
 
 @lru_cache(maxsize=16)
@@ -99,10 +140,16 @@ def _squares(
     goal: tuple[float, ...],
     heading: float | None,
     azimuths: tuple[float, float],
+    demand: PostureDemand | None,
+    *,
+    along_ray: bool = False,
 ) -> _Squares:
     kind, cone, *numbers = goal
     aim = Aim(np.array(numbers[:3]), int(kind), np.array(numbers[3:]).reshape(3, 3), cone)
-    found, task = pose_reach(chain, height, aim, heading), square_task(chain, height, aim, azimuths)
+    found = pose_reach(chain, height, aim, heading, demand)
+    task = square_task(chain, height, aim, azimuths, demand)
+    if along_ray:
+        found = replace(found, area=found.area & _ray(found.area))
     rows = [np.empty((0, 5))]
     if not found.area.is_empty and chain.dof >= ASKED[aim.kind] and np.isfinite(task.levers).all():
         rows += _quartered(task, found)
@@ -169,12 +216,12 @@ def _judge(task: SquareTask, middles: Array, half: float, seeds: Array) -> tuple
 
 @compiled
 def _centred(task: SquareTask, aim: Aim, joints: Array) -> bool:
-    """Come to an aim, and from there by self-motion away from limits; True where it is met."""
+    """Come to an aim, and from there by self-motion away from limits; True where aim and demand are met."""
     if not _come_to(task, aim, joints):
         return False
     M, A, _, _, _ = constraints(task.arm, aim.kind, joints)
     if len(M) >= len(joints):
-        return True
+        return led_within(task.arm, task.asked, aim, joints, task.reach, EXACT, task.angle, AMPLE)
     lower, upper = task.arm.lower, task.arm.upper
     away, along, trial = np.zeros(len(joints)), np.zeros(len(M)), joints.copy()
     for k in range(len(joints)):
@@ -189,7 +236,7 @@ def _centred(task: SquareTask, aim: Aim, joints: Array) -> bool:
         trial[k] = min(max(joints[k] + step, lower[k]), upper[k])
     if _come_to(task, aim, trial):
         joints[:] = trial
-    return True
+    return led_within(task.arm, task.asked, aim, joints, task.reach, EXACT, task.angle, AMPLE)
 
 
 @compiled

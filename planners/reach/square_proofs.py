@@ -14,6 +14,12 @@ import numpy as np
 from regionik.planners.geometry.vectors import cross, row, squared
 from regionik.planners.kernels import compiled
 from regionik.planners.reach.pose_reach import ANGLE_SHARE
+from regionik.planners.reach.serial_criteria import (
+    PostureDemand,
+    SerialThresholds,
+    margin_about,
+    serial_thresholds,
+)
 from regionik.planners.search.motion_bounds import from_axis, longest_levers
 from regionik.planners.solvers.damped_least_squares import DIRECTION, POSITION, Aim, solve_symmetric
 from regionik.planners.solvers.rigid_bodies import span as span_of
@@ -41,6 +47,7 @@ class SquareTask(NamedTuple):
     """What the judgement of a square reads; the arm stands on a base frame at heading zero."""
 
     arm: SerialArm  # its pivot within limits only where the base frame keeps a heading
+    asked: SerialThresholds
     aim: Aim  # in the world, but for its height, which is over the arm's base frame
     angle: float  # that a posture may miss the aim's by [rad]
     reach: float  # length of the arm [m]
@@ -49,14 +56,19 @@ class SquareTask(NamedTuple):
 
 
 def square_task(
-    chain: Chain, height: float, aim: Aim, azimuths: tuple[float, float] = (-np.inf, np.inf)
+    chain: Chain,
+    height: float,
+    aim: Aim,
+    azimuths: tuple[float, float] = (-np.inf, np.inf),
+    demand: PostureDemand | None = None,
 ) -> SquareTask:
     """Collect what the judgement of squares reads, the pivot within some azimuths; see `proven_pose_area`."""
     arm = serial_arm(with_pivot_limits(chain, *azimuths))
     aim = aim._replace(position=aim.position - [0.0, 0.0, height])
     levers = longest_levers(chain, len(chain.joints) - 1, chain.T_last_tool[:3, 3])[0]
     angle = max(ANGLE_SHARE * aim.cone, EXACT)
-    return SquareTask(arm, aim, angle, span_of(arm), levers, pivot_index(chain))
+    asked = serial_thresholds(demand, chain.dof)
+    return SquareTask(arm, asked, aim, angle, span_of(arm), levers, pivot_index(chain))
 
 
 @compiled
@@ -127,10 +139,19 @@ def holds_about(task: SquareTask, kind: int, joints: Array, half: float) -> floa
         if kind == POSITION:
             needed[1] = 0.0
         if needed[0] <= off[0] and needed[1] <= off[1]:
-            return float(moves[task.pivot])
+            return float(moves[task.pivot]) if _meets(task, joints, half * A[:, :2], moves) else np.inf
         for i in range(2):
             off[i] = max(off[i], LARGER * needed[i])
     return np.inf
+
+
+@compiled
+def _meets(task: SquareTask, joints: Array, along: Array, moves: Array) -> bool:
+    """True if all postures meet what is asked besides; turns of the vertical pivot do not matter for that."""
+    along, moves = along.copy(), moves.copy()
+    along[task.pivot], moves[task.pivot] = 0.0, 0.0
+    off = moves - np.abs(along[:, 0]) - np.abs(along[:, 1])
+    return bool(margin_about(task.arm, task.asked, joints, along, off, moves) > SLACK)
 
 
 @compiled

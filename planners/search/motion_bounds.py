@@ -69,6 +69,19 @@ def longest_levers(chain: Chain, link: int, point: Array) -> tuple[Array, float]
     return levers, reach
 
 
+def second_derivatives(chain: Chain, levers: Array) -> Array:
+    """Bounds of a point's second derivatives, (dof, dof): the later joint's speed, turned by the earlier one.
+
+    The point's levers (n,) are those of `longest_levers`.
+    """
+    bend, coupling = np.zeros((len(levers), len(levers))), np.abs(chain.coupling)
+    for j, joint in enumerate(chain.joints):
+        if joint.kind == "revolute":
+            bend[j, j:] = bend[j:, j] = levers[j:]
+    folded: Array = coupling.T @ bend @ coupling
+    return folded
+
+
 @compiled
 def from_axis(frame: Array, axis: Array, point: Array) -> float:
     """Distance of a point from the axis of a joint [m]."""

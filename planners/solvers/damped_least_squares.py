@@ -131,32 +131,6 @@ def polish_each(
 
 
 @compiled
-def polish_along(arm: SerialArm, aims: Aims, reach: float, tolerance: float, most: int, joints: Array) -> int:
-    """Carry a posture from aim to aim, each polished from the one before.
-
-    Parameters
-    ----------
-    reach, tolerance, most
-        As of `polish`.
-    joints : (m, n) array
-        A posture at the first aim in its first row; overwritten with one for each aim that is met.
-
-    Returns
-    -------
-    int
-        Number of aims met before the first that is not.
-    """
-    for i in range(len(aims.positions)):
-        if i > 0:
-            joints[i] = joints[i - 1]
-        aim = Aim(aims.positions[i], aims.kinds[i], aims.turns[i], aims.cones[i])
-        error, angle, _ = polish(arm, aim, joints[i], reach, tolerance, aims.angle_tolerances[i], most)
-        if error > tolerance or angle > aims.angle_tolerances[i]:
-            return i
-    return len(aims.positions)
-
-
-@compiled
 def tool_error(arm: SerialArm, aim: Aim, joints: Array, frames: Array, miss: Array) -> tuple[float, float]:
     chain_frames(arm, joints, frames)
     tool = frames[-1]

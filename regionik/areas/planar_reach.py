@@ -186,7 +186,13 @@ class PlanarReach(ReachModel):
         return PlanarSolver(self.arm, self.plane, family, tolerance, asked and asked[0])
 
     def thresholds(self, criteria: Criteria | None) -> tuple[Thresholds, Thresholds] | None:
-        """Those of manipulability and effort; see `ReachModel`."""
+        """Thresholds that criteria set besides limits, for inner and for outer areas; None for none.
+
+        Raises
+        ------
+        InputError
+            For criteria that the arm cannot be held to.
+        """
         if criteria is None or not criteria.beyond_limits:
             return None
         check_criteria(criteria, self.robot)

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from regionik.areas.ground import EVERY, GUARD, Geometries
 from regionik.planners.solvers.planar_kinematics import LIMIT_SLACK
-from regionik.planners.solvers.posture_criteria import Thresholds
 from regionik.postures.arm import Arm
 from regionik.postures.families import BACK, FRONT, Family
 from regionik.worlds.arms import pivot_index, with_pivot
@@ -133,19 +132,14 @@ class ReachModel(ABC):
             Thresholds of manipulability and effort that postures must meet.
         """
 
-    @abstractmethod
-    def thresholds(self, criteria: Criteria | None) -> tuple[Thresholds, Thresholds] | None:
-        """Thresholds that criteria set besides limits, for inner and for outer areas; None for none.
+    def meets(self, criteria: Criteria | None, joints: Array) -> bool:
+        """True where a posture (dof,) meets criteria, of an arm in one plane at any roll.
 
         Raises
         ------
         InputError
             For criteria that the arm cannot be held to.
         """
-
-    def meets(self, criteria: Criteria | None, joints: Array) -> bool:
-        """True where a posture (dof,) meets criteria at any roll."""
-        self.thresholds(criteria)
         limits = with_joint_margin(self.robot, criteria).chain
         over = (joints < limits.lower - LIMIT_SLACK) | (joints > limits.upper + LIMIT_SLACK)
         return limits is self.robot.chain or not over.any()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 import shapely
@@ -32,19 +32,21 @@ from regionik.planners.reach.level_reach import (
     outer_reach,
 )
 from regionik.planners.reach.pose_reach import pose_reach
-from regionik.planners.reach.proven_poses import proven_pose_area
+from regionik.planners.reach.proven_poses import likely_distances, proven_distances, proven_pose_area
+from regionik.planners.reach.serial_criteria import demand_of
 from regionik.planners.solvers.damped_least_squares import Aim
-from regionik.planners.solvers.posture_criteria import Thresholds
 from regionik.postures.arm import Arm, Goal, aim_of, goal_of
 from regionik.postures.families import FRONT, Family
 from regionik.postures.serial_solver import serial_solver
-from regionik.worlds.arms import planar_arm, with_pivot_limits
+from regionik.worlds.arms import pivot_joints, planar_arm, with_pivot_limits
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.criteria import Criteria
 from regionik.worlds.errors import InputError
-from regionik.worlds.robot import Robot, check_criteria, with_joint_margin
+from regionik.worlds.robot import Robot, with_joint_margin
 from regionik.worlds.scene import Rules, Target, World
+
+Bound = Callable[[Chain, float], Intervals]  # of R(z) [m]
 
 
 def reach_model(robot: Robot, goal: Goal) -> ReachModel:
@@ -197,6 +199,7 @@ class PivotedReach(ReachModel):
     R(z) is bounded from within by the distances that walks at the height z pass (`meridian_walks`), and from
     outside by those that boxes of joint values do not rule out (`outer_bounds`). At a heading that the rules
     fix, inner areas are sampled on a grid of places (`pose_reach`) where the pivot does not turn all round.
+    So are those of postures that must meet criteria, which outer ones leave aside.
     """
 
     @property
@@ -208,7 +211,6 @@ class PivotedReach(ReachModel):
 
         Facings do not matter.
         """
-        self.thresholds(query.rules.criteria)
         return self._sampled(targets, query) if self._is_sampled(query) else self._rings(targets, query)
 
     def fine_rows(self, target: Target, kinds: Sequence[Family], query: ReachQuery) -> FineRows:
@@ -217,11 +219,17 @@ class PivotedReach(ReachModel):
 
     def is_proven(self, rules: Rules) -> bool:
         """True where the base, or the pivot at a heading that the rules fix, turns all round."""
+        return self._turns_all_round(rules) and demand_of(self.robot, rules.criteria) is None
+
+    def _turns_all_round(self, rules: Rules) -> bool:
+        """True where the base, or the pivot at a heading that the rules fix, turns all round."""
         return self.turns_freely(rules, EVERY if rules.heading != "fixed" else (0.0, 0.0))
 
     def _is_sampled(self, query: ReachQuery) -> bool:
         """True where a query is answered by cells of a grid."""
-        return query.inner and not self.is_proven(query.rules)
+        if not query.inner or demand_of(self.robot, query.rules.criteria) is None:
+            return query.inner and not self._turns_all_round(query.rules)
+        return not self.turns_freely(query.rules, query.span)
 
     def _sampled(self, targets: Sequence[Target], query: ReachQuery) -> Rows:
         shapes = [self._sampled_area(aim_of(target), query) for target in track("areas", targets)]
@@ -230,13 +238,14 @@ class PivotedReach(ReachModel):
         return real, (Family(FRONT),) * len(real), rows[real]
 
     def _sampled_area(self, aim: Aim, query: ReachQuery) -> BaseGeometry:
-        bound = not PivotedReach.is_proven(self, query.rules)
+        bound, demand = not self._turns_all_round(query.rules), demand_of(self.robot, query.rules.criteria)
         heading = query.span[0] + float(self.robot.mount[3]) if bound else None
-        area = _inset(pose_reach(self.chain, self.height, aim, heading).area, query.rules.reach_margin)
+        found = pose_reach(self.chain, self.height, aim, heading, demand)
+        area = _inset(found.area, query.rules.reach_margin)
         if query.proven and not area.is_empty:
             low, high = (angle + float(self.robot.mount[3]) for angle in query.span)
             chain = with_pivot_limits(self.chain, *self.pivot(query.rules))
-            area &= proven_pose_area(chain, self.height, aim, heading, (low, high), query.guard)
+            area &= proven_pose_area(chain, self.height, aim, heading, (low, high), query.guard, demand)
         return area
 
     def _rings(self, targets: Sequence[Target], query: ReachQuery) -> Rows:
@@ -272,14 +281,19 @@ class PivotedReach(ReachModel):
 
     def distances(self, criteria: Criteria | None, heights: Array, *, inner: bool) -> list[Array]:
         """R(z) at each height; see `ReachModel`."""
-        self.thresholds(criteria)
+        demand = demand_of(self.robot, criteria)
+        if inner and demand is not None:
+            return self._distances(partial(proven_distances, demand=demand), heights)
         return self._distances(inner_reach if inner else outer_reach, heights)
 
-    def _distances(self, bound: Callable[[Chain, float], Intervals], heights: Array) -> list[Array]:
+    def _distances(self, bound: Bound, heights: Array) -> list[Array]:
         chain, base = self.chain, self.height
         return [np.array(bound(chain, z - base)).reshape(-1, 2) for z in track("areas", heights.tolist())]
 
-    def _bound(self, query: ReachQuery) -> Callable[[Chain, float], Intervals]:
+    def _bound(self, query: ReachQuery) -> Bound:
+        demand = demand_of(self.robot, query.rules.criteria)
+        if query.inner and demand is not None:
+            return partial(proven_distances if query.proven else likely_distances, demand=demand)
         if query.coarse:
             return likely_reach if query.inner else outer_layer
         return inner_reach if query.inner else outer_reach
@@ -292,22 +306,15 @@ class PivotedReach(ReachModel):
         self, family: Family, tolerance: float, *, turns: bool = True, criteria: Criteria | None = None
     ) -> Arm:
         """FABRIK-R; see `ReachModel`."""
-        self.thresholds(criteria)
-        return serial_solver(self.robot.chain, self.height, tolerance, turns=turns)
+        demand = demand_of(self.robot, criteria)
+        return serial_solver(self.robot.chain, self.height, tolerance, turns=turns, demand=demand)
 
-    def thresholds(self, criteria: Criteria | None) -> tuple[Thresholds, Thresholds] | None:
-        """None, as nothing but limits can be asked; see `ReachModel`."""
-        if criteria is not None and criteria.beyond_limits:
-            check_criteria(criteria, self.robot)
-            raise InputError(f"criteria: {self._refusal}, valid choices: joint_margin")
-        return None
-
-    @property
-    def _refusal(self) -> str:
-        return (
-            f"{self.robot.name} does not work in one vertical plane: manipulability and effort are known for "
-            "such arms only"
-        )
+    def meets(self, criteria: Criteria | None, joints: Array) -> bool:
+        """See `ReachModel`."""
+        if not super().meets(criteria, joints):
+            return False
+        demand = demand_of(self.robot, criteria)
+        return demand is None or demand.met(pivot_joints(self.robot.chain, joints))
 
 
 @dataclass(frozen=True, eq=False)
@@ -345,12 +352,6 @@ class PosedReach(PivotedReach):
                 if shapely.is_empty(shapes[which == i]).all():
                     break
         return which, kinds, shapes
-
-    @property
-    def _refusal(self) -> str:
-        if self.planar:
-            return "a target with a direction needs a tool along the last link for manipulability and effort"
-        return super()._refusal
 
 
 def _union(center: Array, rings: Array, query: ReachQuery) -> BaseGeometry:

@@ -16,8 +16,9 @@ from regionik.areas.standing import into_span
 from regionik.mfabrik import Solver
 from regionik.parking.arm_roadmap import ArmRoadmap, HeldPostures, grown_roadmap, travel_roadmap
 from regionik.planners.avoidance.neighboring_postures import NeighboringTargets, neighboring_postures
+from regionik.planners.reach.serial_criteria import SerialThresholds, demand_of, led_along, serial_thresholds
 from regionik.planners.solvers.aims import in_columns
-from regionik.planners.solvers.damped_least_squares import POSITION, Aims, polish_along
+from regionik.planners.solvers.damped_least_squares import POSITION, Aims
 from regionik.planners.solvers.redundancy_resolution import PathSolving, resolve_redundancy
 from regionik.planners.solvers.serial_chain import serial_arm
 from regionik.postures.arm_guard import SPARE, Guard, contact_for
@@ -102,7 +103,7 @@ class PostureCarrier:
         return found[:, more:]
 
     def _goes(self, base: Array, here: Array, there: Array) -> bool:
-        if not self.guard.proves(Pose(base, there)):
+        if not self._holds(base, there):
             return False
         return self.guard.stop([Pose(base, here), Pose(base, there)]) is None
 
@@ -154,7 +155,7 @@ class PostureCarrier:
         near = np.argsort(far, axis=1, kind="stable")[:, 1 : NEAR + 1]
         guard, margin = self.guard, SPARE if self.guard.on else -np.inf
         targets = NeighboringTargets(
-            guard.bodies.scene(guard.contact), margin, base, serial_arm(self._bound.chain), aims,
+            guard.bodies.scene(guard.contact), margin, base, self._asked, serial_arm(self._bound.chain), aims,
             self._tool_on[some], np.ascontiguousarray(near), effort.reach, effort.tolerance,
         )  # fmt: skip
         starts, more = self._starts(aims, parts[-1].stop), self._bound.chain.dof - self.world.robot.chain.dof
@@ -217,9 +218,17 @@ class PostureCarrier:
     def keeps(self, i: int, base: Array, joints: Array) -> bool:
         """True if a posture at set-point i is clear, and kept all round the circle that the rules ask for."""
         wanted = self.world.rules.stop_tolerance
-        if not self.guard.proves(Pose(base, joints)):
+        if not self._holds(base, joints):
             return False
         return wanted == 0.0 or self.reaches_rim(i, base, joints, wanted)
+
+    def _holds(self, base: Array, joints: Array) -> bool:
+        """True if a posture is clear and meets the rules' criteria."""
+        return self.guard.proves(Pose(base, joints)) and self._bound.meets(self._behind(joints))
+
+    def _behind(self, joints: Array) -> Array:
+        """A posture as the solver has it."""
+        return pivot_joints(self.world.robot.chain, joints)
 
     def _from(
         self, base: Array, joints: Array, axis: Array, span: tuple[float, float]
@@ -237,7 +246,7 @@ class PostureCarrier:
         pose = pose_of(self.world.robot, axis, heading)
         if not len(held):
             return None
-        count = next((i for i, q in enumerate(held) if not self.guard.proves(Pose(pose, q))), len(held))
+        count = next((i for i, q in enumerate(held) if not self._holds(pose, q)), len(held))
         if count == 0:  # the motion may lead it round what it touches
             return HeldPostures(pose, (0,), held[:1], -np.inf)
         return HeldPostures(pose, tuple(range(count)), held[:count], self._spare(held[:count]))
@@ -276,7 +285,7 @@ class PostureCarrier:
         rows = np.zeros((len(aims.positions), solver.chain.dof))
         rows[0, more:] = joints
         rows[0] = np.clip(rows[0], arm.lower, arm.upper)
-        count = polish_along(arm, aims, effort.reach, share * effort.tolerance, MOST_STEPS, rows)
+        count = led_along(arm, self._asked, aims, effort.reach, share * effort.tolerance, MOST_STEPS, rows)
         return rows[:count, more:]
 
     def _heading(self, heading: float, free: Array) -> float:
@@ -313,7 +322,12 @@ class PostureCarrier:
     def _arm(self, *, turns: bool) -> SerialSolver:
         """Solver with a pivot that has no limits, or its own."""
         rules, robot = self.world.rules, with_joint_margin(self.world.robot, self.world.rules.criteria)
-        return serial_solver(robot.chain, float(robot.mount[2]), rules.tolerance, turns=turns)
+        demand = demand_of(robot, rules.criteria)
+        return serial_solver(robot.chain, float(robot.mount[2]), rules.tolerance, turns=turns, demand=demand)
+
+    @property
+    def _asked(self) -> SerialThresholds:
+        return serial_thresholds(self._bound.demand, self._bound.chain.dof)
 
     @property
     def _pivot(self) -> int:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from regionik.explain.constraints import setpoint_at
 from regionik.explain.failures import invalid_plan
+from regionik.planners.reach.serial_criteria import demand_of
 from regionik.postures.arm import goal_between
 from regionik.postures.poses import Pose, Row, axis_of, columns, lift_offs, motion_stats
 from regionik.postures.serial_solver import serial_solver
@@ -130,7 +131,8 @@ def _least_change(world: World, target: Target, base: Array, joints: Array, kind
     """Joints near to given ones that meet a target with the base held; None where there are none."""
     robot, rules = with_joint_margin(world.robot, world.rules.criteria), world.rules
     tolerance = rules.tolerance * (1.0 if kind == "setpoint" else SHARE)
-    arm = serial_solver(robot.chain, float(robot.mount[2]), tolerance, turns=False)
+    demand = demand_of(robot, rules.criteria) if kind == "setpoint" else None
+    arm = serial_solver(robot.chain, float(robot.mount[2]), tolerance, turns=False, demand=demand)
     yaw = float(base[2] + robot.mount[3])
     found = arm.least_change(target, axis_of(robot, base), yaw, pivot_joints(robot.chain, joints))
     return None if found is None else found.joints[len(found.joints) - robot.chain.dof :]

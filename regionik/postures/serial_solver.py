@@ -11,12 +11,14 @@ import numpy as np
 from regionik.planners.geometry.polygons import FlatPolygon, clamp, contains
 from regionik.planners.reach.level_reach import posture_at
 from regionik.planners.reach.pose_reach import ANGLE_SHARE, pose_reach
+from regionik.planners.reach.serial_criteria import PostureDemand, led_within
 from regionik.planners.solvers.base_placement import BaseArea
 from regionik.planners.solvers.closed_form import decomposition, postures_at
-from regionik.planners.solvers.damped_least_squares import ORIENTATION, Aim, polish, polish_each
+from regionik.planners.solvers.damped_least_squares import ORIENTATION, Aim, polish, polish_each, tool_error
 from regionik.planners.solvers.mfabrik_serial import ArmStand, in_arm_frame, solve_serial
 from regionik.planners.solvers.multistart_ik import Effort, solve_ik
 from regionik.planners.solvers.rigid_bodies import RigidBodies, pointing_bodies, posing_bodies, span
+from regionik.planners.solvers.serial_chain import serial_arm
 from regionik.postures.arm import CONE_SHARE, MOST_PASSES, Reached, aim_of
 from regionik.worlds.arms import pivot_index, reach_bound, with_pivot, with_pivot_limits
 from regionik.worlds.arrays import Array
@@ -26,6 +28,7 @@ from regionik.worlds.scene import Target
 RESTARTS = 10
 MOST_STEPS = 60  # of damped least squares when a posture is carried along
 ALIKE = 0.05  # postures that differ by less in every joint are one [rad]
+OTHERS = 48  # starts of other postures, where one cannot be led to meet the demand
 NEAREST = 6  # postures of the reach that are tried where passes and restarts do not meet a target
 
 
@@ -40,6 +43,7 @@ class SerialSolver:
     starts: Array  # (r, dof) postures to start again from
     effort: Effort
     height: float  # of the arm's base frame over the floor [m]
+    demand: PostureDemand | None = None
 
     @cached_property
     def _pointing_starts(self) -> Array:
@@ -49,12 +53,35 @@ class SerialSolver:
     def reach(
         self, target: Target, axis: Array, yaw: float, joints: Array, area: FlatPolygon, mobile: bool
     ) -> Reached:
-        """Bring the tool to a target; see `Arm`.
+        """Bring the tool to a target; see `Arm`. Of the postures there, one that meets the demand.
 
         For a pose, the posture nearest to the present one is tried first, the base held; then passes, the
         postures that the reach was sampled by, and restarts.
         """
         goal = self.goal_for(target)
+        found = self._reached(target, goal, axis, yaw, joints, area, mobile)
+        if self.demand is None or not goal.met(found):
+            return found
+        led = self._led(goal, found, yaw)
+        if led is not None:
+            return led
+        others = self.self_motion(target, found.axis, yaw, joints, OTHERS)
+        if not others and mobile and (known := self._from_reach(goal, found, yaw, joints, area)) is not None:
+            return known
+        nearest = min(others, key=lambda one: float(np.abs(one.joints - joints).max()), default=None)
+        return replace(found, meets=False) if nearest is None else nearest
+
+    def _reached(
+        self,
+        target: Target,
+        goal: SerialGoal,
+        axis: Array,
+        yaw: float,
+        joints: Array,
+        area: FlatPolygon,
+        mobile: bool,
+    ) -> Reached:
+        """`reach` by any posture."""
         if target.direction is None:
             if mobile:
                 found = self._followed(goal, goal.starts, axis, yaw, joints, area)
@@ -103,15 +130,40 @@ class SerialSolver:
         error, angle, passes, _, _ = solve_ik(goal.bodies, aim, goal.starts, goal.effort, q)
         return goal.reached(axis, q, error, angle, passes)
 
+    def _led(self, goal: SerialGoal, found: Reached, yaw: float) -> Reached | None:
+        """A posture led to one from the same place that meets the demand; None where it comes to none."""
+        if self.demand is None:
+            return found
+        arm, effort, q = serial_arm(self.endless), goal.effort, np.array(found.joints)
+        aim = in_arm_frame(found.axis, yaw, self.height, goal.aim)
+        within = effort.reach, effort.tolerance, effort.angle_tolerance
+        if not led_within(arm, self.demand.thresholds, aim, q, *within):
+            return None
+        error, angle = tool_error(arm, aim, q, np.empty((len(arm.axis) + 1, 4, 4)), np.empty(6))
+        return goal.reached(found.axis, q, error, angle, found.iterations)
+
+    def meets(self, joints: Array) -> bool:
+        """True if a posture (dof,) meets the demand."""
+        return self.demand is None or self.demand.met(joints)
+
     def least_change(self, target: Target, axis: Array, yaw: float, joints: Array) -> Reached | None:
         """The posture on target that damped least squares comes to; see `Arm`."""
         goal = self.goal_for(target)
-        return self._polished(goal, np.array(axis), yaw, np.array(joints))
+        found = self._polished(goal, np.array(axis), yaw, np.array(joints))
+        return None if found is None else self._led(goal, found, yaw)
 
     def self_motion(
         self, target: Target, axis: Array, yaw: float, joints: Array, tries: int
     ) -> list[Reached]:
-        """Postures on target: all that a closed form knows, or those come to from some starts; see `Arm`.
+        """Postures on target that meet the demand, each led to it; see `Arm` and `_postures`."""
+        goal = self.goal_for(target)
+        found = (self._led(goal, one, yaw) for one in self._postures(target, goal, axis, yaw, joints, tries))
+        return [one for one in found if one is not None]
+
+    def _postures(
+        self, target: Target, goal: SerialGoal, axis: Array, yaw: float, joints: Array, tries: int
+    ) -> list[Reached]:
+        """Postures on target: all that a closed form knows, or those come to from some starts.
 
         A closed form knows those at the pose itself; there may be none, and yet some in its cone. The first
         start is the given posture.
@@ -120,7 +172,7 @@ class SerialSolver:
         wander, and arms that curl up come near to themselves. So for one every other start lies about the
         given posture.
         """
-        goal, rng = self.goal_for(target), np.random.default_rng(0)
+        rng = np.random.default_rng(0)
         if goal.aim.kind == ORIENTATION and decomposition(self.endless) is not None:
             known = self._all_postures(goal, axis, yaw, joints)
             if known:
@@ -168,7 +220,7 @@ class SerialSolver:
         self, goal: SerialGoal, missed: Reached, yaw: float, joints: Array, area: FlatPolygon
     ) -> Reached | None:
         """From the postures that the reach is made of: the base where it came to, or as near as may be."""
-        known = pose_reach(self.chain, self.height, goal.aim)
+        known = pose_reach(self.chain, self.height, goal.aim, None, self.demand)
         near = np.argsort(np.hypot(*(known.places - missed.axis).T), kind="stable")
         bounded = len(area.starts) > 1
         free = [k for k in near if not bounded or contains(area.vertices, area.starts, *known.places[k])]
@@ -179,8 +231,8 @@ class SerialSolver:
             endless = np.isinf(self.chain.upper - self.chain.lower)
             q = np.where(endless, joints + np.remainder(q - joints + np.pi, 2 * np.pi) - np.pi, q)
             found = self._polished(goal, np.array(place), yaw, q)
-            if found is not None:
-                return replace(found, iterations=missed.iterations)
+            if found is not None and (led := self._led(goal, found, yaw)) is not None:
+                return replace(led, iterations=missed.iterations)
         return None
 
     def _polished(self, goal: SerialGoal, place: Array, yaw: float, joints: Array) -> Reached | None:
@@ -220,7 +272,14 @@ class SerialGoal:
 
 
 @lru_cache(maxsize=64)
-def serial_solver(chain: Chain, height: float, tolerance: float, *, turns: bool = True) -> SerialSolver:
+def serial_solver(
+    chain: Chain,
+    height: float,
+    tolerance: float,
+    *,
+    turns: bool = True,
+    demand: PostureDemand | None = None,
+) -> SerialSolver:
     """Kept for the last few, as every set-point asks for it.
 
     The pivot has no limits where the base ``turns``, and its own where that keeps its heading.
@@ -231,4 +290,4 @@ def serial_solver(chain: Chain, height: float, tolerance: float, *, turns: bool 
     pointing, posing = pointing_bodies(endless), posing_bodies(endless)
     effort = Effort(tolerance, 1.0, 0 if chain.has_mimics else MOST_PASSES, span(pointing.arm), True)
     starts = spread_postures(endless, effort.reach, RESTARTS, 0)
-    return SerialSolver(chain, endless, pointing, posing, starts, effort, height)
+    return SerialSolver(chain, endless, pointing, posing, starts, effort, height, demand)

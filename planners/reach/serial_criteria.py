@@ -1,0 +1,297 @@
+"""Manipulability of any arm, gravity's torques in its joints, and postures led to meet thresholds of both.
+
+Neither depends on where the vertical pivot is turned.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from regionik.planners.geometry.vectors import cross, minus, plus, row, turned
+from regionik.planners.kernels import compiled
+from regionik.planners.search.motion_bounds import longest_levers, second_derivatives
+from regionik.planners.solvers.damped_least_squares import Aim, Aims, polish
+from regionik.planners.solvers.posture_criteria import COMFORT
+from regionik.planners.solvers.serial_chain import SerialArm, chain_frames, joint_changes, serial_arm
+from regionik.worlds.arms import with_pivot
+from regionik.worlds.arrays import Array, Index
+from regionik.worlds.criteria import Criteria
+from regionik.worlds.robot import GRAVITY, Robot, check_criteria
+
+LED = 30  # steps that lead a posture to better ones
+LONGEST, SHORTEST = 0.3, 0.005  # of these [rad] or [m]
+STEPS = 8  # of damped least squares after each
+DIFFERENCE = 1e-4  # share of motions by which slopes are told
+TINY = 1e-6  # by which joints are moved to see what that changes [rad] or [m]
+
+
+class SerialThresholds(NamedTuple):
+    """Thresholds of any arm behind its pivot, for kernels.
+
+    Points are the tool's, then the centers of the masses; without points nothing is asked.
+    """
+
+    first: int  # of the joints that count: a pivot that stands for the base's turn does not
+    least: float  # manipulability [m3]
+    most: Array  # (dof,) torques [N m] and forces [N]; infinite where there is no limit
+    links: Index  # (m,) that points move with
+    points: Array  # (m, 3) in their links' frames [m]
+    weights: Array  # (m,) at points [N]
+    bends: Array  # (m, dof, dof) bounds of the second derivatives of points
+
+
+@dataclass(frozen=True)
+class PostureDemand:
+    """What criteria ask of a robot's postures besides limits."""
+
+    robot: Robot
+    criteria: Criteria
+
+    @property
+    def thresholds(self) -> SerialThresholds:
+        return _thresholds(self.robot, self.criteria)
+
+    def met(self, joints: Array) -> bool:
+        """True for a posture (dof,) of the arm behind its pivot that meets the thresholds."""
+        arm = serial_arm(with_pivot(self.robot.chain))
+        return bool(serial_margin(arm, self.thresholds, joints) > 0.0)
+
+
+def demand_of(robot: Robot, criteria: Criteria | None) -> PostureDemand | None:
+    """Return what criteria ask besides limits; None for nothing.
+
+    Raises
+    ------
+    InputError
+        For criteria that the robot cannot be held to.
+    """
+    if criteria is None or not criteria.beyond_limits:
+        return None
+    check_criteria(criteria, robot)
+    return PostureDemand(robot, criteria)
+
+
+def serial_thresholds(demand: PostureDemand | None, dof: int) -> SerialThresholds:
+    """Thresholds of a demand, or none for ``dof`` joints."""
+    if demand is not None:
+        return demand.thresholds
+    nothing = np.empty(0, dtype=np.int64), np.empty((0, 3)), np.empty(0), np.empty((0, dof, dof))
+    return SerialThresholds(0, 0.0, np.full(dof, np.inf), *nothing)
+
+
+@lru_cache(maxsize=64)
+def _thresholds(robot: Robot, criteria: Criteria) -> SerialThresholds:
+    chain = with_pivot(robot.chain)
+    more = chain.dof - robot.chain.dof
+    loads = robot.loads if criteria.effort is not None else ()
+    points = [(len(chain.joints) - 1, chain.T_last_tool[:3, 3])]
+    points += [(load.link + more, load.center) for load in loads]
+    return SerialThresholds(
+        more,
+        criteria.manipulability or 0.0,
+        np.concatenate([np.full(more, np.inf), criteria.efforts(robot.chain.dof)]),
+        np.array([link for link, _ in points], dtype=np.int64),
+        np.array([point for _, point in points]),
+        np.array([0.0, *(GRAVITY * load.mass for load in loads)]),
+        np.array([second_derivatives(chain, longest_levers(chain, *point)[0]) for point in points]),
+    )
+
+
+@compiled
+def serial_margin(arm: SerialArm, asked: SerialThresholds, joints: Array) -> float:
+    """Least margin of a posture (dof,) to the thresholds, as a share of them; infinite where none is set."""
+    margin, torques = np.inf, np.zeros(len(joints))
+    frames, speeds = np.empty((len(arm.axis) + 1, 4, 4)), np.empty((len(joints), 3))
+    if len(asked.points) > 0:
+        chain_frames(arm, joints, frames)
+    for p in range(len(asked.points)):
+        _point_speeds(arm, frames, asked, p, speeds)
+        if p == 0 and asked.least > 0.0:
+            margin = _volume(speeds[asked.first :])[0] / asked.least - 1.0
+        torques += asked.weights[p] * speeds[:, 2]
+    for k in range(len(joints)):
+        if asked.most[k] < np.inf:
+            margin = min(margin, 1.0 - abs(torques[k]) / asked.most[k])
+    return margin
+
+
+@compiled
+def margin_about(
+    arm: SerialArm, asked: SerialThresholds, joints: Array, along: Array, off: Array, moves: Array
+) -> float:
+    """Bound of `serial_margin` for postures about a given one.
+
+    Parameters
+    ----------
+    joints : (dof,) array
+        The given posture.
+    along : (dof, 2) array
+        Two motions, of which any share from -1 to 1 is added to it.
+    off : (dof,) array
+        What joints then differ by, at most.
+    moves : (dof,) array
+        The most that each of them differs by, all in all.
+    """
+    margin, n = np.inf, len(joints)
+    frames, speeds = np.empty((5, len(arm.axis) + 1, 4, 4)), np.empty((5, n, 3))
+    torques, changes, left = np.zeros(n), np.zeros(n), np.empty(n)
+    turned_by = joint_changes(arm, moves).sum()
+    for s in range(5 if len(asked.points) > 0 else 0):
+        way = 0.0 if s == 0 else (DIFFERENCE if s % 2 else -DIFFERENCE)
+        chain_frames(arm, joints + way * along[:, s // 3], frames[s])
+    for p in range(len(asked.points)):
+        for s in range(5):
+            _point_speeds(arm, frames[s], asked, p, speeds[s])
+        slopes = (speeds[1::2] - speeds[2::2]) / (2.0 * DIFFERENCE)
+        left[:] = asked.bends[p] @ off + turned_by * (asked.bends[p] @ moves)  # beyond the first order
+        if p == 0 and asked.least > 0.0:
+            first = asked.first
+            margin = _least_volume(speeds[0, first:], slopes[:, first:], left[first:]) / asked.least - 1.0
+        torques += asked.weights[p] * speeds[0, :, 2]
+        changes += asked.weights[p] * left
+        for a in range(2):
+            changes += asked.weights[p] * np.abs(slopes[a, :, 2])
+    for k in range(n):
+        if asked.most[k] < np.inf:
+            margin = min(margin, 1.0 - (abs(torques[k]) + changes[k]) / asked.most[k])
+    return margin
+
+
+@compiled
+def _point_speeds(arm: SerialArm, frames: Array, asked: SerialThresholds, p: int, speeds: Array) -> None:
+    """Write the velocity of a point for the unit speed of each active joint, (dof, 3)."""
+    link = asked.links[p]
+    point = plus(frames[link, :3, 3], turned(frames[link], row(asked.points, p)))
+    speeds[:] = 0.0
+    for k in range(link + 1):
+        axis = turned(frames[k], row(arm.axis, k))
+        velocity = cross(axis, minus(point, frames[k, :3, 3])) if arm.revolute[k] else axis
+        for i in range(3):
+            speeds[arm.leader[k], i] += arm.ratio[k] * velocity[i]
+
+
+@compiled
+def _volume(speeds: Array) -> tuple[float, Array]:
+    """Manipulability sqrt(det(J J^T)) of a Jacobian's columns (n, 3), and the inverse of J J^T, (3, 3).
+
+    Source: T. Yoshikawa, Int. J. Robotics Research 4 (1985).
+    """
+    G, inverse = speeds.T @ speeds, np.empty((3, 3))
+    for i in range(3):
+        a, b = (i + 1) % 3, (i + 2) % 3
+        for j in range(3):
+            c, d = (j + 1) % 3, (j + 2) % 3
+            inverse[j, i] = G[a, c] * G[b, d] - G[a, d] * G[b, c]
+    square = max((G[0] * inverse[:, 0]).sum(), 0.0)
+    return math.sqrt(square), inverse / max(square, 1e-300)
+
+
+@compiled
+def _least_volume(speeds: Array, slopes: Array, left: Array) -> float:
+    """Bound of the manipulability about a Jacobian, by its columns (n, 3).
+
+    They change by any share from -1 to 1 of two ``slopes`` (2, n, 3), and by what is ``left`` (n,).
+
+    With V the right singular vectors of J, that of J + E is at least |det((J + E) V)|, which is that of J
+    times det(1 + X), X = (J V)^-1 E V. The trace of X is that of E times the pseudoinverse, and det(1 + X) is
+    at least 1 + tr X - 2 |X|^2 - |X|^3 by the Frobenius norm.
+    """
+    volume, inverse = _volume(speeds)
+    pseudo = speeds @ inverse
+    size = math.sqrt(np.square(pseudo).sum())
+    rest = math.sqrt(np.square(left).sum())
+    trace, norm = size * rest, size * rest
+    for a in range(2):
+        trace += abs((pseudo * slopes[a]).sum())
+        norm += size * math.sqrt(np.square(slopes[a]).sum())
+    return volume * (1.0 - trace - 2.0 * norm * norm - norm * norm * norm)
+
+
+@compiled
+def led_within(
+    arm: SerialArm,
+    asked: SerialThresholds,
+    aim: Aim,
+    joints: Array,
+    reach: float,
+    tolerance: float,
+    angle_tolerance: float,
+    enough: float = COMFORT,
+) -> bool:
+    """Lead a posture on an aim to one on it that meets the thresholds by ``enough``, or by less of it.
+
+    False where it comes to none that meets them by `COMFORT`.
+
+    It goes up the gradient of the margin and back to the aim by damped least squares, see `polish`.
+    ``joints`` (dof,) are overwritten.
+    """
+    n, stride = len(joints), LONGEST
+    margin = serial_margin(arm, asked, joints)
+    slope, trial = np.empty(n), np.empty(n)
+    for _ in range(LED):
+        if margin > enough:
+            return True
+        steepest = 0.0
+        for k in range(n):
+            trial[:] = joints
+            trial[k] += TINY
+            slope[k] = serial_margin(arm, asked, trial) - margin
+            steepest = max(steepest, abs(slope[k]))
+        if steepest == 0.0:
+            break
+        better = -np.inf
+        while not better > margin and stride > SHORTEST:
+            for k in range(n):
+                trial[k] = min(max(joints[k] + stride * slope[k] / steepest, arm.lower[k]), arm.upper[k])
+            error, angle, _ = polish(arm, aim, trial, reach, tolerance, angle_tolerance, STEPS)
+            if error <= tolerance and angle <= angle_tolerance:
+                better = serial_margin(arm, asked, trial)
+            if not better > margin:
+                stride *= 0.5
+        if not better > margin:
+            break
+        joints[:], margin = trial, better
+        stride = min(2.0 * stride, LONGEST)
+    return margin > COMFORT
+
+
+@compiled
+def led_along(
+    arm: SerialArm,
+    asked: SerialThresholds,
+    aims: Aims,
+    reach: float,
+    tolerance: float,
+    most: int,
+    joints: Array,
+) -> int:
+    """Carry a posture from aim to aim, each polished from the one before and led to meet thresholds.
+
+    Parameters
+    ----------
+    reach, tolerance, most
+        As of `polish`.
+    joints : (m, n) array
+        A posture at the first aim in its first row; overwritten with one for each aim that is met.
+
+    Returns
+    -------
+    int
+        Number of aims met before the first that is not.
+    """
+    for i in range(len(aims.positions)):
+        if i > 0:
+            joints[i] = joints[i - 1]
+        aim = Aim(aims.positions[i], aims.kinds[i], aims.turns[i], aims.cones[i])
+        widest = aims.angle_tolerances[i]
+        error, angle, _ = polish(arm, aim, joints[i], reach, tolerance, widest, most)
+        if error > tolerance or angle > widest:
+            return i
+        if not led_within(arm, asked, aim, joints[i], reach, tolerance, widest):
+            return i
+    return len(aims.positions)
