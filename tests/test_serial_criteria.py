@@ -168,7 +168,7 @@ def test_a_posture_led_to_meet_thresholds_stays_on_its_aim(kind: str, seed: int)
     assert error <= 1e-5
     assert angle <= target.cone
     assert margins(robot, asked, behind[None])[0] >= margins(robot, asked, q[None])[0] - 1e-9
-    assert met == (margins(robot, asked, behind[None])[0] > 0.01)
+    assert met == (margins(robot, asked, behind[None])[0] > 1e-9)
 
 
 # --- areas

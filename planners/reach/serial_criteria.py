@@ -16,7 +16,7 @@ from regionik.planners.geometry.vectors import cross, minus, plus, row, turned
 from regionik.planners.kernels import compiled
 from regionik.planners.search.motion_bounds import longest_levers, second_derivatives
 from regionik.planners.solvers.damped_least_squares import Aim, Aims, polish
-from regionik.planners.solvers.posture_criteria import COMFORT
+from regionik.planners.solvers.posture_criteria import COMFORT, SPARE
 from regionik.planners.solvers.serial_chain import SerialArm, chain_frames, joint_changes, serial_arm
 from regionik.worlds.arms import with_pivot
 from regionik.worlds.arrays import Array, Index
@@ -223,9 +223,9 @@ def led_within(
     angle_tolerance: float,
     enough: float = COMFORT,
 ) -> bool:
-    """Lead a posture on an aim to one on it that meets the thresholds by ``enough``, or by less of it.
+    """Lead a posture on an aim to one on it that meets the thresholds by ``enough``, or else by less.
 
-    False where it comes to none that meets them by `COMFORT`.
+    False where it comes to none that meets them at all.
 
     It goes up the gradient of the margin and back to the aim by damped least squares, see `polish`.
     ``joints`` (dof,) are overwritten.
@@ -257,7 +257,7 @@ def led_within(
             break
         joints[:], margin = trial, better
         stride = min(2.0 * stride, LONGEST)
-    return margin > COMFORT
+    return margin > SPARE
 
 
 @compiled

@@ -89,8 +89,8 @@ def _check_proven_reach(world: World) -> None:
         if not model_of(world, target).is_proven(rules):
             raise InputError(
                 f"{world.name}: rules.parking: the reach of set-point {i + 1} of {len(world.task)} is "
-                "sampled, so that no probability is proven; expected positions, or an arm in one vertical "
-                "plane with its tool along the last link"
+                "sampled, so that no probability is proven; expected positions without bounds of "
+                "manipulability or effort, or an arm in one vertical plane with its tool along the last link"
             )
 
 
