@@ -23,7 +23,7 @@ from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import world_from_document, world_to_document
-from regionik.worlds.errors import InputError, NoPlanFound
+from regionik.worlds.errors import NoPlanFound
 from regionik.worlds.execution import ParkingAccuracy
 from regionik.worlds.obstacles import Cylinder
 from regionik.worlds.scene import Floor, Rules, Target, World
@@ -188,8 +188,19 @@ def test_a_rule_comes_back_from_its_document() -> None:
     assert accuracy == ParkingAccuracy(np.diag([0.1, 0.2, 0.0]) ** 2)
 
 
-def test_sampled_reach_has_no_proven_probability() -> None:
-    world = drilling("dof10", SMALL)
-    task = tuple(Target(one.position, direction=np.array([0.0, 0.0, -1.0])) for one in world.task)
-    with pytest.raises(InputError, match=r"rules\.parking: the reach of set-point 1 of 4 is sampled"):
-        stops(replace(world, task=task))
+@pytest.mark.parametrize("aside", [0.1])
+def test_directions_of_any_arm_have_a_proven_probability(aside: float) -> None:
+    """Their reach is sampled for plans, and proven square by square here."""
+    world, tool = drilling("pioneer7", TURNED), np.array([0.1, -0.2, 0.15])
+    way = np.array([0.5, 0.1, -0.7]) / np.linalg.norm([0.5, 0.1, -0.7])
+    task = tuple(Target(tool + [0.0, 0.02 * k, 0.0], direction=way, cone=0.2) for k in range(4))
+    world = replace(world, task=task)
+    base, count = stops(world)[0].base + [0.0, aside, 0.0], 200
+    bound, truth = (
+        parking_probability(world, base, (0, 1, 2, 3)),
+        counted(world, base, (0, 1, 2, 3), count),
+    )
+    assert bound > 0
+    assert binom.cdf(truth * count, count, bound) > 3e-5
+    print(bound, truth)
+    assert bound > truth - 0.4

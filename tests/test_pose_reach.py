@@ -50,7 +50,7 @@ def test_every_place_has_a_posture_that_meets_the_aim(name: str, kind: int) -> N
     chain = ARMS[name]
     for seed in range(3):
         aim, _ = aim_of_posture(chain, seed, kind, 0.05)
-        found = pose_reach(chain, HEIGHT, aim)
+        found = pose_reach(chain, HEIGHT, aim).grid
         for k in range(0, len(found.places), 7):
             seen = in_arm_frame(found.places[k], float(found.yaws[k]), HEIGHT, aim)
             error, angle = confirm(chain, seen, found.postures[k])

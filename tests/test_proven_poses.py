@@ -65,7 +65,7 @@ def every_place_is_met(chain: Chain, aim: Aim, area: BaseGeometry, seed: int, co
     endless = list(chain.joints)
     pivot = pivot_index(chain)
     endless[pivot] = replace(endless[pivot], lower=-np.inf, upper=np.inf)  # the base turns for it
-    free, found = Chain(tuple(endless), chain.T_last_tool), pose_reach(chain, HEIGHT, aim)
+    free, found = Chain(tuple(endless), chain.T_last_tool), pose_reach(chain, HEIGHT, aim).grid
     for place in places_in(area, count, seed):
         near = np.argmin(np.linalg.norm(found.places - place, axis=1))
         assert is_met(free, aim, place, float(found.yaws[near]), found.postures[near]), place
@@ -120,7 +120,7 @@ def test_headings_and_the_pivots_limits_bound_what_is_proven() -> None:
     some = proven_pose_area(chain, HEIGHT, aim, span=(0.0, 0.5))
     assert 0 < one.area < whole.area
     assert 0 < proven_pose_area(chain, HEIGHT, aim, span=(0.3, 0.3)).area < some.area < whole.area
-    found = pose_reach(chain, HEIGHT, aim, 0.3)
+    found = pose_reach(chain, HEIGHT, aim, 0.3).grid
     for place in places_in(one, 6, 0):
         near = np.argmin(np.linalg.norm(found.places - place, axis=1))
         assert is_met(chain, aim, place, 0.3, found.postures[near])

@@ -53,9 +53,8 @@ GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)  # multiples of it, but for whole ones, are 
 DIGITS = 12  # of a turn: targets that differ by less are one
 
 
-@dataclass(frozen=True, eq=False)
-class PoseReach:
-    """Reach of one target: places of the pivot axis, and a posture at each.
+class PlacedPostures(NamedTuple):
+    """Postures at places of the pivot axis.
 
     Attributes
     ----------
@@ -64,21 +63,39 @@ class PoseReach:
     yaws : (m,) array
         Heading of the arm's base frame that the postures are counted from [rad].
     postures : (m, dof) array
-    area : geometry
-        Cells whose corners and middle were all found.
     """
 
     places: Array
     yaws: Array
     postures: Array
+
+
+@dataclass(frozen=True, eq=False)
+class PoseReach:
+    """Reach of one target.
+
+    Attributes
+    ----------
+    grid, seeds : PlacedPostures
+        Grid points that were found, a posture at each, and the postures from which that began.
+    area : geometry
+        Cells whose corners and middle were all found.
+    """
+
+    grid: PlacedPostures
+    seeds: PlacedPostures
     area: BaseGeometry
 
 
 class _Sampled(NamedTuple):
-    """Reach of a target at the origin: its axis along +x as seen from above, or the heading kept zero."""
+    """Reach of a target at the origin: its axis along +x as seen from above, or the heading kept zero.
 
-    places: Array  # (m, 2) distance [m] and bearing [rad]
-    postures: Array  # (m, dof) from an arm's base frame that faces the target, or at the heading kept
+    Places (m, 2) are distance [m] and bearing [rad] of the pivot axis, postures (m, dof) those from an arm's
+    base frame that faces the target, or at the heading kept: of the grid, then of seeds.
+    """
+
+    grid: tuple[Array, Array]
+    seeds: tuple[Array, Array]
     area: BaseGeometry
 
 
@@ -109,12 +126,18 @@ def pose_reach(
     key = tuple(np.round(turn, DIGITS).ravel().tolist())
     rise = round(float(aim.position[2]) - height, DIGITS)
     found = _sampled(chain, rise, aim.kind, key, float(aim.cone), kept, demand)
-    away = azimuth + found.places[:, 1]
-    places = aim.position[:2] + found.places[:, :1] * np.column_stack([np.cos(away), np.sin(away)])
+    grid, seeds = (_placed(*rows, aim, azimuth, heading) for rows in (found.grid, found.seeds))
     c, s = np.cos(azimuth), np.sin(azimuth)
     area = transform(found.area, lambda p: p @ np.array([[c, s], [-s, c]]) + aim.position[:2])
-    yaws = np.full(len(places), heading) if kept else away + np.pi
-    return PoseReach(places, yaws, found.postures, area)
+    return PoseReach(grid, seeds, area)
+
+
+def _placed(polar: Array, postures: Array, aim: Aim, azimuth: float, heading: float | None) -> PlacedPostures:
+    """Postures at distances and bearings from an aim, (m, 2), on the floor."""
+    away = azimuth + polar[:, 1]
+    places = aim.position[:2] + polar[:, :1] * np.column_stack([np.cos(away), np.sin(away)])
+    yaws = away + np.pi if heading is None else np.full(len(places), heading)
+    return PlacedPostures(places, yaws, postures)
 
 
 def _level(aim: Aim) -> tuple[Array, float]:
@@ -124,7 +147,7 @@ def _level(aim: Aim) -> tuple[Array, float]:
     return rot_z(-azimuth)[:3, :3] @ aim.turn, azimuth
 
 
-@lru_cache(maxsize=4096)  # some 20 kB each
+@lru_cache(maxsize=4096)  # some 30 kB each
 def _sampled(
     chain: Chain,
     rise: float,
@@ -161,7 +184,7 @@ def _sampled(
         cells = _cells(grid)
     r, b = np.nonzero(grid.found)
     places = np.column_stack([grid.distances[r], grid.bearings[b]])
-    return _Sampled(places, grid.postures[r, b], cells.area)
+    return _Sampled((places, grid.postures[r, b]), (seeds[1], seeds[0]), cells.area)
 
 
 def _at_heading(chain: Chain, aim: Aim, postures: Array, places: Array) -> tuple[Array, Array]:

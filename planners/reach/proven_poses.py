@@ -23,17 +23,19 @@ from shapely.geometry.base import BaseGeometry
 from regionik.planners.kernels import compiled
 from regionik.planners.reach.inverse_reachability import aim_at
 from regionik.planners.reach.level_reach import Intervals, merged
-from regionik.planners.reach.pose_reach import DIGITS, PoseReach, pose_reach
+from regionik.planners.reach.pose_reach import DIGITS, PlacedPostures, PoseReach, pose_reach
 from regionik.planners.reach.serial_criteria import PostureDemand, led_within
 from regionik.planners.reach.square_proofs import EXACT, SquareTask, constraints, holds_about, square_task
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, POSITION, Aim, polish
 from regionik.worlds.arms import pivot_index
-from regionik.worlds.arrays import Array, Mask
+from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 
 LEAST = 0.005  # half the side of squares that are not quartered, as a share of the arm's length
+FINEST = 2.0**20  # steps a metre of the sides of squares
 QUARTERED = 5  # times, from the first squares to the least
 STEPS = 12  # of damped least squares
+OTHERS = 3  # postures that are tried where one does not prove
 AMPLE = 0.3  # share of a threshold, by which postures are to meet it
 CENTRED = 0.3  # of the way to the middles of the joints' limits that the arm's self-motion goes
 
@@ -133,7 +135,7 @@ def _ray(area: BaseGeometry) -> BaseGeometry:
     return shapely.LineString([(0.0, 0.0), (0.0 if area.is_empty else area.bounds[2], 0.0)])
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=256)
 def _squares(
     chain: Chain,
     height: float,
@@ -160,30 +162,51 @@ def _squares(
 
 def _quartered(task: SquareTask, found: PoseReach) -> Iterator[Array]:
     """The squares proven of each size: middle, half, azimuth and turn, (k, 5)."""
-    places, postures = cKDTree(found.places), found.postures.copy()
-    postures[:, task.pivot] += found.yaws
-    half = LEAST * task.reach * 2.0**QUARTERED
+    grid, seeds = (_Nearest.of(some, task.pivot) for some in (found.grid, found.seeds))
+    half = float(np.ceil(LEAST * task.reach * FINEST)) / FINEST * 2.0**QUARTERED
     middles = _first_squares(found.area, half)
-    seeds = postures[places.query(middles)[1]]
     for _ in range(QUARTERED + 1):
-        met, turns = _judge(task, middles, half, seeds)
+        postures = grid.to(middles)
+        turns = _judge(task, middles, half, postures)
+        for k in range(min(OTHERS, len(seeds.postures))):
+            left = np.flatnonzero(np.isinf(turns))
+            others = seeds.to(middles[left], k)
+            turns[left] = _judge(task, middles[left], half, others)
+            postures[left] = others
         known = np.isfinite(turns)
-        azimuths, halves = seeds[known, task.pivot], np.full(np.count_nonzero(known), half)
-        yield np.column_stack([middles[known], halves, azimuths, turns[known]])
+        halves = np.full(np.count_nonzero(known), half)
+        yield np.column_stack([middles[known], halves, postures[known, task.pivot], turns[known]])
         half /= 2
-        middles, seeds, met = (np.repeat(part[~known], 4, axis=0) for part in (middles, seeds, met))
-        middles += half * np.tile(CORNERS, (len(middles) // 4, 1))
-        near = shapely.intersects(found.area, _boxes(middles, half))
-        middles, seeds, met = middles[near], seeds[near], met[near]
-        if not met.all():
-            seeds[~met] = postures[places.query(middles[~met])[1]]
+        middles = (middles[~known][:, None] + half * CORNERS).reshape(-1, 2)
+        middles = middles[shapely.intersects(found.area, _boxes(middles, half))]
+
+
+class _Nearest(NamedTuple):
+    """Postures (m, dof) of an arm at heading zero by their places."""
+
+    places: cKDTree
+    postures: Array
+
+    @classmethod
+    def of(cls, some: PlacedPostures, pivot: int) -> _Nearest:
+        postures = some.postures.copy()
+        postures[:, pivot] += some.yaws
+        return cls(cKDTree(some.places), postures)
+
+    def to(self, middles: Array, k: int = 0) -> Array:
+        """Those at the places nearest to middles (n, 2), or at the k-th nearest but one: (n, dof)."""
+        near: Array = self.postures[self.places.query(middles, [k + 1])[1][:, 0]]
+        return near
 
 
 def _first_squares(area: BaseGeometry, half: float) -> Array:
-    """Middles (k, 2) of equal squares that cover an area."""
+    """Middles (k, 2) of equal squares that cover an area.
+
+    Like the sides they are whole parts of a power of two: edges of neighbours are the same to the last bit.
+    """
     shapely.prepare(area)
-    x0, y0, x1, y1 = area.bounds
-    x, y = (np.arange(low + half, high + 2 * half, 2 * half) for low, high in ((x0, x1), (y0, y1)))
+    ends = np.reshape(area.bounds, (2, 2)) / (2 * half)
+    x, y = (2 * half * (np.arange(np.floor(low), np.ceil(high) + 1) + 0.5) for low, high in ends.T)
     middles = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     near: Array = middles[shapely.intersects(area, _boxes(middles, half))]
     return near
@@ -197,21 +220,18 @@ def _boxes(middles: Array, half: float | Array) -> NDArray[np.object_]:
 
 
 @compiled
-def _judge(task: SquareTask, middles: Array, half: float, seeds: Array) -> tuple[Mask, Array]:
-    """Mask (k,) of the squares with a posture in their middle; turns of the pivot (k,), inf if not proven.
+def _judge(task: SquareTask, middles: Array, half: float, postures: Array) -> Array:
+    """Turns of the pivot (k,) in squares, infinite where a square is not proven.
 
-    Seeds (k, n) are postures to start from, overwritten by those in the middles.
+    Postures (k, n) are those to start from, overwritten by those in the middles.
     """
-    met, turns = np.zeros(len(middles), dtype=np.bool_), np.empty(len(middles))
+    turns = np.full(len(middles), np.inf)
     for k in range(len(middles)):
-        joints = seeds[k].copy()
         dx, dy = middles[k, 0] - task.aim.position[0], middles[k, 1] - task.aim.position[1]
         aim = aim_at(task.aim, np.hypot(dx, dy), math.atan2(dy, dx), 0.0)
-        met[k], turns[k] = _centred(task, aim, joints), np.inf
-        if met[k]:
-            turns[k] = holds_about(task, aim.kind, joints, half)
-            seeds[k] = joints
-    return met, turns
+        if _centred(task, aim, postures[k]):
+            turns[k] = holds_about(task, aim.kind, postures[k], half)
+    return turns
 
 
 @compiled

@@ -50,7 +50,7 @@ def parking_probability(world: World, base: Array, setpoints: tuple[int, ...]) -
     Parameters
     ----------
     world : World
-        With ``rules.parking``, and targets whose reach is proven (`regionik.parking.stops.check`).
+        With ``rules.parking``.
     base : (3,) array
         Where the base is to park: x, y [m], yaw [rad].
     setpoints : tuple of int
@@ -173,7 +173,7 @@ def _reaching(
     # A fixed heading would have the reach of some arms sampled; that of the query is as fixed, and proven.
     turning = replace(errors, heading_error=errors.heading_error + half)
     rules = replace(world.rules, heading="free", execution=turning)
-    query = ReachQuery(rules, GUARD, (yaw, yaw), arcs=ARCS)
+    query = ReachQuery(rules, GUARD, (yaw, yaw), arcs=ARCS, proven=True)
     targets = [world.task[i] for i in setpoints]
     which, _, shapes = rows_of(world, targets, query)
     off = world.axis_error + half * float(np.hypot(*axis))

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from regionik.areas.reachable import model_of
 from regionik.areas.standing import spread
 from regionik.explain.arm_failures import no_posture
 from regionik.parking.arm_roadmap import HeldPostures
@@ -78,20 +77,6 @@ def check(world: World) -> None:
             f"{world.name}: rules.heading: face_target turns the base at every set-point, "
             "with stops valid choices: free, fixed"
         )
-    if world.rules.parking is not None:
-        _check_proven_reach(world)
-
-
-def _check_proven_reach(world: World) -> None:
-    """Refuse set-points of which no probability after parking can be proven."""
-    rules = replace(world.rules, heading="free")
-    for i, target in enumerate(world.task):
-        if not model_of(world, target).is_proven(rules):
-            raise InputError(
-                f"{world.name}: rules.parking: the reach of set-point {i + 1} of {len(world.task)} is "
-                "sampled, so that no probability is proven; expected positions without bounds of "
-                "manipulability or effort, or an arm in one vertical plane with its tool along the last link"
-            )
 
 
 def in_sequence(world: World, parking: Parking) -> StopSequence:

@@ -220,7 +220,7 @@ class SerialSolver:
         self, goal: SerialGoal, missed: Reached, yaw: float, joints: Array, area: FlatPolygon
     ) -> Reached | None:
         """From the postures that the reach is made of: the base where it came to, or as near as may be."""
-        known = pose_reach(self.chain, self.height, goal.aim, None, self.demand)
+        known = pose_reach(self.chain, self.height, goal.aim, None, self.demand).grid
         near = np.argsort(np.hypot(*(known.places - missed.axis).T), kind="stable")
         bounded = len(area.starts) > 1
         free = [k for k in near if not bounded or contains(area.vertices, area.starts, *known.places[k])]
