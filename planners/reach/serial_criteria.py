@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from regionik.planners.geometry.vectors import cross, minus, plus, row, turned
+from regionik.planners.geometry.vectors import cross, minus, plus, row, squared, turned
 from regionik.planners.kernels import compiled
 from regionik.planners.search.motion_bounds import longest_levers, second_derivatives
 from regionik.planners.solvers.damped_least_squares import Aim, Aims, polish
@@ -139,23 +139,29 @@ def margin_about(
     """
     margin, n = np.inf, len(joints)
     frames, speeds = np.empty((5, len(arm.axis) + 1, 4, 4)), np.empty((5, n, 3))
-    torques, changes, left = np.zeros(n), np.zeros(n), np.empty(n)
-    turned_by = joint_changes(arm, moves).sum()
+    torques, changes = np.zeros(n), np.zeros(n)
+    slopes, left = np.empty((2, n, 3)), np.empty(n)
+    moved = 0.0
+    for change in joint_changes(arm, moves):
+        moved += change
     for s in range(5 if len(asked.points) > 0 else 0):
         way = 0.0 if s == 0 else (DIFFERENCE if s % 2 else -DIFFERENCE)
         chain_frames(arm, joints + way * along[:, s // 3], frames[s])
     for p in range(len(asked.points)):
         for s in range(5):
             _point_speeds(arm, frames[s], asked, p, speeds[s])
-        slopes = (speeds[1::2] - speeds[2::2]) / (2.0 * DIFFERENCE)
-        left[:] = asked.bends[p] @ off + turned_by * (asked.bends[p] @ moves)  # beyond the first order
+        for k in range(n):
+            left[k] = 0.0  # beyond the first order
+            for j in range(n):
+                left[k] += asked.bends[p, k, j] * (off[j] + moved * moves[j])
+            for a in range(2):
+                for i in range(3):
+                    slopes[a, k, i] = (speeds[1 + 2 * a, k, i] - speeds[2 + 2 * a, k, i]) / (2.0 * DIFFERENCE)
+            torques[k] += asked.weights[p] * speeds[0, k, 2]
+            changes[k] += asked.weights[p] * (left[k] + abs(slopes[0, k, 2]) + abs(slopes[1, k, 2]))
         if p == 0 and asked.least > 0.0:
             first = asked.first
             margin = _least_volume(speeds[0, first:], slopes[:, first:], left[first:]) / asked.least - 1.0
-        torques += asked.weights[p] * speeds[0, :, 2]
-        changes += asked.weights[p] * left
-        for a in range(2):
-            changes += asked.weights[p] * np.abs(slopes[a, :, 2])
     for k in range(n):
         if asked.most[k] < np.inf:
             margin = min(margin, 1.0 - (abs(torques[k]) + changes[k]) / asked.most[k])
@@ -181,13 +187,19 @@ def _volume(speeds: Array) -> tuple[float, Array]:
 
     Source: T. Yoshikawa, Int. J. Robotics Research 4 (1985).
     """
-    G, inverse = speeds.T @ speeds, np.empty((3, 3))
+    G, inverse, square = np.zeros((3, 3)), np.empty((3, 3)), 0.0
+    for k in range(len(speeds)):
+        for i in range(3):
+            for j in range(3):
+                G[i, j] += speeds[k, i] * speeds[k, j]
     for i in range(3):
         a, b = (i + 1) % 3, (i + 2) % 3
         for j in range(3):
             c, d = (j + 1) % 3, (j + 2) % 3
             inverse[j, i] = G[a, c] * G[b, d] - G[a, d] * G[b, c]
-    square = max((G[0] * inverse[:, 0]).sum(), 0.0)
+    for j in range(3):
+        square += G[0, j] * inverse[j, 0]
+    square = max(square, 0.0)
     return math.sqrt(square), inverse / max(square, 1e-300)
 
 
@@ -202,13 +214,20 @@ def _least_volume(speeds: Array, slopes: Array, left: Array) -> float:
     at least 1 + tr X - 2 |X|^2 - |X|^3 by the Frobenius norm.
     """
     volume, inverse = _volume(speeds)
-    pseudo = speeds @ inverse
-    size = math.sqrt(np.square(pseudo).sum())
-    rest = math.sqrt(np.square(left).sum())
-    trace, norm = size * rest, size * rest
-    for a in range(2):
-        trace += abs((pseudo * slopes[a]).sum())
-        norm += size * math.sqrt(np.square(slopes[a]).sum())
+    size, rest, steep, traces = 0.0, 0.0, np.zeros(2), np.zeros(2)
+    for k in range(len(speeds)):
+        rest += squared(left[k])
+        for i in range(3):
+            pseudo = 0.0
+            for j in range(3):
+                pseudo += speeds[k, j] * inverse[j, i]
+            size += squared(pseudo)
+            for a in range(2):
+                traces[a] += pseudo * slopes[a, k, i]
+                steep[a] += squared(slopes[a, k, i])
+    size, rest = math.sqrt(size), math.sqrt(rest)
+    trace = abs(traces[0]) + abs(traces[1]) + size * rest
+    norm = size * (math.sqrt(steep[0]) + math.sqrt(steep[1]) + rest)
     return volume * (1.0 - trace - 2.0 * norm * norm - norm * norm * norm)
 
 
