@@ -199,7 +199,8 @@ class PivotedReach(ReachModel):
     R(z) is bounded from within by the distances that walks at the height z pass (`meridian_walks`), and from
     outside by those that boxes of joint values do not rule out (`outer_bounds`). At a heading that the rules
     fix, inner areas are sampled on a grid of places (`pose_reach`) where the pivot does not turn all round.
-    So are those of postures that must meet criteria, which outer ones leave aside.
+    Under criteria besides limits they are places from which postures that meet them were found, or are proven
+    where a query asks for that; outer ones leave these criteria aside.
     """
 
     @property
@@ -218,7 +219,7 @@ class PivotedReach(ReachModel):
         return (self._sampled if self._is_sampled(query) else self._rings)([target], query)[1:]
 
     def is_proven(self, rules: Rules) -> bool:
-        """True where the base, or the pivot at a heading that the rules fix, turns all round."""
+        """True where base or pivot turn all round, see below, and limits are all that postures keep."""
         return self._turns_all_round(rules) and demand_of(self.robot, rules.criteria) is None
 
     def _turns_all_round(self, rules: Rules) -> bool:
@@ -227,8 +228,10 @@ class PivotedReach(ReachModel):
 
     def _is_sampled(self, query: ReachQuery) -> bool:
         """True where a query is answered by cells of a grid."""
-        if not query.inner or demand_of(self.robot, query.rules.criteria) is None:
-            return query.inner and not self._turns_all_round(query.rules)
+        if not query.inner:
+            return False
+        if demand_of(self.robot, query.rules.criteria) is None:
+            return not self._turns_all_round(query.rules)
         return not self.turns_freely(query.rules, query.span)
 
     def _sampled(self, targets: Sequence[Target], query: ReachQuery) -> Rows:
