@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -33,6 +34,7 @@ from regionik.worlds.speeds import Speeds
 ROUNDED_CORNER = np.radians(60)  # where corners are rounded first, the robot stops at sharper ones
 TURN_SHARE = 0.25  # of the narrowest cone, by which the smooth path may turn the tool from the motion
 SPARE_CONE = 0.02  # of a set-point, without which its state stays where it is [rad]
+NARROWER, NARROWEST = 5.0, 2e-4  # times narrower is the next blend tried, and the last [m]
 SLOWDOWNS, SPARE = 8, 1e-4  # of the motion, and by how much more
 NEGLIGIBLE = 0.002  # part by which the whole motion may as well be slower
 LOCAL = 4  # of these, the first, about what is too fast alone, each twice as much as the one before
@@ -47,9 +49,9 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, hold: bool = False) -> P
 
     The robot goes on a smooth path through the plan's states, whose points stay within a ``blend`` of the
     motion that was verified. Unless the base rolls, corners are rounded by that, at set-points too as far as
-    their tolerance allows. The robot rests at sharp corners, and where its
-    rounded motion would break a rule of the plan. States are inserted where the path bends or its
-    acceleration, constant between two, changes.
+    their tolerance allows. The robot rests at sharp corners, and where its rounded motion would break a rule
+    of the plan; if there is such a place, narrower blends are tried too, and the fastest motion is taken.
+    States are inserted where the path bends or its acceleration, constant between two, changes.
 
     Parameters
     ----------
@@ -83,30 +85,61 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, hold: bool = False) -> P
     if not len(plan.motion):
         raise InputError("plan: it has no states to be timed")
     asked = speeds or plan.world.speeds or Speeds()
-    limits = motion_limits(plan.world.robot, asked, asked.blend / (TURN_SHARE * _narrowest(plan.world)))
-    motion = with_rests(plan.motion, _rests(limits, plan.motion, _room(plan, plan.motion, asked.blend)))
     stats = {key: value for key, value in plan.stats.items() if key not in ("margins", "timing")}
-    plan = replace(plan, world=replace(plan.world, speeds=asked))
-    for beside in track("timing", BESIDE):
-        found = _timed(limits, motion, _room(plan, motion, asked.blend))
-        timed, report = _verified(limits, replace(plan, stats=stats), found)
+    plan = replace(plan, world=replace(plan.world, speeds=asked), stats=stats)
+    found: list[tuple[Plan, Report]] = []
+    for blend in _blends(asked.blend):
+        try:
+            timed, report, flows = _within(plan, blend)
+        except InputError:  # the smooth path does not keep to so little
+            if not found:
+                raise
+            break
         if report.ok:
-            if hold:
-                check_tool_speed(limits, timed.motion)
-            figures = {"margins": report.margins, "timing": timing_figures(limits, timed.motion)}
-            return replace(timed, stats={**timed.stats, **figures})
+            found.append((timed, report))
+        if report.ok and flows:
+            break
+    if not found:
+        raise InputError(
+            "plan: its motion breaks its own rules, so no smooth motion next to it keeps them; verify it"
+        )
+    timed, report = min(found, key=lambda one: float(one[0].motion.time[-1]))
+    limits = _limits(plan.world)
+    if hold:
+        check_tool_speed(limits, timed.motion)
+    figures = {"margins": report.margins, "timing": timing_figures(limits, timed.motion)}
+    return replace(timed, stats={**timed.stats, **figures})
+
+
+def _blends(asked: float) -> Iterator[float]:
+    """An asked blend, and narrower ones for where there is no room for it [m]."""
+    yield asked
+    while asked > NARROWEST:
+        asked = max(asked / NARROWER, NARROWEST)
+        yield asked
+
+
+def _within(plan: Plan, blend: float) -> tuple[Plan, Report, bool]:
+    """The plan timed within a blend of its motion, its report, and whether no rule made it rest anywhere."""
+    limits = _limits(replace(plan.world, speeds=replace(plan.world.speeds or Speeds(), blend=blend)))
+    flowing = with_rests(plan.motion, _rests(limits, plan.motion, _room(plan, plan.motion, blend)))
+    motion = flowing
+    for beside in track("timing", BESIDE):
+        timed, report = _verified(limits, plan, _timed(limits, motion, _room(plan, motion, blend)))
+        if report.ok:
+            break
         rests = _nearby_states(limits.robot, motion, timed.motion, _worst(report), beside)
         if not len(rests):
             break
         motion = with_rests(motion, rests)
-    raise InputError(
-        "plan: its motion breaks its own rules, so no smooth motion next to it keeps them; verify it"
-    )
+    return timed, report, motion is flowing
 
 
-def _narrowest(world: World) -> float:
-    """The narrowest cone of a world's task, infinite where the tool may be turned as it will [rad]."""
-    return min((target.cone for target in world.task if target.direction is not None), default=np.inf)
+def _limits(world: World) -> MotionLimits:
+    """Limits of a world's motion; the narrowest cone of its task bounds how far the blend turns the tool."""
+    speeds = world.speeds or Speeds()
+    cone = min((target.cone for target in world.task if target.direction is not None), default=np.inf)
+    return motion_limits(world.robot, speeds, speeds.blend / (TURN_SHARE * cone))
 
 
 def _rests(limits: MotionLimits, motion: Motion, room: Array) -> Index:
