@@ -9,7 +9,6 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import united
 from regionik.areas.reach_model import ReachModel
@@ -38,6 +37,7 @@ from regionik.worlds.scene import Floor, Mode, Rules, Target, World
 from tests.mimics import ARMS as MIMICS
 from tests.mimics import arm as mimic_robot
 from tests.random_arms import ARMS, random_robot
+from tests.test_proven_poses import places_in
 
 SEEDS = st.integers(0, 10_000)
 KINDS = st.sampled_from((*ARMS, "mimics"))
@@ -187,15 +187,6 @@ def has_posture(robot: Robot, asked: Criteria, target: Target, place: Array) -> 
                 if good and margins(robot, asked, one.joints[None])[0] >= -1e-6:
                     return True
     return False
-
-
-def places_in(area: BaseGeometry, count: int, seed: int) -> Array:
-    """Places of an area, drawn evenly, and its outermost corner."""
-    rng = np.random.default_rng(seed)
-    x0, y0, x1, y1 = area.bounds
-    found = rng.uniform([x0, y0], [x1, y1], (4000, 2))
-    corners = shapely.get_coordinates(area)
-    return np.concatenate([found[shapely.contains_xy(area, found)][: count - 1], corners[:1]])
 
 
 @pytest.mark.parametrize("goal", GOALS)
