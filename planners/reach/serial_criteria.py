@@ -106,9 +106,10 @@ def _thresholds(robot: Robot, criteria: Criteria) -> SerialThresholds:
 def serial_margin(arm: SerialArm, asked: SerialThresholds, joints: Array) -> float:
     """Least margin of a posture (dof,) to the thresholds, as a share of them; infinite where none is set."""
     margin, torques = np.inf, np.zeros(len(joints))
+    if len(asked.points) == 0:
+        return margin
     frames, speeds = np.empty((len(arm.axis) + 1, 4, 4)), np.empty((len(joints), 3))
-    if len(asked.points) > 0:
-        chain_frames(arm, joints, frames)
+    chain_frames(arm, joints, frames)
     for p in range(len(asked.points)):
         _point_speeds(arm, frames, asked, p, speeds)
         if p == 0 and asked.least > 0.0:
@@ -138,13 +139,15 @@ def margin_about(
         The most that each of them differs by, all in all.
     """
     margin, n = np.inf, len(joints)
+    if len(asked.points) == 0:
+        return margin
     frames, speeds = np.empty((5, len(arm.axis) + 1, 4, 4)), np.empty((5, n, 3))
     torques, changes = np.zeros(n), np.zeros(n)
     slopes, left = np.empty((2, n, 3)), np.empty(n)
     moved = 0.0
     for change in joint_changes(arm, moves):
         moved += change
-    for s in range(5 if len(asked.points) > 0 else 0):
+    for s in range(5):
         way = 0.0 if s == 0 else (DIFFERENCE if s % 2 else -DIFFERENCE)
         chain_frames(arm, joints + way * along[:, s // 3], frames[s])
     for p in range(len(asked.points)):

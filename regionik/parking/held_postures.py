@@ -86,7 +86,7 @@ class PostureCarrier:
         """
         axis, robot, solver = axis_of(self.world.robot, base), self.world.robot, self._bound
         yaw, more = float(base[2] + robot.mount[3]), solver.chain.dof - robot.chain.dof
-        near = pivot_joints(robot.chain, robot.carry)
+        near = self._behind(robot.carry)
         starts = solver.self_motion(self.targets[0], axis, yaw, near, MORE_STARTS)
         if not starts:
             return np.empty((0, robot.chain.dof))
@@ -205,7 +205,7 @@ class PostureCarrier:
     @cached_property
     def _known(self) -> tuple[Array, Array, Array]:
         """Postures of the travel roadmap as the solver has them, and their tools' points and axes."""
-        postures = np.array([pivot_joints(self.world.robot.chain, q) for q in self._travel.joints])
+        postures = self._behind(self._travel.joints)
         tools = np.array([self._bound.chain.forward(q) for q in postures])
         return postures, tools[:, :3, 3], tools[:, :3, 2]
 
@@ -227,7 +227,7 @@ class PostureCarrier:
         return self.guard.proves(Pose(base, joints)) and self._bound.meets(self._behind(joints))
 
     def _behind(self, joints: Array) -> Array:
-        """A posture as the solver has it."""
+        """Postures (..., dof) as the solver has them."""
         return pivot_joints(self.world.robot.chain, joints)
 
     def _from(

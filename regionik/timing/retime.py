@@ -34,7 +34,7 @@ from regionik.worlds.speeds import Speeds
 ROUNDED_CORNER = np.radians(60)  # where corners are rounded first, the robot stops at sharper ones
 TURN_SHARE = 0.25  # of the narrowest cone, by which the smooth path may turn the tool from the motion
 SPARE_CONE = 0.02  # of a set-point, without which its state stays where it is [rad]
-NARROWER, NARROWEST = 5.0, 2e-4  # times narrower is the next blend tried, and the last [m]
+NARROWER = 5.0  # times narrower is the next blend that is tried
 SLOWDOWNS, SPARE = 8, 1e-4  # of the motion, and by how much more
 NEGLIGIBLE = 0.002  # part by which the whole motion may as well be slower
 LOCAL = 4  # of these, the first, about what is too fast alone, each twice as much as the one before
@@ -90,7 +90,7 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, hold: bool = False) -> P
     found: list[tuple[Plan, Report]] = []
     for blend in _blends(asked.blend):
         try:
-            timed, report, flows = _within(plan, blend)
+            timed, report, flows = _within(plan, replace(asked, blend=blend))
         except InputError:  # the smooth path does not keep to so little
             if not found:
                 raise
@@ -104,7 +104,7 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, hold: bool = False) -> P
             "plan: its motion breaks its own rules, so no smooth motion next to it keeps them; verify it"
         )
     timed, report = min(found, key=lambda one: float(one[0].motion.time[-1]))
-    limits = _limits(plan.world)
+    limits = _limits(plan.world, asked)
     if hold:
         check_tool_speed(limits, timed.motion)
     figures = {"margins": report.margins, "timing": timing_figures(limits, timed.motion)}
@@ -112,16 +112,16 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, hold: bool = False) -> P
 
 
 def _blends(asked: float) -> Iterator[float]:
-    """An asked blend, and narrower ones for where there is no room for it [m]."""
+    """An asked blend, and narrower ones down to the usual one, for where there is no room for it [m]."""
     yield asked
-    while asked > NARROWEST:
-        asked = max(asked / NARROWER, NARROWEST)
+    while asked > Speeds.blend:
+        asked = max(asked / NARROWER, Speeds.blend)
         yield asked
 
 
-def _within(plan: Plan, blend: float) -> tuple[Plan, Report, bool]:
-    """The plan timed within a blend of its motion, its report, and whether no rule made it rest anywhere."""
-    limits = _limits(replace(plan.world, speeds=replace(plan.world.speeds or Speeds(), blend=blend)))
+def _within(plan: Plan, speeds: Speeds) -> tuple[Plan, Report, bool]:
+    """The plan timed within the blend of speeds, its report, and whether no rule made it rest anywhere."""
+    limits, blend = _limits(plan.world, speeds), speeds.blend
     flowing = with_rests(plan.motion, _rests(limits, plan.motion, _room(plan, plan.motion, blend)))
     motion = flowing
     for beside in track("timing", BESIDE):
@@ -135,9 +135,8 @@ def _within(plan: Plan, blend: float) -> tuple[Plan, Report, bool]:
     return timed, report, motion is flowing
 
 
-def _limits(world: World) -> MotionLimits:
+def _limits(world: World, speeds: Speeds) -> MotionLimits:
     """Limits of a world's motion; the narrowest cone of its task bounds how far the blend turns the tool."""
-    speeds = world.speeds or Speeds()
     cone = min((target.cone for target in world.task if target.direction is not None), default=np.inf)
     return motion_limits(world.robot, speeds, speeds.blend / (TURN_SHARE * cone))
 
