@@ -13,7 +13,7 @@ from regionik.pipeline import search
 from regionik.smoothing.reconnection import Reconnection
 from regionik.timing.corner_rounding import rounded
 from regionik.timing.jerk_limited_timing import stretched
-from regionik.timing.limits import THICKNESS, motion_limits
+from regionik.timing.limits import THICKNESS, MotionLimits, motion_limits
 from regionik.timing.retime import retime
 from regionik.values import Motion
 from regionik.verification.verifier import verify
@@ -51,13 +51,17 @@ def bent(turns: list[float]) -> Motion:
     return motion_of(np.column_stack([base, np.zeros(len(base)), joints]))
 
 
+def rounded_within(limits: MotionLimits, motion: Motion, most: Array) -> Motion:
+    return rounded(limits, motion, np.full(len(motion), limits.blend), most)
+
+
 @settings(max_examples=examples(8))
 @given(st.lists(st.floats(-0.5, 0.5), min_size=3, max_size=12), st.integers(1, 3))
 def test_no_point_leaves_the_motion_by_more_than_asked(turns: list[float], held: int) -> None:
     motion = bent(turns)
     room = np.full(len(motion), ASKED.blend)
     room[held] = 0.0
-    found = rounded(LIMITS, motion, room)
+    found = rounded_within(LIMITS, motion, room)
     q, p = (np.column_stack([one.base, one.joints]) for one in (motion, found))
     assert np.array_equal(p[[0, -1]], q[[0, -1]])
     assert (np.abs(p - q[held]).max(1) == 0).any()
@@ -93,7 +97,7 @@ def test_an_arm_that_turns_against_its_base_has_more_room_than_one_that_turns() 
         q = np.column_stack([motion.base, motion.joints])
         q[:, 3] += 0.2 * np.abs(np.arange(len(q)) - 3)
         q[:, 2] += yaw * (q[:, 3] - q[0, 3])
-        found = rounded(LIMITS, motion_of(q), np.full(len(q), ASKED.blend))
+        found = rounded_within(LIMITS, motion_of(q), np.full(len(q), ASKED.blend))
         swung.append(float(np.abs(found.joints[:, 0] - q[3, 3]).min()))
     assert swung[1] > 1.5 * swung[0] > 0
 
@@ -103,7 +107,7 @@ def test_a_corner_bends_less_the_more_room_there_is() -> None:
     for blend in (1e-5, 1e-4, 1e-3):
         motion = bent([0.0, 0.2, 0.0])
         limits = motion_limits(LIMITS.robot, replace(ASKED, blend=blend))
-        base = rounded(limits, motion, np.full(len(motion), blend)).base[:, :2]
+        base = rounded_within(limits, motion, np.full(len(motion), blend)).base[:, :2]
         hops = np.diff(base, axis=0)
         turn = np.abs(np.diff(np.arctan2(hops[:, 1], hops[:, 0])))
         length = np.linalg.norm(hops, axis=1)
@@ -114,7 +118,7 @@ def test_a_corner_bends_less_the_more_room_there_is() -> None:
 def test_states_without_room_stay_where_they_are() -> None:
     motion = bent([0.0, 0.02, -0.02])
     fast = replace(ASKED, base_velocity=5.0, joint_velocity=100.0, tool_velocity=None)
-    found = rounded(replace(LIMITS, speeds=fast), motion, np.zeros(len(motion)))
+    found = rounded_within(replace(LIMITS, speeds=fast), motion, np.zeros(len(motion)))
     assert len(found) == len(motion)
     assert np.array_equal(found.base, motion.base)
 

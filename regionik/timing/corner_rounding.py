@@ -33,7 +33,7 @@ HELD = 0.1  # part of the distance below which a state stays where it is
 STRAIGHT = 0.15  # part of the distance by which the motion may leave lines between its states
 
 
-def rounded(limits: MotionLimits, motion: Motion, room: Array) -> Motion:
+def rounded(limits: MotionLimits, motion: Motion, room: Array, most: Array) -> Motion:
     """Motion whose corners are rounded, with more states there.
 
     Parameters
@@ -43,8 +43,9 @@ def rounded(limits: MotionLimits, motion: Motion, room: Array) -> Motion:
     motion : Motion
         Both ends of its runs stay where they are.
     room : (n,) array
-        By which any point may leave the motion in its own states, those with hardly any stay where they are;
-        elsewhere by ``limits.blend`` [m].
+        By which any point may leave the motion about each state [m].
+    most : (n,) array
+        By which at most in the state itself; it stays where it is if that is hardly anything [m].
     """
     path = path_of(limits.robot, motion)
     q, moving = path.coordinates, path.lengths > 0
@@ -56,8 +57,8 @@ def rounded(limits: MotionLimits, motion: Motion, room: Array) -> Motion:
     share = (np.arange(own[-1]) - own[segment]) / count[segment]
     before = np.vstack([q[segment] + share[:, None] * change[segment], q[-1:]])
     time = np.append((np.cumsum(span) - span)[segment] + share * span[segment], span.sum())
-    allowed = np.full(len(before), limits.blend)
-    allowed[own] = np.minimum(room, limits.blend)
+    allowed = np.append(np.minimum(room[:-1], room[1:])[segment], 0.0)
+    allowed[own] = np.minimum(room, most)
     after = before.copy()
     for a, b in path.runs:
         rows = slice(int(own[a]), int(own[b]) + 1)
@@ -83,16 +84,17 @@ def _between(limits: MotionLimits, q: Array, own: Index, near: float) -> Index:
 
 def _smoothed(limits: MotionLimits, q: Array, time: Array, allowed: Array) -> Array:
     """States (n, m) at times (n,) of least jerk within distances (n,); the same where none is found."""
-    held, blend = allowed <= HELD * allowed.max(initial=0.0), allowed.max(initial=0.0)
+    held, widest = allowed <= HELD * limits.blend, allowed.max(initial=0.0)
     held[[0, -1]] = True
     if held.all() or len(q) < 4:
         return q
     s, chain = limits.speeds, limits.robot.chain
     least = np.array([s.base_acceleration, s.base_acceleration, s.turn_acceleration])
     lever = np.maximum(np.concatenate([[1.0, 1.0, limits.reach], limits.levers]), SHORTEST_LEVER)
-    pull = (np.concatenate([least, limits.joint_acceleration]) * lever / blend) ** 2
+    pull = (np.concatenate([least, limits.joint_acceleration]) * lever / widest) ** 2
     lower, upper = np.minimum(chain.lower, q[:, 3:]), np.maximum(chain.upper, q[:, 3:])
-    form, weight, best = _jerk_form(time) * max(limits.ramp, RAMP) ** 2, np.ones(len(q)), q
+    form, best = _jerk_form(time) * max(limits.ramp, RAMP) ** 2, q
+    weight = (widest / np.where(held, widest, allowed)) ** 2
     for k in range(ROUNDS[1]):
         weight = np.where(held, WEIGHTS[1], weight)
         found = np.column_stack(

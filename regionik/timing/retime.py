@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -34,7 +35,8 @@ from regionik.worlds.speeds import Speeds
 ROUNDED_CORNER = np.radians(60)  # where corners are rounded first, the robot stops at sharper ones
 TURN_SHARE = 0.25  # of the narrowest cone, by which the smooth path may turn the tool from the motion
 SPARE_CONE = 0.02  # of a set-point, without which its state stays where it is [rad]
-NARROWER = 5.0  # times narrower is the next blend that is tried
+LIFTED = 0.03  # by which points may cut corners with the tool lifted, where nothing is in the way [m]
+NARROWER, NARROWED = 5.0, 8  # times less are corners cut where a rule was broken, in so many tries
 SLOWDOWNS, SPARE = 8, 1e-4  # of the motion, and by how much more
 NEGLIGIBLE = 0.002  # part by which the whole motion may as well be slower
 LOCAL = 4  # of these, the first, about what is too fast alone, each twice as much as the one before
@@ -49,9 +51,9 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, hold: bool = False) -> P
 
     The robot goes on a smooth path through the plan's states, whose points stay within a ``blend`` of the
     motion that was verified. Unless the base rolls, corners are rounded by that, at set-points too as far as
-    their tolerance allows. The robot rests at sharp corners, and where its rounded motion would break a rule
-    of the plan; if there is such a place, narrower blends are tried too, and the fastest motion is taken.
-    States are inserted where the path bends or its acceleration, constant between two, changes.
+    their tolerance allows, and by up to 3 cm where the tool is lifted; by less where the rounded motion would
+    break a rule of the plan. Where that does not help the robot rests, as it does at sharp corners. States
+    are inserted where the path bends or its acceleration, constant between two, changes.
 
     Parameters
     ----------
@@ -87,23 +89,11 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, hold: bool = False) -> P
     asked = speeds or plan.world.speeds or Speeds()
     stats = {key: value for key, value in plan.stats.items() if key not in ("margins", "timing")}
     plan = replace(plan, world=replace(plan.world, speeds=asked), stats=stats)
-    found: list[tuple[Plan, Report]] = []
-    for blend in _blends(asked.blend):
-        try:
-            timed, report, flows = _within(plan, replace(asked, blend=blend))
-        except InputError:  # the smooth path does not keep to so little
-            if not found:
-                raise
-            break
-        if report.ok:
-            found.append((timed, report))
-        if report.ok and flows:
-            break
-    if not found:
+    timed, report = _fastest(plan, asked)
+    if not report.ok:
         raise InputError(
             "plan: its motion breaks its own rules, so no smooth motion next to it keeps them; verify it"
         )
-    timed, report = min(found, key=lambda one: float(one[0].motion.time[-1]))
     limits = _limits(plan.world, asked)
     if hold:
         check_tool_speed(limits, timed.motion)
@@ -111,28 +101,55 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, hold: bool = False) -> P
     return replace(timed, stats={**timed.stats, **figures})
 
 
-def _blends(asked: float) -> Iterator[float]:
-    """An asked blend, and narrower ones down to the usual one, for where there is no room for it [m]."""
-    yield asked
-    while asked > Speeds.blend:
-        asked = max(asked / NARROWER, Speeds.blend)
+def _fastest(plan: Plan, asked: Speeds) -> tuple[Plan, Report]:
+    """The plan timed and its report; with usual corners too, where it had to rest to keep a rule."""
+    limits, found = _limits(plan.world, asked), list[tuple[Plan, Report]]()
+    limits = replace(limits, speeds=replace(asked, blend=min(asked.blend, Speeds.blend)))
+    for room in _rooms(limits, plan.motion, asked.blend):
+        timed, report, flows = _within(limits, plan, room)
+        found.append((timed, report))
+        if report.ok and flows:
+            break
+    return min(found, key=lambda one: (not one[1].ok, float(one[0].motion.time[-1])))
+
+
+def _rooms(limits: MotionLimits, motion: Motion, blend: float) -> Iterator[Array]:
+    """Distances by which points may leave a motion about its states, (n,): as asked, then as usual [m]."""
+    usual = np.full(len(motion), limits.blend)
+    asked = np.where(motion.kind == "transit", max(blend, LIFTED), blend)
+    if _rounds(limits) and (asked > usual).any():
         yield asked
+    yield usual
 
 
-def _within(plan: Plan, speeds: Speeds) -> tuple[Plan, Report, bool]:
-    """The plan timed within the blend of speeds, its report, and whether no rule made it rest anywhere."""
-    limits, blend = _limits(plan.world, speeds), speeds.blend
-    flowing = with_rests(plan.motion, _rests(limits, plan.motion, _room(plan, plan.motion, blend)))
-    motion = flowing
-    for beside in track("timing", BESIDE):
-        timed, report = _verified(limits, plan, _timed(limits, motion, _room(plan, motion, blend)))
+def _within(limits: MotionLimits, plan: Plan, room: Array) -> tuple[Plan, Report, bool]:
+    """The plan timed, its report, and whether no rule made it rest anywhere.
+
+    Points leave the motion by at most the ``room`` (n,) about each state, by less where that breaks a rule,
+    and where that does not help the robot rests [m].
+    """
+    room, most = room.copy(), _most(plan)
+    first = rests = _rests(limits, plan.motion, np.minimum(room, most))
+    widths = iter(BESIDE)
+    for k in track("timing", range(NARROWED + len(BESIDE))):
+        motion, own = with_rests(plan.motion, rests), _twice(len(room), rests)
+        timed, report = _verified(limits, plan, _timed(limits, motion, room[own], most[own]))
         if report.ok:
             break
-        rests = _nearby_states(limits.robot, motion, timed.motion, _worst(report), beside)
-        if not len(rests):
+        near = partial(_nearby_states, limits.robot, motion, timed.motion, _worst(report))
+        broken = own[near(1 + k // 2)]
+        if not len(broken):
             break
-        motion = with_rests(motion, rests)
-    return timed, report, motion is flowing
+        wide = broken[room[broken] > limits.blend]
+        room[wide] = np.maximum(room[wide] / NARROWER, limits.blend)
+        if not len(wide):
+            rests = np.union1d(rests, own[near(next(widths, ALL))])
+    return timed, report, rests is first
+
+
+def _twice(count: int, rests: Index) -> Index:
+    """Which of so many states those of a motion with rests are."""
+    return np.sort(np.append(np.arange(count), rests[rests < count - 1]))
 
 
 def _limits(world: World, speeds: Speeds) -> MotionLimits:
@@ -148,7 +165,7 @@ def _rests(limits: MotionLimits, motion: Motion, room: Array) -> Index:
     rests = path.corners(CORNER, gentle)
     if _rounds(limits):
         sharp = np.isin(rests, path.corners(ROUNDED_CORNER, gentle))
-        rests = rests[sharp | (room[rests] <= HELD * limits.blend)]
+        rests = rests[(sharp & (room[rests] < LIFTED)) | (room[rests] <= HELD * limits.blend)]
     if limits.speeds.tool_velocity is None:
         return rests
     return np.union1d(rests, 1 + np.flatnonzero(np.diff(segments_on_path(motion))))
@@ -181,15 +198,15 @@ def _rounds(limits: MotionLimits) -> bool:
     return not limits.robot.drive.rolls
 
 
-def _room(plan: Plan, motion: Motion, blend: float) -> Array:
-    """Distance by which any point may move in each state of a motion, (n,) [m]."""
-    room, task = np.full(len(motion), blend), plan.world.task
+def _most(plan: Plan) -> Array:
+    """Distance by which any point may move in each state, for the tool to meet its set-point, (n,) [m]."""
+    most, task, motion = np.full(len(plan.motion), np.inf), plan.world.task, plan.motion
     for k, i in _listed(plan, motion):
         tool = plan.world.robot.tool(motion.base[k], motion.joints[k])
         near = plan.world.rules.tolerance - math.dist(tool[:3, 3], task[i].position)
         free = task[i].direction is None or task[i].cone - deviation(task[i], tool[:3, :3]) > SPARE_CONE
-        room[k] = max(near, 0.0) if free else 0.0
-    return room
+        most[k] = max(near, 0.0) if free else 0.0
+    return most
 
 
 def _with_motion(plan: Plan, motion: Motion) -> Plan:
@@ -213,12 +230,12 @@ def _listed(plan: Plan, motion: Motion) -> list[tuple[int, int]]:
     return [(k, i) for k, i in zip(rows.tolist(), motion.setpoint[rows].tolist(), strict=True) if i < count]
 
 
-def _timed(limits: MotionLimits, motion: Motion, room: Array) -> Motion:
+def _timed(limits: MotionLimits, motion: Motion, room: Array, most: Array) -> Motion:
     """Motion with times, through its own states and more; a single state has time 0."""
     if len(motion) == 1:
         return replace(motion, time=np.zeros(1))
     if _rounds(limits):
-        motion = rounded(limits, motion, room)
+        motion = rounded(limits, motion, room, most)
     fine = blended(limits, refined(limits, blended(limits, motion)))
     if limits.speeds.limit_jerk:
         motion = jerk_limited_motion(limits, fine)
