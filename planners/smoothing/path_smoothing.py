@@ -25,7 +25,7 @@ from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.robot import Robot
 
 ROUNDS, REFINEMENTS = 60, 8  # of the programs; of the equations at last
-LEAST_GAIN, PATIENCE = 1e-2, 2  # part of the cost, and rounds in turn that gain less before the last
+LEAST_GAIN, PATIENCE = 2e-2, 2  # part of the cost, and rounds in turn that gain less before the last
 FIRST_TRUST, LEAST_TRUST = 0.3, 1e-3  # largest change of a coordinate in a round [m] or [rad]
 MISS_WEIGHT = 1e4  # of what the equations miss against the mean of the roughness
 LENGTH_COST = 0.05  # of motion itself, against its bending along a metre of path
