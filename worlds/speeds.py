@@ -40,7 +40,8 @@ class Speeds:
     tool_velocity : float, optional
         Of the tool while it works [m/s].
     blend : float
-        By which points of the robot may cut corners, and leave the motion between a plan's states [m].
+        By which points of the robot may cut corners; with the tool lifted it may be more. A timed motion
+        leaves the lines between its own states by no more than this, nor than the default [m].
 
     Examples
     --------
