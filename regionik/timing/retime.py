@@ -102,7 +102,7 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, hold: bool = False) -> P
 
 
 def _fastest(plan: Plan, asked: Speeds) -> tuple[Plan, Report]:
-    """The plan timed and its report; with usual corners too, where it had to rest to keep a rule."""
+    """The plan timed and its report; with usual corners too, where it rests at one that was to be rounder."""
     limits, found = _limits(plan.world, asked), list[tuple[Plan, Report]]()
     limits = replace(limits, speeds=replace(asked, blend=min(asked.blend, Speeds.blend)))
     for room in _rooms(limits, plan.motion, asked.blend):
@@ -122,13 +122,13 @@ def _rooms(limits: MotionLimits, motion: Motion, blend: float) -> Iterator[Array
     yield usual
 
 
-def _within(limits: MotionLimits, plan: Plan, room: Array) -> tuple[Plan, Report, bool]:
-    """The plan timed, its report, and whether no rule made it rest anywhere.
+def _within(limits: MotionLimits, plan: Plan, asked: Array) -> tuple[Plan, Report, bool]:
+    """The plan timed, its report, and whether no rule made it rest where corners were to be rounder.
 
-    Points leave the motion by at most the ``room`` (n,) about each state, by less where that breaks a rule,
-    and where that does not help the robot rests [m].
+    Points leave the motion by at most what is ``asked`` (n,) about each state, by less where that breaks a
+    rule, and where that does not help the robot rests [m].
     """
-    room, most = room.copy(), _most(plan)
+    room, most = asked.copy(), _most(plan)
     first = rests = _rests(limits, plan.motion, np.minimum(room, most))
     widths = iter(BESIDE)
     for k in track("timing", range(NARROWED + len(BESIDE))):
@@ -144,7 +144,7 @@ def _within(limits: MotionLimits, plan: Plan, room: Array) -> tuple[Plan, Report
         room[wide] = np.maximum(room[wide] / NARROWER, limits.blend)
         if not len(wide):
             rests = np.union1d(rests, own[near(next(widths, ALL))])
-    return timed, report, rests is first
+    return timed, report, not (asked[np.setdiff1d(rests, first)] > limits.blend).any()
 
 
 def _twice(count: int, rests: Index) -> Index:
