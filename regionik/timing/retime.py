@@ -89,24 +89,24 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, hold: bool = False) -> P
     asked = speeds or plan.world.speeds or Speeds()
     stats = {key: value for key, value in plan.stats.items() if key not in ("margins", "timing")}
     plan = replace(plan, world=replace(plan.world, speeds=asked), stats=stats)
-    timed, report = _fastest(plan, asked)
+    limits = _limits(plan.world, asked)
+    timed, report = _fastest(limits, plan)
     if not report.ok:
         raise InputError(
             "plan: its motion breaks its own rules, so no smooth motion next to it keeps them; verify it"
         )
-    limits = _limits(plan.world, asked)
     if hold:
         check_tool_speed(limits, timed.motion)
     figures = {"margins": report.margins, "timing": timing_figures(limits, timed.motion)}
     return replace(timed, stats={**timed.stats, **figures})
 
 
-def _fastest(plan: Plan, asked: Speeds) -> tuple[Plan, Report]:
+def _fastest(limits: MotionLimits, plan: Plan) -> tuple[Plan, Report]:
     """The plan timed and its report; with usual corners too, where it rests at one that was to be rounder."""
-    limits, found = _limits(plan.world, asked), list[tuple[Plan, Report]]()
-    limits = replace(limits, speeds=replace(asked, blend=min(asked.blend, Speeds.blend)))
-    for room in _rooms(limits, plan.motion, asked.blend):
-        timed, report, flows = _within(limits, plan, room)
+    usual, found = min(limits.blend, Speeds.blend), list[tuple[Plan, Report]]()
+    near = replace(limits, speeds=replace(limits.speeds, blend=usual))
+    for room in _rooms(near, plan.motion, limits.blend):
+        timed, report, flows = _within(near, plan, room)
         found.append((timed, report))
         if report.ok and flows:
             break
