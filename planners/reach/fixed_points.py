@@ -26,18 +26,10 @@ APART = 1e-6  # what is nearer to the tool's point than this tells nothing new [
 
 
 class PointReach(NamedTuple):
-    """Reach of one point of the tool.
+    """Reach of one point of the tool."""
 
-    Attributes
-    ----------
-    center : (2,) array
-        Where the point is, or the middle of where it may be, seen from above [m].
-    rings : (k, 2) array
-        Distances from it that the pivot axis may have [m].
-    """
-
-    center: Array
-    rings: Array
+    center: Array  # (2,) where the point is, or the middle of where it may be, seen from above [m]
+    rings: Array  # (k, 2) distances from it that the pivot axis may have [m]
 
 
 def fixed_point_reach(chain: Chain, height: float, aim: Aim, *, coarse: bool) -> Iterator[PointReach]:

@@ -18,24 +18,13 @@ ROWS = 256  # bands of the floor that edges are looked up by
 
 
 class FloorParts(NamedTuple):
-    """Edges of a floor by bands of y, as values for kernels; made by `parts_of`.
+    """Edges of a floor by bands of y, as values for kernels; made by `parts_of`."""
 
-    Attributes
-    ----------
-    edges : (m, 4) array
-        Both ends of every edge [m].
-    first : (r + 1,) array of int
-        Band k of the floor meets the edges ``listed[first[k]:first[k + 1]]``.
-    listed : (l,) array of int
-    bottom, height : float
-        Of the lowest band, and of each [m].
-    """
-
-    edges: Array
-    first: Index
-    listed: Index
-    bottom: float
-    height: float
+    edges: Array  # (m, 4) both ends of every edge [m]
+    first: Index  # (r + 1,) band k of the floor meets the edges ``listed[first[k]:first[k + 1]]``
+    listed: Index  # (l,)
+    bottom: float  # of the lowest band [m]
+    height: float  # of each [m]
 
 
 def parts_of(polygons: Sequence[Polygon]) -> FloorParts:
@@ -58,13 +47,7 @@ def parts_of(polygons: Sequence[Polygon]) -> FloorParts:
     listed = np.repeat(np.arange(len(edges)), end - begin + 1)
     order = np.argsort(rows, kind="stable")
     first = np.searchsorted(rows[order], np.arange(ROWS + 1))
-    return FloorParts(
-        edges,
-        first.astype(np.int64),
-        listed[order].astype(np.int64),
-        bottom,
-        height,
-    )
+    return FloorParts(edges, first.astype(np.int64), listed[order].astype(np.int64), bottom, height)
 
 
 @compiled

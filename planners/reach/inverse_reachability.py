@@ -30,20 +30,11 @@ STEPS = 20  # of damped least squares from a sample
 
 
 class PostureSamples(NamedTuple):
-    """Postures drawn within the limits, the pivot at zero.
+    """Postures drawn within the limits, the pivot at zero."""
 
-    Attributes
-    ----------
-    postures : (m, n) array
-    tools : (m, 4, 4) array
-        Tool frame of each in the arm's base frame.
-    reach : float
-        Length that heights are weighed by [m].
-    """
-
-    postures: Array
-    tools: Array
-    reach: float
+    postures: Array  # (m, n)
+    tools: Array  # (m, 4, 4) tool frame of each in the arm's base frame
+    reach: float  # length that heights are weighed by [m]
 
 
 class Tolerances(NamedTuple):

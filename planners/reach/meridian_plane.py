@@ -36,62 +36,31 @@ CORRECTIONS = 40  # Newton steps to the height
 
 
 class Meridian(NamedTuple):
-    """The joints that move the tool in its meridian, for kernels.
+    """The joints that move the tool in its meridian, for kernels: n joints, of which m are active."""
 
-    Attributes
-    ----------
-    arm : SerialArm
-        Of n joints, of which m are active, the pivot at zero.
-    which : (m,) array of int
-        Where these are in the chain's postures.
-    lower, upper : (m,) array
-        Limits; infinite where a joint may turn all round [rad] or [m].
-    levers : (n,) array
-        Largest distance of the tool from each joint's axis in any posture [m]; 1 for sliding joints.
-    speeds : (m,) array
-        Most that the tool moves by the unit speed of each active joint, in any posture.
-    bend : (m, m) array
-        Bound of the tool's second derivative by two active joints, in any posture.
-    hub : (n,) array
-        Point on each axis nearest to the axis before, from the joint's origin [m].
-    """
-
-    arm: SerialArm
-    which: Index
+    arm: SerialArm  # the pivot at zero
+    which: Index  # (m,) where the active joints are in the chain's postures
+    # lower, upper: (m,) limits; infinite where a joint may turn all round [rad] or [m]
     lower: Array
     upper: Array
-    levers: Array
-    speeds: Array
-    bend: Array
-    hub: Array
+    levers: Array  # (n,) most that the tool is off each joint's axis in any posture [m]; 1 for sliding joints
+    speeds: Array  # (m,) most that the tool moves by the unit speed of each active joint, in any posture
+    bend: Array  # (m, m) bound of the tool's second derivative by two active joints, in any posture
+    hub: Array  # (n,) point on each axis nearest to the axis before, from the joint's origin [m]
 
 
 class MeridianTool(NamedTuple):
-    """Position and velocities of the tool in its meridian; scratch space that `tool_motion` fills.
+    """Position and velocities of the tool in its meridian; scratch space that `tool_motion` fills."""
 
-    Attributes
-    ----------
-    at : (2,) array
-        Distance from the pivot axis and height over the arm's base frame [m].
-    out, up, aside : (m,) array
-        Speed outwards, upwards and square to both for each active joint's unit speed.
-    away : (2,) array
-        Direction from the axis to the tool, seen from above.
-    axes : (n, 3) array
-        Joint axes in the arm's base frame.
-    frames : (n + 1, 4, 4) array
-    J : (6, n) array
-        Of each of all joints.
-    """
-
-    at: Array
+    at: Array  # (2,) distance from the pivot axis and height over the arm's base frame [m]
+    # out, up, aside: (m,) speed outwards, upwards and square to both for each active joint's unit speed
     out: Array
     up: Array
     aside: Array
-    away: Array
-    axes: Array
-    frames: Array
-    J: Array
+    away: Array  # (2,) direction from the axis to the tool, seen from above
+    axes: Array  # (n, 3) joint axes in the arm's base frame
+    frames: Array  # (n + 1, 4, 4)
+    J: Array  # (6, n) of each of all joints
 
 
 @lru_cache(maxsize=64)

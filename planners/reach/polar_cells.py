@@ -18,30 +18,14 @@ AROUND = 48  # bearings of a set that is the same at all of them
 
 @dataclass(frozen=True, eq=False)
 class PolarCells:
-    """Cells between neighbouring distances and bearings that have a corner in a set.
+    """Cells between neighbouring distances and bearings that have a corner in a set."""
 
-    Attributes
-    ----------
-    distances : (r,) array
-        Ascending from 0 [m].
-    bearings : (b,) array
-        Evenly round the full turn [rad]; one stands for all.
-    found : (r, b) array of bool
-        Grid points in the set.
-    outward : (r - 1, b) array
-        Share of the edge to the next distance at which it leaves the set.
-    onward : (r, b) array
-        The same of the edge to the next bearing.
-    counted : (r - 1, b) array of bool, optional
-        Cells that count; by default all with corners in the set that share an edge.
-    """
-
-    distances: Array
-    bearings: Array
-    found: Mask
-    outward: Array
-    onward: Array
-    counted: Mask | None = None
+    distances: Array  # (r,) ascending from 0 [m]
+    bearings: Array  # (b,) evenly round the full turn [rad]; one stands for all
+    found: Mask  # (r, b) grid points in the set
+    outward: Array  # (r - 1, b) share of the edge to the next distance at which it leaves the set
+    onward: Array  # (r, b) the same of the edge to the next bearing
+    counted: Mask | None = None  # (r - 1, b) cells that count; None for all whose corners in it share an edge
 
     @cached_property
     def _corners(self) -> Mask:

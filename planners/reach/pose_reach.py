@@ -54,37 +54,20 @@ DIGITS = 12  # of a turn: targets that differ by less are one
 
 
 class PlacedPostures(NamedTuple):
-    """Postures at places of the pivot axis.
+    """Postures at places of the pivot axis."""
 
-    Attributes
-    ----------
-    places : (m, 2) array
-        On the floor [m].
-    yaws : (m,) array
-        Heading of the arm's base frame that the postures are counted from [rad].
-    postures : (m, dof) array
-    """
-
-    places: Array
-    yaws: Array
-    postures: Array
+    places: Array  # (m, 2) on the floor [m]
+    yaws: Array  # (m,) heading of the arm's base frame that the postures are counted from [rad]
+    postures: Array  # (m, dof)
 
 
 @dataclass(frozen=True, eq=False)
 class PoseReach:
-    """Reach of one target.
+    """Reach of one target."""
 
-    Attributes
-    ----------
-    grid, seeds : PlacedPostures
-        Grid points that were found, a posture at each, and the postures from which that began.
-    area : geometry
-        Cells whose corners and middle were all found.
-    """
-
-    grid: PlacedPostures
-    seeds: PlacedPostures
-    area: BaseGeometry
+    grid: PlacedPostures  # grid points that were found, a posture at each
+    seeds: PlacedPostures  # from which that began
+    area: BaseGeometry  # cells whose corners and middle were all found
 
 
 class _Sampled(NamedTuple):
