@@ -169,52 +169,15 @@ def insert_sorted(cuts: Array, count: int, value: float) -> int:
 
 
 @compiled
-def _meeting(s0: float, t0: float, s1: float, t1: float, length: float) -> tuple[bool, float]:
-    """Crossing of an edge with the segment's line, and whether it truly cuts the segment in two.
-
-    An edge end lies ``s`` beside the line and ``t`` along it. The cut is true when all four ends keep
-    more than ``DEPTH`` from the other line, so that no rounding can explain it.
-    """
-    t = t0 + (t1 - t0) * s0 / (s0 - s1)
-    sine = abs(s0 - s1) / np.hypot(s0 - s1, t0 - t1)
-    true_cut = min(abs(s0), abs(s1)) > DEPTH and min(t, length - t) * sine > DEPTH
-    return true_cut, t
-
-
-@compiled
-def _cut(vertices: Array, starts: Index, a: Array, u: Array, length: float, cuts: Array) -> int:
-    """Sorted places along the segment where it may pass from inside to outside.
-
-    Fills ``cuts`` [m] and returns how many there are, or -1 when an edge truly cuts the segment.
-    """
-    count = insert_sorted(cuts, insert_sorted(cuts, 0, 0.0), length)
-    for r in range(len(starts) - 1):
-        x, y = vertices[starts[r + 1] - 1, 0] - a[0], vertices[starts[r + 1] - 1, 1] - a[1]
-        s0, t0 = x * u[1] - y * u[0], x * u[0] + y * u[1]
-        for k in range(starts[r], starts[r + 1]):
-            x, y = vertices[k, 0] - a[0], vertices[k, 1] - a[1]
-            s1, t1 = x * u[1] - y * u[0], x * u[0] + y * u[1]
-            beside = min(s0, s1) > DEPTH or max(s0, s1) < -DEPTH
-            if not (beside or max(t0, t1) < -DEPTH or min(t0, t1) > length + DEPTH):
-                if (s0 < 0.0) != (s1 < 0.0):
-                    true_cut, t = _meeting(s0, t0, s1, t1, length)
-                    if true_cut:
-                        return -1
-                    if 0.0 < t < length:
-                        count = insert_sorted(cuts, count, t)
-                if abs(s0) <= DEPTH and 0.0 < t0 < length:
-                    count = insert_sorted(cuts, count, t0)
-                if abs(s1) <= DEPTH and 0.0 < t1 < length:
-                    count = insert_sorted(cuts, count, t1)
-            s0, t0 = s1, t1
-    return count
-
-
-@compiled
 def _crossings(
     vertices: Array, starts: Index, a: Array, u: Array, length: float, cuts: Array, count: int
-) -> int:
-    """Put the places where edges touch or cross a segment among the sorted cuts; returns their number."""
+) -> tuple[int, bool]:
+    """Put the places where edges touch or cross a segment among the sorted ``cuts`` [m].
+
+    Returns their number, and whether an edge truly cuts the segment in two: all four ends keep more than
+    ``DEPTH`` from the other line, so that no rounding can explain it.
+    """
+    true_cut = False
     for r in range(len(starts) - 1):
         x, y = vertices[starts[r + 1] - 1, 0] - a[0], vertices[starts[r + 1] - 1, 1] - a[1]
         s0, t0 = x * u[1] - y * u[0], x * u[0] + y * u[1]
@@ -225,10 +188,13 @@ def _crossings(
                 t = t0 + (t1 - t0) * s0 / (s0 - s1)
                 if 0.0 < t < length:
                     count = insert_sorted(cuts, count, t)
+                    sine = abs(s0 - s1) / np.hypot(s0 - s1, t0 - t1)
+                    if min(abs(s0), abs(s1)) > DEPTH and min(t, length - t) * sine > DEPTH:
+                        true_cut = True
             if abs(s1) <= DEPTH and 0.0 < t1 < length:
                 count = insert_sorted(cuts, count, t1)
             s0, t0 = s1, t1
-    return count
+    return count, true_cut
 
 
 @compiled
@@ -250,8 +216,8 @@ def segment_in_either(
     a, u = np.array([ax, ay]), np.array([bx - ax, by - ay]) / max(length, DEPTH)
     cuts = np.empty(2 * (len(one) + len(other)) + 2)
     count = insert_sorted(cuts, insert_sorted(cuts, 0, 0.0), length)
-    count = _crossings(one, one_starts, a, u, length, cuts, count)
-    count = _crossings(other, other_starts, a, u, length, cuts, count)
+    count, _ = _crossings(one, one_starts, a, u, length, cuts, count)
+    count, _ = _crossings(other, other_starts, a, u, length, cuts, count)
     for k in range(count - 1):
         t = 0.5 * (cuts[k] + cuts[k + 1])
         x, y = ax + t * u[0], ay + t * u[1]
@@ -273,11 +239,14 @@ def segment_inside(vertices: Array, starts: Index, ax: float, ay: float, bx: flo
         return _within(vertices, starts, ax, ay) and _within(vertices, starts, bx, by)
     a = np.array([ax, ay])
     u = np.array([(bx - ax) / length, (by - ay) / length])
-    cuts = np.empty(3 * len(vertices) + 2)
-    count = _cut(vertices, starts, a, u, length, cuts)
+    cuts = np.empty(2 * len(vertices) + 2)
+    count = insert_sorted(cuts, insert_sorted(cuts, 0, 0.0), length)
+    count, true_cut = _crossings(vertices, starts, a, u, length, cuts, count)
+    if true_cut:
+        return False
     for k in range(count - 1):
         if cuts[k + 1] - cuts[k] > DEPTH:
             t = 0.5 * (cuts[k] + cuts[k + 1])
             if not _within(vertices, starts, a[0] + t * u[0], a[1] + t * u[1]):
                 return False
-    return count > 0
+    return True
