@@ -76,14 +76,10 @@ def _edges(ring: list[int]) -> list[tuple[int, int]]:
     return list(zip(ring, ring[1:] + ring[:1], strict=True))
 
 
-def _area(corners: Array) -> float:
-    x, y = (corners - corners[0]).T
-    return float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) / 2)
-
-
 def _is_convex(corners: Array) -> bool:
     # By area, because turning angles say nothing where corners lie a rounding error apart.
-    return bool(shapely.convex_hull(shapely.multipoints(corners)).area - abs(_area(corners)) < _FLAT)
+    ring = shapely.polygons(corners)
+    return bool(shapely.area(shapely.convex_hull(ring)) - shapely.area(ring) < _FLAT)
 
 
 def hull_corners(corners: Array) -> Array:

@@ -96,32 +96,14 @@ def cut(path: Array, step: float) -> Array:
     return points
 
 
-@compiled
 def spread_along(path: Array, step: float, parts: int) -> tuple[Array, Array]:
     """Shares of a path's length that cut its legs to steps, and the path to at least so many parts.
 
     Returns the shares strictly between 0 and 1, (n,), and the points there, (n, 2) [m].
     """
     points = cut(path, step)
-    lengths = np.zeros(len(points))
-    for k in range(1, len(points)):
-        way = np.hypot(points[k, 0] - points[k - 1, 0], points[k, 1] - points[k - 1, 1])
-        lengths[k] = lengths[k - 1] + way
-    total = lengths[-1]
-    shares = np.empty(len(points) + parts)
-    shares[: len(points)] = lengths / total if total > 0 else 0.0 * lengths
-    shares[len(points) :] = np.arange(parts) * (1.0 / max(parts, 1))
-    shares = np.sort(shares)
-    kept, last = np.empty(len(shares)), 0.0
-    n = 0
-    for share in shares:
-        if share - last > 1e-9 and share < 1.0:
-            kept[n] = share
-            n += 1
-        last = share
-    places = np.empty((n, 2))
-    places[:] = points[0]
-    if total > 0:
-        for d in range(2):
-            places[:, d] = np.interp(kept[:n] * total, lengths, points[:, d].copy())
-    return kept[:n], places
+    lengths = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
+    total = float(lengths[-1])
+    shares = np.sort(np.append(lengths / (total or 1.0), np.arange(parts) * (1.0 / max(parts, 1))))
+    kept = shares[(np.diff(shares, prepend=0.0) > 1e-9) & (shares < 1.0)]
+    return kept, np.column_stack([np.interp(kept * total, lengths, row) for row in points.T])
