@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from regionik.cli import app
 from regionik.output.field_file import write_field
-from regionik.planners.geometry.grid_counts import count_rings
-from regionik.reachability.field import MOST_CELLS, Field, reach_field, reach_slice
+from regionik.reachability.field import MOST_CELLS, Field, count_rings, reach_field, reach_slice
 from regionik.reachability.reach import reach
 from regionik.regions import admissible_area
 from regionik.worlds.arrays import Array

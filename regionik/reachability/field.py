@@ -13,7 +13,6 @@ from regionik.areas.ground import GUARD, Side
 from regionik.areas.reach_model import ReachModel
 from regionik.areas.reachable import reach_model, reach_rows
 from regionik.areas.standing import anywhere, by_heading, outer_by_heading
-from regionik.planners.geometry.grid_counts import count_rings
 from regionik.postures.families import BACK, FRONT
 from regionik.regions import checked_targets, path_areas
 from regionik.worlds.arrays import Array, frozen
@@ -187,6 +186,20 @@ def _counted(
     if isinstance(targets, list) or not _model(world).turns_freely(world.rules, side.span):
         return _count_areas(world, _as_targets(targets), side, free, x, y)
     return count_rings(targets[:, :2], _distances(world, targets[:, 2], inner=True), x, y, free)
+
+
+def count_rings(
+    centers: Array, spans: list[Array], x: Array, y: Array, free: NDArray[np.bool_]
+) -> NDArray[np.int32]:
+    """Count, for each free cell, the centers (n, 2) that are as far off as one of their spans (k, 2) says."""
+    count = np.zeros(free.shape, dtype=np.int32)
+    for (cx, cy), own in zip(centers, spans, strict=False):
+        far = own[:, 1].max(initial=0.0)
+        rows, columns = np.flatnonzero(np.abs(y - cy) <= far), np.flatnonzero(np.abs(x - cx) <= far)
+        off = np.hypot(x[columns] - cx, y[rows, None] - cy)[..., None]
+        count[np.ix_(rows, columns)] += ((own[:, 0] <= off) & (off <= own[:, 1])).any(axis=-1)
+    count[~free] = 0
+    return count
 
 
 def _model(world: World) -> ReachModel:
