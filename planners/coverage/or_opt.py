@@ -26,16 +26,9 @@ SHRINK = 0.97  # of a step that did not raise the bound
 
 
 def improved_tour(far: Array) -> Index:
-    """Return a short closed tour through all nodes, from the nearest-neighbour tour on.
+    """Return a short closed tour (n,) through all nodes, from the nearest-neighbour tour on.
 
-    Parameters
-    ----------
-    far : (n, n) array
-        Symmetric weights, n at least 8.
-
-    Returns
-    -------
-    (n,) array of int
+    The weights ``far`` (n, n) are symmetric, n is at least 8.
     """
     n = len(far)
     near = np.argsort(far + np.diag(np.full(n, np.inf)), axis=1, kind="stable")[:, : min(NEIGHBOURS, n - 1)]
@@ -49,15 +42,7 @@ def improved_tour(far: Array) -> Index:
 
 @compiled
 def one_tree_bound(far: Array, upper: float) -> float:
-    """Lower bound of the length of every closed tour.
-
-    Parameters
-    ----------
-    far : (n, n) array
-        Symmetric.
-    upper : float
-        Length of a tour that is known.
-    """
+    """Lower bound of the length of closed tours by symmetric weights (n, n); ``upper`` is that of one."""
     n = len(far)
     price, best, scale = np.zeros(n), -np.inf, 1.0
     degree = np.zeros(n, dtype=np.int64)
@@ -142,39 +127,34 @@ def _search(far: Array, near: Index, tour: Index, cuts: Index) -> None:
     awake = np.ones(n, dtype=np.bool_)
     queue = tour.copy()
     _improve(far, near, tour, place, awake, queue, n)
-    kept, part = tour.copy(), np.empty(SPREAD, dtype=np.int64)
+    kept = tour.copy()
     for k in range(len(cuts)):
         first, p, q = cuts[k]
         if p == q:
             continue
-        change = _double_bridge(far, tour, place, part, first, p, q)
-        for m, at in enumerate(
-            (first, first + 1, first + q - p, first + q - p + 1, first + q, first + q + 1)
-        ):
-            queue[m] = tour[at % n]
+        change = _double_bridge(far, tour, place, first, p, q)
+        for m, at in enumerate((0, 1, q - p, q - p + 1, q, q + 1)):
+            queue[m] = tour[(first + at) % n]
             awake[queue[m]] = True
         change -= _improve(far, near, tour, place, awake, queue, 6)
         if change <= 0.0:
             kept[:] = tour
         else:
             tour[:] = kept
-            for i in range(n):
-                place[kept[i]] = i
+            place[kept] = np.arange(n)
 
 
 @compiled
-def _double_bridge(far: Array, tour: Index, place: Index, part: Index, first: int, p: int, q: int) -> float:
+def _double_bridge(far: Array, tour: Index, place: Index, first: int, p: int, q: int) -> float:
     """Swap the p nodes after a place with those from there up to q after it; how much longer that is."""
     n = len(tour)
     a, b = tour[first], tour[(first + 1) % n]
     c, d = tour[(first + p) % n], tour[(first + p + 1) % n]
     e, f = tour[(first + q) % n], tour[(first + q + 1) % n]
-    for m in range(q):
-        part[m] = tour[(first + 1 + (m + p) % q) % n]
-    for m in range(q):
-        at = (first + 1 + m) % n
-        tour[at] = part[m]
-        place[part[m]] = at
+    between = (first + 1 + np.arange(q)) % n
+    part = tour[between]
+    tour[between] = np.concatenate((part[p:], part[:p]))
+    place[tour[between]] = between
     longer: float = far[a, d] + far[e, b] + far[c, f] - far[a, b] - far[c, d] - far[e, f]
     return longer
 
@@ -267,23 +247,12 @@ def _move(far: Array, near: Index, tour: Index, place: Index, a: int, ends: Inde
 @compiled
 def _insert(tour: Index, place: Index, a: int, turn: int, length: int, c: int, side: int) -> None:
     """Take out the nodes from a on, and put them back beside c on one side, a next to c."""
-    n, start = len(tour), place[a]
-    part = np.empty(length, dtype=np.int64)
-    for m in range(length):
-        part[m] = tour[(start + turn * m) % n]
-    rest, m = np.empty(n, dtype=np.int64), 0
-    for k in range(length, n):  # all others, on from the last of them, in the direction of the part
-        node = tour[(start + turn * k) % n]
-        if node == c and side != turn:
-            for i in range(length):
-                rest[m + i] = part[length - 1 - i]
-            m += length
-        rest[m] = node
-        m += 1
-        if node == c and side == turn:
-            for i in range(length):
-                rest[m + i] = part[i]
-            m += length
-    for k in range(n):
-        tour[k] = rest[k]
-        place[rest[k]] = k
+    n = len(tour)
+    onward = tour[(place[a] + turn * np.arange(n)) % n]  # the part, then all others in its direction
+    part, rest = onward[:length], onward[length:]
+    at = (place[c] - place[a]) * turn % n - length
+    if side == turn:
+        tour[:] = np.concatenate((rest[: at + 1], part, rest[at + 1 :]))
+    else:
+        tour[:] = np.concatenate((rest[:at], part[::-1], rest[at:]))
+    place[tour] = np.arange(n)

@@ -122,16 +122,9 @@ def shortest_tour_of_sets(
 
 
 def shortest_choice(distance: Array, layers: Sequence[Index], lead: Array, tail: Array) -> list[int]:
-    """Points, one of each layer, through which a tour of the layers in their order is shortest.
+    """Points, one of each layer (k,), through which a tour of the layers in their order is shortest.
 
-    Parameters
-    ----------
-    distance : (m, m) array
-        [m].
-    layers : sequence of (k,) arrays of int
-        Points of each.
-    lead, tail : (m,) arrays
-        As of `shortest_order`.
+    The other arguments are those of `shortest_tour_of_sets`.
     """
     steps = (distance[np.ix_(here, there)] for here, there in pairwise(layers))
     chosen = _cheapest_through(lead[layers[0]], steps, tail[layers[-1]])
@@ -169,7 +162,7 @@ def _closed(far: Array, first: Array, last: Array) -> Array:
     return weights
 
 
-def _held_karp(far: Array, first: Array, last: Array | None = None, owner: Index | None = None) -> list[int]:
+def _held_karp(far: Array, first: Array, last: Array, owner: Index | None = None) -> list[int]:
     """Shortest order: C(S, k) = min over m of C(S - k, m) + d(m, k) (Held and Karp 1962).
 
     S are the sets of points that are visited, k the point that one of these is visited at.
@@ -188,7 +181,7 @@ def _held_karp(far: Array, first: Array, last: Array | None = None, owner: Index
         ways = cost[:, None] + far
         before[seen] = np.argmin(ways, axis=0)
         on[seen] = ways[before[seen], column]
-    k = int(np.argmin(cost if last is None else cost + last))
+    k = int(np.argmin(cost + last))
     seen, order = full, [k]
     while seen != bit[k]:
         seen &= ~int(bit[k])
@@ -197,12 +190,9 @@ def _held_karp(far: Array, first: Array, last: Array | None = None, owner: Index
     return order[::-1]
 
 
-def _open_length(order: Sequence[int] | Index, far: Array, first: Array, last: Array | None = None) -> float:
+def _open_length(order: Sequence[int] | Index, far: Array, first: Array, last: Array) -> float:
     way = np.asarray(order, dtype=np.intp)
-    if not len(way):
-        return 0.0
-    end = 0.0 if last is None else last[way[-1]]
-    return float(first[way[0]] + far[way[:-1], way[1:]].sum() + end)
+    return float(first[way[:1]].sum() + far[way[:-1], way[1:]].sum() + last[way[-1:]].sum())
 
 
 def short_tour(regions: Sequence[BaseGeometry], start: Array | None) -> Array:
@@ -210,10 +200,6 @@ def short_tour(regions: Sequence[BaseGeometry], start: Array | None) -> Array:
 
     The best tour through some points of each region (dynamic programming), then each point moved to where the
     tour is shortest while its neighbours stay, until that gains nothing. It is not proven the shortest.
-
-    Parameters
-    ----------
-    start : (2,) array or None
     """
     points = _best_of_samples([_sampled(region) for region in regions], start)
     for _ in range(ROUNDS):
