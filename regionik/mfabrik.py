@@ -22,9 +22,9 @@ from regionik.areas.ground import EVERY
 from regionik.areas.reach_model import ReachModel
 from regionik.areas.reachable import reach_model
 from regionik.planners.geometry.polygons import FlatPolygon
-from regionik.planners.solvers.base_placement import FACE_TARGET, FIXED, FREE, Turning, share_turn
+from regionik.planners.solvers.base_placement import FACE_TARGET, FIXED, FREE, BaseArea, Turning, share_turn
 from regionik.planners.solvers.mfabrik_planar import solve_planar, solve_planar_along, solve_planar_many
-from regionik.planners.solvers.planar_setup import Record
+from regionik.planners.solvers.planar_setup import PlanarSetup
 from regionik.postures.arm import ANGLE_SLACK, Arm, Reached, goal_of
 from regionik.postures.families import FRONT, Family
 from regionik.postures.planar_solver import PlanarSolver
@@ -131,8 +131,8 @@ class Solver:
             return self._general(_asked(target), here, now, mobile=mobile)
         point = target.position if isinstance(target, Target) else target
         point = _numbers(point, 3, "target: position")
-        area = self._flat
-        error, passes, met = solve_planar(self._setup, area.vertices, area.starts, mobile, point, here, now)
+        area = BaseArea(self._flat.vertices, self._flat.starts, mobile)
+        error, passes, met = solve_planar(self._setup, area, point, here, now)
         return Configuration(here, now, error, passes, met)
 
     def least_change(self, target: Target | ArrayLike, base: Array, joints: Array) -> Configuration | None:
@@ -188,7 +188,7 @@ class Solver:
         bases : (n, 3) array_like
         joints : (n, dof) array_like
         """
-        dof, area = self.robot.chain.dof, self._flat
+        dof = self.robot.chain.dof
         if isinstance(targets, Sequence) and all(isinstance(target, Target) for target in targets):
             rows = [self(*row) for row in zip(targets, np.asarray(bases), np.asarray(joints), strict=True)]
             return _batch(rows, dof)
@@ -199,12 +199,13 @@ class Solver:
         )
         if self._setup is None:
             return _batch([self(*row) for row in zip(points, here, now, strict=True)], dof)
-        errors, passes, met = solve_planar_many(self._setup, area.vertices, area.starts, points, here, now)
+        area = BaseArea(self._flat.vertices, self._flat.starts, mobile=True)
+        errors, passes, met = solve_planar_many(self._setup, area, points, here, now)
         return Batch(here, now, errors, passes, met)
 
     @cached_property
-    def _setup(self) -> Record | None:
-        """Record for the compiled solver; None where arm or criteria are beyond it."""
+    def _setup(self) -> PlanarSetup | None:
+        """Setup of the compiled solver; None where arm or criteria are beyond it."""
         arm = self._arm
         if not isinstance(arm, PlanarSolver) or arm.asked or self._kept.chain is not self.robot.chain:
             return None

@@ -12,13 +12,12 @@ from regionik.planners.kernels import compiled
 from regionik.planners.solvers.fabrik import (
     ANY,
     Knots,
-    PlanarLinks,
     backward_reaching,
     forward_reaching,
     knots_at,
 )
 from regionik.planners.solvers.mfabrik_planar import PATIENCE, STALLED
-from regionik.planners.solvers.planar_setup import Record, links_of
+from regionik.planners.solvers.planar_setup import PlanarSetup
 from regionik.postures.arm import MOST_PASSES
 from regionik.worlds.arrays import Array
 
@@ -28,15 +27,21 @@ STEPS = 100  # before a target is given up
 
 @compiled
 def damped_steps(
-    setup: Record, bounds: Array, targets: Array, bases: Array, joints: Array, tolerance: float, errors: Array
+    arm: PlanarSetup,
+    bounds: Array,
+    targets: Array,
+    bases: Array,
+    joints: Array,
+    tolerance: float,
+    errors: Array,
 ) -> None:
     """Full steps of damped least squares over base and arm, joints to joints; overwrites the last three.
 
-    ``setup`` is a solver's, and ``bounds`` (8, 2) the limits to which every step is clipped,
+    ``arm`` is a solver's setup, and ``bounds`` (8, 2) the limits to which every step is clipped,
     base first. The arm must stand on the axis about which the base turns.
     """
-    J, arm = np.zeros((3, 8)), setup[0]
-    l0, l1, l2 = arm.lengths
+    J = np.zeros((3, 8))
+    l0, l1, l2 = arm.links.lengths
     for k in range(len(targets)):
         base, q, target = bases[k], joints[k], targets[k]
         errors[k] = np.inf
@@ -48,7 +53,7 @@ def damped_steps(
             c = b + arm.sign[2] * q[3] + arm.offset[2]
             r0, r1, r2 = l0 * np.cos(a), l1 * np.cos(b), l2 * np.cos(c)
             z0, z1, z2 = l0 * np.sin(a), l1 * np.sin(b), l2 * np.sin(c)
-            r, z = arm.shoulder[0] + r0 + r1 + r2, arm.shoulder[1] + z0 + z1 + z2
+            r, z = arm.links.shoulder[0] + r0 + r1 + r2, arm.links.shoulder[1] + z0 + z1 + z2
             e0, e1, e2 = target[0] - x - r * u, target[1] - y - r * v, target[2] - z
             errors[k] = np.sqrt(e0 * e0 + e1 * e1 + e2 * e2)
             if errors[k] <= tolerance:
@@ -85,17 +90,15 @@ def damped_steps(
 
 
 @compiled
-def begun(setup: Record, joints: Array) -> tuple[PlanarLinks, Knots]:
-    """Links, and knots of a start."""
-    arm = setup[0]
-    links = links_of(arm)
+def begun(arm: PlanarSetup, joints: Array) -> Knots:
+    """Knots of a start."""
     a = arm.sign[0] * joints[1] + arm.offset[0]
     b = arm.sign[1] * joints[2] + arm.offset[1]
-    return links, knots_at(links, (a, b, arm.sign[2] * joints[3] + arm.offset[2]))
+    return knots_at(arm.links, (a, b, arm.sign[2] * joints[3] + arm.offset[2]))
 
 
 def passes_with_shapely(
-    setup: Record,
+    setup: PlanarSetup,
     area: BaseGeometry,
     edge: BaseGeometry,
     target: Array,
@@ -108,9 +111,9 @@ def passes_with_shapely(
     ``edge`` is the area's prepared boundary. The arm must stand on the axis about which the base turns.
     Returns error [m], passes and the arm axis [m], of the first start alone.
     """
-    links, knots = begun(setup, joints)
+    links, knots = setup.links, begun(setup, joints)
     (x, y, yaw), (tx, ty, tz) = base.tolist(), target.tolist()
-    plane = yaw + setup[0]["plane_zero"] + joints[0]
+    plane = yaw + setup.plane_zero + joints[0]
     miss = x + knots[4] * math.cos(plane) - tx, y + knots[4] * math.sin(plane) - ty, knots[5] - tz
     error, passes = math.hypot(*miss), 0
     settled = shapely.intersects_xy(area, x, y)

@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.planners.kernels import compiled
-from regionik.worlds.arrays import Array
 
 Pair = tuple[float, float]
 Triple = tuple[float, float, float]
@@ -44,24 +43,16 @@ class PlanarLinks(NamedTuple):
     limits: tuple[BendLimits, BendLimits, BendLimits]
 
 
-def limit_vectors(lower: Array, upper: Array) -> Array:
-    """Limits of bends (m,), (m,) [rad] as rows (m, 7) of the numbers of `BendLimits`."""
-    rows = []
-    for low, high in zip(lower.tolist(), upper.tolist(), strict=True):
-        if np.isinf(low) != np.isinf(high):  # bends are then counted within half a turn of zero
-            low, high = (low, max(low, np.pi)) if np.isinf(high) else (min(high, -np.pi), high)
-        wide = high - low
-        middle = 0.0 if np.isinf(wide) else 0.5 * (low + high)
-        signs = 0.0 if wide >= 2 * np.pi else 1.0 if wide >= np.pi else 3.0
-        angles = (middle, low, high) if signs else (0.0, 0.0, 0.0)
-        rows.append([turn(angle) for angle in angles for turn in (np.cos, np.sin)] + [signs])
-    return np.array(rows, dtype=np.float64)
-
-
-@compiled
-def bend_limits(row: Array) -> BendLimits:
-    """`BendLimits` from a row of `limit_vectors`."""
-    return BendLimits((row[0], row[1]), (row[2], row[3]), (row[4], row[5]), row[6])
+def bend_limits(low: float, high: float) -> BendLimits:
+    """Limits of a bend [rad] as unit vectors."""
+    if np.isinf(low) != np.isinf(high):  # bends are then counted within half a turn of zero
+        low, high = (low, max(low, np.pi)) if np.isinf(high) else (min(high, -np.pi), high)
+    wide = high - low
+    if wide >= 2 * np.pi:
+        return BendLimits((1.0, 0.0), (1.0, 0.0), (1.0, 0.0), 0.0)
+    angles = np.array([0.5 * (low + high), low, high])
+    middle, lower, upper = zip(np.cos(angles).tolist(), np.sin(angles).tolist(), strict=True)
+    return BendLimits(middle, lower, upper, 1.0 if wide >= np.pi else 3.0)
 
 
 @compiled

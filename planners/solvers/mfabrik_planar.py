@@ -13,7 +13,7 @@ import numpy as np
 
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.kernels import compiled
-from regionik.planners.solvers.base_placement import BaseArea, Turning, move_to_area
+from regionik.planners.solvers.base_placement import BaseArea, move_to_area
 from regionik.planners.solvers.fabrik import (
     ANY,
     Knots,
@@ -35,12 +35,9 @@ from regionik.planners.solvers.planar_kinematics import (
 from regionik.planners.solvers.planar_setup import (
     PlanarSetup,
     PlanarState,
-    Record,
-    linkage_of,
-    links_of,
+    at_heading,
     state_of,
     to_axis,
-    turning_of,
     write_state,
 )
 from regionik.worlds.arrays import Array, Index, Mask
@@ -203,69 +200,44 @@ def _widest(
 
 @compiled
 def solve_planar(
-    setup: Record, vertices: Array, rings: Index, mobile: bool, target: Array, base: Array, joints: Array
+    setup: PlanarSetup, area: BaseArea, target: Array, base: Array, joints: Array
 ) -> tuple[float, int, bool]:
     """Move base (3,) and joints (dof,), which are overwritten, so that the tool reaches a target (3,).
-
-    Parameters
-    ----------
-    setup : (1,) array
-        Of `record_of`.
-    vertices, rings, mobile
-        As in `BaseArea`.
-    target, base, joints : arrays
-        Finite.
 
     Returns
     -------
     error [m], passes, True where the target is met at a heading within its span
     """
-    one = setup[0]
-    return _solve(one, turning_of(one), BaseArea(vertices, rings, mobile), target, base, joints)
-
-
-@compiled
-def _solve(
-    setup: PlanarSetup, turning: Turning, area: BaseArea, target: Array, base: Array, joints: Array
-) -> tuple[float, int, bool]:
-    """`solve_planar` with a turning of its own."""
-    arm, links = linkage_of(setup), links_of(setup)
     goal = PlanarGoal((target[0], target[1], target[2]), setup.facing, setup.pitch, setup.tolerance)
     start = state_of(setup, base, joints)
-    error, passes, found = planar_restarts(arm, links, setup.restarts, area, goal, start, setup.max_passes)
-    fits = write_state(setup, turning, found, start.bends, base, joints)
+    error, passes, found = planar_restarts(
+        setup.plane, setup.links, setup.restarts, area, goal, start, setup.max_passes
+    )
+    fits = write_state(setup, found, start.bends, base, joints)
     return error, passes, fits and error <= goal.tolerance
 
 
 @compiled
-def least_change(setup: Record, target: Array, base: Array, joints: Array) -> tuple[float, bool]:
+def least_change(setup: PlanarSetup, target: Array, base: Array, joints: Array) -> tuple[float, bool]:
     """The posture on a target whose bends change least, the arm axis held; overwrites base and joints.
 
     Returns the largest change of a bend, infinite where there is no such posture [rad], and whether the
     heading is within its span.
     """
-    return _least_change(setup[0], turning_of(setup[0]), target, base, joints)
-
-
-@compiled
-def _least_change(
-    setup: PlanarSetup, turning: Turning, target: Array, base: Array, joints: Array
-) -> tuple[float, bool]:
-    """`least_change` with a turning of its own."""
     start, bends, near = state_of(setup, base, joints), np.empty(3), np.empty(3)
     near[0], near[1], near[2] = start.bends
     dx, dy = target[0] - start.x, target[1] - start.y
     r, yaw = setup.facing * np.hypot(dx, dy), math.atan2(setup.facing * dy, setup.facing * dx)
-    change = nearest_posture(linkage_of(setup), setup.pitch, r, target[2], near, bends)
+    change = nearest_posture(setup.plane, setup.pitch, r, target[2], near, bends)
     if not np.isfinite(change):
         return change, False
     found = PlanarState(start.x, start.y, yaw, (bends[0], bends[1], bends[2]))
-    return change, write_state(setup, turning, found, start.bends, base, joints)
+    return change, write_state(setup, found, start.bends, base, joints)
 
 
 @compiled
 def solve_planar_many(
-    setup: Record, vertices: Array, rings: Index, targets: Array, bases: Array, joints: Array
+    setup: PlanarSetup, area: BaseArea, targets: Array, bases: Array, joints: Array
 ) -> tuple[Array, Index, Mask]:
     """`solve_planar` for rows of targets (n, 3), bases (n, 3) and joints (n, dof), the last two overwritten.
 
@@ -276,15 +248,13 @@ def solve_planar_many(
     n = len(targets)
     errors, passes, met = np.empty(n), np.empty(n, np.int64), np.empty(n, np.bool_)
     for k in range(n):
-        errors[k], passes[k], met[k] = solve_planar(
-            setup, vertices, rings, True, targets[k], bases[k], joints[k]
-        )
+        errors[k], passes[k], met[k] = solve_planar(setup, area, targets[k], bases[k], joints[k])
     return errors, passes, met
 
 
 @compiled
 def solve_planar_along(
-    setup: Record, targets: Array, places: Array, wished: Array, bend: float, base: Array, joints: Array
+    setup: PlanarSetup, targets: Array, places: Array, wished: Array, bend: float, base: Array, joints: Array
 ) -> tuple[Array, Array]:
     """Base poses (k, 3) and joints (k, dof) along a path, each from the one before, until none is found.
 
@@ -303,24 +273,23 @@ def solve_planar_along(
     base, joints : (3,), (dof,) arrays
         The state before the first.
     """
-    one, free = setup[0], turning_of(setup[0])
     held = BaseArea(NO_VERTICES, NO_RINGS, False)
     bases, postures = places.copy(), wished.copy()
     yaw, pivot = base[2], joints[0]
     for i in range(len(targets)):
-        turning, near = free, wished[i].copy()
+        one, near = setup, wished[i].copy()
         near[0] = pivot
         if np.isnan(places[i, 2]):
-            dx, dy = to_axis(one, yaw)
+            dx, dy = to_axis(setup, yaw)
             bases[i, 0], bases[i, 1], bases[i, 2] = places[i, 0] - dx, places[i, 1] - dy, yaw
         else:
-            turning = Turning(free.lower, free.upper, free.heading, places[i, 2], places[i, 2])
+            one = at_heading(setup, places[i, 2])
         start = bases[i].copy()
         postures[i] = near
-        _, _, met = _solve(one, turning, held, targets[i], bases[i], postures[i])
+        _, _, met = solve_planar(one, held, targets[i], bases[i], postures[i])
         if not met or np.abs(postures[i, 1:] - near[1:]).max() > bend:
             bases[i], postures[i] = start, near
-            _, met = _least_change(one, turning, targets[i], bases[i], postures[i])
+            _, met = least_change(one, targets[i], bases[i], postures[i])
             if not met:
                 return bases[:i], postures[:i]
         if not np.isnan(places[i, 2]):

@@ -9,11 +9,10 @@ import numpy as np
 
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.polygons import FlatPolygon
-from regionik.planners.solvers.base_placement import FIXED, Turning
-from regionik.planners.solvers.fabrik import limit_vectors
+from regionik.planners.solvers.base_placement import FIXED, BaseArea, Turning
 from regionik.planners.solvers.mfabrik_planar import least_change, solve_planar
 from regionik.planners.solvers.planar_kinematics import PlanarLinkage, self_motion
-from regionik.planners.solvers.planar_setup import PlanarSetup, Record, record_of
+from regionik.planners.solvers.planar_setup import PlanarSetup, links_of
 from regionik.planners.solvers.posture_criteria import (
     COMFORT,
     Thresholds,
@@ -44,31 +43,22 @@ class PlanarSolver:
         lower, upper = within_half_turns(self.arm.lower, self.arm.upper)
         return lower + _SPREAD * (upper - lower)
 
-    def setup(self, mount: Array, turning: Turning) -> Record:
+    def setup(self, mount: Array, turning: Turning) -> PlanarSetup:
         """Return the arm on a base as kernels take it, without the thresholds.
 
         The mount (4,) is the arm's base in the base frame: x, y, z [m], yaw [rad].
         """
-        arm, plane, family = self.arm, self.plane, self.family
+        arm, family = self.arm, self.family
         zero = float(arm.pivot_zero + mount[3])
-        return record_of(
-            PlanarSetup(
-                np.array([plane.shoulder_r, plane.shoulder_z]), plane.lengths, plane.lower, plane.upper,
-                limit_vectors(plane.lower, plane.upper), arm.sign, arm.offset, self._restarts, mount[:2],
-                zero, turning, family.facing, family.pitch, self.tolerance, MOST_PASSES,
-            )
+        return PlanarSetup(
+            self.plane, links_of(self.plane), arm.sign, arm.offset, self._restarts, mount[:2], zero, turning,
+            family.facing, family.pitch, self.tolerance, MOST_PASSES,
         )  # fmt: skip
 
     @cached_property
-    def _alone(self) -> Record:
+    def _alone(self) -> PlanarSetup:
         """The arm on its own base frame, which keeps its heading: the pivot is endless."""
         return self.setup(np.zeros(4), Turning(-np.inf, np.inf, FIXED, -np.inf, np.inf))
-
-    def _at_pitch(self, pitch: float) -> Record:
-        setup = self._alone.copy()
-        setup["pitch"] = pitch
-        setup.flags.writeable = False
-        return setup
 
     def reach(
         self, target: Target, axis: Array, yaw: float, joints: Array, area: FlatPolygon, mobile: bool
@@ -79,8 +69,9 @@ class PlanarSolver:
             base, q = np.array([*axis, yaw]), np.array(joints)
             if mobile and target.direction is not None and len(area.starts) <= 1:
                 base[:2] = _swung(kind, target.position, axis)
-            setup, position = self._at_pitch(kind.pitch), np.array(target.position)
-            error, passes, _ = solve_planar(setup, area.vertices, area.starts, mobile, position, base, q)
+            setup, position = self._alone._replace(pitch=kind.pitch), np.array(target.position)
+            places = BaseArea(area.vertices, area.starts, mobile)
+            error, passes, _ = solve_planar(setup, places, position, base, q)
             angle = self._rolled(target, yaw, q, joints)
             found = self._meeting(kind, target, Reached(base[:2], q, error, passes, angle), yaw, joints)
             if self._worth(found) <= (False, False, self.tolerance):
@@ -116,7 +107,8 @@ class PlanarSolver:
         best, least = None, np.inf
         for kind in self._kinds(target):
             base, q = np.array([*axis, yaw]), np.array(joints)
-            change, _ = least_change(self._at_pitch(kind.pitch), np.array(target.position), base, q)
+            setup = self._alone._replace(pitch=kind.pitch)
+            change, _ = least_change(setup, np.array(target.position), base, q)
             if change < least:
                 best, least = Reached(axis, q, 0.0, 0, self._rolled(target, yaw, q, joints)), change
         return best if best is None or self._meets(best, 0.0) else None
