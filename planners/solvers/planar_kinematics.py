@@ -66,16 +66,13 @@ def fitted_bends(arm: PlanarLinkage, a: float, b: float, c: float) -> tuple[floa
 
 
 @compiled
-def limit_margin(lower: Array, upper: Array, a: float, b: float, c: float) -> float:
+def limit_margin(arm: PlanarLinkage, a: float, b: float, c: float) -> float:
     """Least distance of the three bends to their limits, from absolute link angles; negative outside."""
     least = np.inf
-    previous = 0.0
-    for i in range(3):
-        absolute = a if i == 0 else (b if i == 1 else c)
-        bend, over = fit(absolute - previous, lower[i], upper[i])
-        room = -over if over > 0.0 else min(bend - lower[i], upper[i] - bend)
+    for i, angle in enumerate((a, b - a, c - b)):
+        bend, over = fit(angle, arm.lower[i], arm.upper[i])
+        room = -over if over > 0.0 else min(bend - arm.lower[i], arm.upper[i] - bend)
         least = min(least, room)
-        previous = absolute
     return least
 
 
@@ -93,11 +90,7 @@ def fits_limits(
 
 @compiled
 def critical_posture(
-    arm: PlanarLinkage,
-    pitch_low: float,
-    pitch_high: float,
-    r: float,
-    z: float,
+    arm: PlanarLinkage, pitch_low: float, pitch_high: float, r: float, z: float
 ) -> tuple[bool, float, float, float]:
     """Angles of links that put the tool at (r, z) within limits and two pitches, after True if there are any.
 
@@ -107,61 +100,43 @@ def critical_posture(
     shoulder_r, shoulder_z, lengths, lower, upper = arm
     x, y = r - shoulder_r, z - shoulder_z
     a, b, c = lengths[0], lengths[1], lengths[2]
-    for side in range(1 if pitch_low == pitch_high else 2):
-        tool = pitch_low if side == 0 else pitch_high
-        if not np.isfinite(tool):
-            tool = 0.0
-        lead, root, tip, ok = two_link_angles(a, b, x - c * math.cos(tool), y - c * math.sin(tool))
-        if ok:
-            for e in (-1.0, 1.0):
-                if fits_limits(lower, upper, lead + e * root, lead - e * tip, tool, pitch_low, pitch_high):
-                    return True, lead + e * root, lead - e * tip, tool
-    if pitch_low == pitch_high:
-        return False, 0.0, 0.0, 0.0
-    for side in range(2):
-        first = lower[0] if side == 0 else upper[0]
+    for end in (pitch_low, pitch_high):
+        pitch = end if np.isfinite(end) else 0.0
+        lead, root, tip, ok = two_link_angles(a, b, x - c * math.cos(pitch), y - c * math.sin(pitch))
+        for e in (-1.0, 1.0):
+            first, second = lead + e * root, lead - e * tip
+            if ok and fits_limits(lower, upper, first, second, pitch, pitch_low, pitch_high):
+                return True, first, second, pitch
+        if pitch_low == pitch_high:
+            return False, 0.0, 0.0, 0.0
+    for first in (lower[0], upper[0]):
         if np.isfinite(first):
             lead, root, tip, ok = two_link_angles(b, c, x - a * math.cos(first), y - a * math.sin(first))
-            if ok:
-                for e in (-1.0, 1.0):
-                    if fits_limits(
-                        lower, upper, first, lead + e * root, lead - e * tip, pitch_low, pitch_high
-                    ):
-                        return True, first, lead + e * root, lead - e * tip
-    for kind in range(4):
-        bend = lower[1] if kind == 0 else (upper[1] if kind == 1 else (0.0 if kind == 2 else np.pi))
+            for e in (-1.0, 1.0):
+                second, last = lead + e * root, lead - e * tip
+                if ok and fits_limits(lower, upper, first, second, last, pitch_low, pitch_high):
+                    return True, first, second, last
+    for bend in (lower[1], upper[1], 0.0, math.pi):
         if np.isfinite(bend):
             er, ez = a + b * math.cos(bend), b * math.sin(bend)
             lead, root, tip, ok = two_link_angles(np.hypot(er, ez), c, x, y)
-            if ok:
-                turn = math.atan2(ez, er)
-                for e in (-1.0, 1.0):
-                    first = lead + e * root - turn
-                    if fits_limits(lower, upper, first, first + bend, lead - e * tip, pitch_low, pitch_high):
-                        return True, first, first + bend, lead - e * tip
-    for side in range(2):
-        bend = lower[2] if side == 0 else upper[2]
+            for e in (-1.0, 1.0):
+                first, last = lead + e * root - math.atan2(ez, er), lead - e * tip
+                if ok and fits_limits(lower, upper, first, first + bend, last, pitch_low, pitch_high):
+                    return True, first, first + bend, last
+    for bend in (lower[2], upper[2]):
         if np.isfinite(bend):
             er, ez = b + c * math.cos(bend), c * math.sin(bend)
             lead, root, tip, ok = two_link_angles(a, np.hypot(er, ez), x, y)
-            if ok:
-                turn = math.atan2(ez, er)
-                for e in (-1.0, 1.0):
-                    first, second = lead + e * root, lead - e * tip - turn
-                    if fits_limits(lower, upper, first, second, second + bend, pitch_low, pitch_high):
-                        return True, first, second, second + bend
+            for e in (-1.0, 1.0):
+                first, second = lead + e * root, lead - e * tip - math.atan2(ez, er)
+                if ok and fits_limits(lower, upper, first, second, second + bend, pitch_low, pitch_high):
+                    return True, first, second, second + bend
     return False, 0.0, 0.0, 0.0
 
 
 @compiled
-def widest_posture(
-    arm: PlanarLinkage,
-    pitch: float,
-    r: float,
-    z: float,
-    bends: Array,
-    tries: int,
-) -> bool:
+def widest_posture(arm: PlanarLinkage, pitch: float, r: float, z: float, bends: Array, tries: int) -> bool:
     """Among postures that reach (r, z), the one farthest from its limits; False where there is none."""
     best = -LIMIT_SLACK
     found = False
@@ -172,7 +147,7 @@ def widest_posture(
         for elbow in (-1.0, 1.0):
             first, second = lead + elbow * root, lead - elbow * tip
             if ok:
-                room = min(limit_margin(arm.lower, arm.upper, first, second, tool), np.pi)
+                room = min(limit_margin(arm, first, second, tool), np.pi)
                 if room > best:
                     best, found = room, True
                     bends[0], bends[1], bends[2] = fitted_bends(arm, first, second, tool)
@@ -230,14 +205,7 @@ def intervals_at_height(
 
 
 @compiled
-def nearest_posture(
-    arm: PlanarLinkage,
-    pitch: float,
-    r: float,
-    z: float,
-    near: Array,
-    bends: Array,
-) -> float:
+def nearest_posture(arm: PlanarLinkage, pitch: float, r: float, z: float, near: Array, bends: Array) -> float:
     """Among postures that reach (r, z), the one with the least largest change of a bend against ``near``.
 
     Pitches within `TILT` of the present one are tried; returns the change, inf for none.
@@ -250,7 +218,7 @@ def nearest_posture(
         lead, root, tip, ok = wrist_triangle(arm, r, z, tool)
         for elbow in (-1.0, 1.0):
             first, second = lead + elbow * root, lead - elbow * tip
-            if ok and limit_margin(arm.lower, arm.upper, first, second, tool) >= 0.0:
+            if ok and limit_margin(arm, first, second, tool) >= 0.0:
                 a, b, c = fitted_bends(arm, first, second, tool)
                 change = max(abs(a - old_a), abs(b - old_b), abs(c - old_c))
                 if change < best:
@@ -271,7 +239,7 @@ def self_motion(arm: PlanarLinkage, pitch: float, r: float, z: float, tries: int
         lead, root, tip, ok = wrist_triangle(arm, r, z, tool)
         for elbow in (-1.0, 1.0):
             first, second = lead + elbow * root, lead - elbow * tip
-            if ok and limit_margin(arm.lower, arm.upper, first, second, tool) >= 0.0:
+            if ok and limit_margin(arm, first, second, tool) >= 0.0:
                 out[count, 0], out[count, 1], out[count, 2] = fitted_bends(arm, first, second, tool)
                 count += 1
     return count

@@ -96,12 +96,7 @@ def threshold_margin(
 ) -> float:
     """Least margin of a posture to the thresholds, as a share of them; negative where one is not met.
 
-    Parameters
-    ----------
-    r, z : float
-        Where its tool is [m].
-    a, b, c : float
-        Angles of its links in the plane [rad].
+    Its tool is at (r, z) [m], its links at the angles a, b, c in the plane [rad].
     """
     least = np.inf
     if thresholds.least > 0.0:
@@ -142,7 +137,7 @@ def _at(
     """`threshold_margin` of the posture with a pitch and elbow, its bends filled in; -inf for none."""
     lead, root, tip, ok = wrist_triangle(arm, r, z, pitch)
     first, second = lead + elbow * root, lead - elbow * tip
-    if not ok or limit_margin(arm.lower, arm.upper, first, second, pitch) < 0.0:
+    if not ok or limit_margin(arm, first, second, pitch) < 0.0:
         return -np.inf
     bends[0], bends[1], bends[2] = fitted_bends(arm, first, second, pitch)
     return threshold_margin(arm, thresholds, r, z, first, second, pitch)
@@ -150,13 +145,7 @@ def _at(
 
 @compiled
 def posture_within_thresholds(
-    arm: PlanarLinkage,
-    thresholds: Thresholds,
-    pitch: float,
-    r: float,
-    z: float,
-    near: Array,
-    bends: Array,
+    arm: PlanarLinkage, thresholds: Thresholds, pitch: float, r: float, z: float, near: Array, bends: Array
 ) -> bool:
     """Fill in bends (3,) of the posture on (r, z) nearest to ``near`` that meets the thresholds by `COMFORT`.
 
