@@ -23,7 +23,6 @@ from regionik.planners.reach.meridian_plane import (
     to_level,
     tool_for,
     tool_motion,
-    weights,
 )
 from regionik.planners.reach.meridian_walks import walk
 from regionik.planners.reach.outer_bounds import (
@@ -193,16 +192,16 @@ def test_speeds_and_bends_are_those_of_small_moves(seed: int) -> None:
 def test_a_hop_that_holds_can_be_put_right_all_along(seed: int) -> None:
     rng = np.random.default_rng(seed)
     one = meridian(chain_of(seed))
-    tool, free, spare = tool_for(one), weights(one), np.empty(len(one.levers))
+    tool = tool_for(one)
     here = posture(one, rng)
     tool_motion(one, here, tool)
     z = float(tool.at[1])
     there = np.clip(here + rng.uniform(-0.2, 0.2, len(here)), *within_half_turns(one.lower, one.upper))
-    if not to_level(one, z, there, tool, free, spare) or hop_stray(one, here, there, tool, free) < 0:
+    if not to_level(one, z, there, tool) or hop_stray(one, here, there, tool) < 0:
         return
     for share in np.linspace(0, 1, 11):
         middle = here + share * (there - here)
-        assert to_level(one, z, middle, tool, free, spare)
+        assert to_level(one, z, middle, tool)
         assert (one.lower <= middle).all()
         assert (middle <= one.upper).all()
 
@@ -256,7 +255,7 @@ def test_no_hop_leads_across_a_limit_or_a_summit() -> None:
     one = meridian(chain)
     z = float(np.sin(np.pi / 2 - 0.05))
     a, b = np.array([np.pi / 2 - 0.05]), np.array([np.pi / 2 + 0.05])
-    assert hop_stray(one, a, b, tool_for(one), weights(one)) < 0
+    assert hop_stray(one, a, b, tool_for(one)) < 0
     assert inner_reach(chain, z) == ()  # two distances, and nothing between them
     assert [round(high, 3) for _, high in outer_reach(chain, z)] == [0.05]
 

@@ -12,11 +12,7 @@ from math import floor
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regionik.planners.reach.meridian_plane import (
-    Meridian,
-    meridian_of,
-    tool_for,
-)
+from regionik.planners.reach.meridian_plane import Meridian, meridian_of, tool_for
 from regionik.planners.reach.meridian_walks import walk_both_ways, walk_to_posture
 from regionik.planners.reach.outer_bounds import outer_distances
 from regionik.worlds.arms import pivot_index, reach_bound
@@ -28,7 +24,6 @@ Intervals = tuple[tuple[float, float], ...]
 BATCH, MOST_BATCHES = 24, 6  # postures that walks start from; the last batch is one that adds nothing
 NEWS = 1e-4  # what a batch must add for another to follow [m]
 MOST_SECTORS, UNLIKE = 6, 1.0  # walks whose azimuths are told, and how far apart they are [rad]
-MOST_STEPS = 300  # of one walk
 MOST_BOXES = 20_000  # weighed for an outer bound, a few microseconds each
 LEVEL = 1e-9  # by which the tool of an arm that cannot rise may be off its height [m]
 SAMPLES, NARROWINGS = 128, 80  # random postures, ever nearer to the farthest and the nearest of them
@@ -40,16 +35,11 @@ ENOUGH = 1e-3  # what the outer bound may stand off from the inner one [m]
 
 @lru_cache(maxsize=4096)
 def inner_reach(chain: Chain, rise: float) -> Intervals:
-    """Distances between pivot axis and target that are proven to be in reach, as ascending intervals.
+    """Distances between pivot axis and target that are proven to be in reach, as ascending intervals [m].
 
-    Every distance of an interval is that of some posture within the limits (`meridian_walks`), but for
-    rounding far below a nanometre. Distances that no walk from some 50 to 150 postures met are missing.
-
-    Parameters
-    ----------
-    chain : Chain
-    rise : float
-        Height of the target over the arm's base frame [m].
+    The target is at a height ``rise`` over the arm's base frame [m]. Every distance of an interval is that of
+    some posture within the limits (`meridian_walks`), but for rounding far below a nanometre. Distances that
+    no walk from some 50 to 150 postures met are missing.
 
     Raises
     ------
@@ -77,9 +67,9 @@ def _walks(chain: Chain, rise: float) -> Array:
     tool, length = tool_for(meridian), 0.0
     for starts in np.split(_starts(meridian), MOST_BATCHES):
         more = np.empty((BATCH, 6))
-        count = walk_both_ways(meridian, rise, starts, tool, MOST_STEPS, more)
+        count = walk_both_ways(meridian, rise, starts, tool, more)
         passed = np.concatenate([passed, more[:count]])
-        before, length = length, _length(merged(passed[:, :2].tolist()))
+        before, length = length, sum(high - low for low, high in merged(passed[:, :2].tolist()))
         if len(passed) and length - before < NEWS:
             break
     return passed
@@ -101,9 +91,8 @@ def inner_sectors(chain: Chain, rise: float) -> tuple[tuple[float, float, float,
     while len(walks) and len(chosen) < MOST_SECTORS:
         low, high, right, left = best = walks[0]
         chosen.append((float(low), float(high), float(right), float(left)))
-        off = np.abs(
-            np.remainder(walks[:, 2:].sum(axis=1) / 2 - best[2:].sum() / 2 + np.pi, 2 * np.pi) - np.pi
-        )
+        apart = walks[:, 2:].sum(axis=1) / 2 - best[2:].sum() / 2
+        off = np.abs(np.remainder(apart + np.pi, 2 * np.pi) - np.pi)
         walks = walks[(walks[:, 0] < low - NEWS) | (walks[:, 1] > high + NEWS) | (off > UNLIKE)]
     return tuple(chosen)
 
@@ -195,10 +184,7 @@ def _level_posture(chain: Chain, distance: float) -> Array:
     for _ in range(HALVINGS):
         share = 0.5 * (low + high)
         tool = chain.forward(near + share * (far - near))
-        if np.hypot(*tool[:2, 3]) < distance:
-            low = share
-        else:
-            high = share
+        low, high = (share, high) if np.hypot(*tool[:2, 3]) < distance else (low, share)
     found: Array = near + high * (far - near)
     return found
 
@@ -211,14 +197,8 @@ def _drawn(chain: Chain, rng: np.random.Generator, count: int) -> Array:
 def posture_at(chain: Chain, point: ArrayLike, joints: ArrayLike) -> Array:
     """A posture with its tool at a point, or near it: slower than passes, but it gets to all inner reach.
 
-    Parameters
-    ----------
-    chain : Chain
-        Its pivot is taken as endless.
-    point : (3,) array_like
-        In the arm's base frame [m].
-    joints : (dof,) array_like
-        Joints that do not matter keep these values.
+    The point (3,) is in the arm's base frame [m], the pivot is taken as endless. Joints that do not matter
+    keep their values in ``joints`` (dof,).
     """
     p, q = np.asarray(point, dtype=np.float64), np.array(joints, dtype=np.float64)
     meridian, pivot = _meridian(chain), pivot_index(chain)
@@ -227,7 +207,7 @@ def posture_at(chain: Chain, point: ArrayLike, joints: ArrayLike) -> Array:
     elif meridian is not None:
         found = q[meridian.which]
         starts, tool = _starts(meridian), tool_for(meridian)
-        walk_to_posture(meridian, float(p[2]), float(np.hypot(p[0], p[1])), starts, tool, MOST_STEPS, found)
+        walk_to_posture(meridian, float(p[2]), float(np.hypot(p[0], p[1])), starts, tool, found)
         q[meridian.which] = found
         _unwind(chain, q)
     here = chain.forward(q)[:2, 3]
@@ -265,7 +245,3 @@ def merged(intervals: list[list[float]] | list[tuple[float, float]]) -> Interval
 def _meridian(chain: Chain) -> Meridian | None:
     reach_bound(chain)  # refuses what has no bound
     return meridian_of(chain)
-
-
-def _length(intervals: Intervals) -> float:
-    return sum(high - low for low, high in intervals)

@@ -45,6 +45,7 @@ class Meridian(NamedTuple):
     upper: Array
     levers: Array  # (n,) most that the tool is off each joint's axis in any posture [m]; 1 for sliding joints
     speeds: Array  # (m,) most that the tool moves by the unit speed of each active joint, in any posture
+    weights: Array  # (m,) of joints where the height is corrected: the less, the farther one moves the tool
     bend: Array  # (m, m) bound of the tool's second derivative by two active joints, in any posture
     hub: Array  # (n,) point on each axis nearest to the axis before, from the joint's origin [m]
 
@@ -89,14 +90,15 @@ def meridian_of(chain: Chain) -> Meridian | None:
         return None
     left = Chain(tuple(joints), built_in @ chain.T_last_tool)
     arm, levers = serial_arm(left), longest_levers(left, len(joints) - 1, left.T_last_tool[:3, 3])[0]
-    all_round = left.turning & (arm.upper - arm.lower >= 2 * np.pi)
+    speeds, all_round = active_levers(arm, levers), left.turning & (arm.upper - arm.lower >= 2 * np.pi)
     return Meridian(
         arm,
         np.array([chain.names.index(name) for name in left.names]),
         np.where(all_round, -np.inf, arm.lower),
         np.where(all_round, np.inf, arm.upper),
         levers,
-        active_levers(arm, levers),
+        speeds,
+        1.0 / np.maximum(speeds, 1e-3),
         second_derivatives(left, levers),
         np.array([0.0, *(hub_along(*pair) for pair in pairwise(left.joints))]),
     )
@@ -144,14 +146,9 @@ def tool_motion(meridian: Meridian, joints: Array, tool: MeridianTool) -> None:
 
 
 @compiled
-def to_level(
-    meridian: Meridian, z: float, joints: Array, tool: MeridianTool, free: Array, trial: Array
-) -> bool:
-    """Bring the tool of a posture to a height, by Newton steps within the limits; ``tool`` is that posture's.
-
-    ``free`` (m,) weighs the joints; ``trial`` (m,) is scratch space.
-    """
-    share = 1.0
+def to_level(meridian: Meridian, z: float, joints: Array, tool: MeridianTool) -> bool:
+    """Bring a posture's tool to a height by Newton steps within the limits; ``tool`` is that posture's."""
+    share, free, trial = 1.0, meridian.weights, np.empty(len(joints))
     tool_motion(meridian, joints, tool)
     miss = z - tool.at[1]
     for _ in range(CORRECTIONS):
@@ -160,9 +157,8 @@ def to_level(
         square = 0.0
         for k in range(len(joints)):
             onwards = miss * tool.up[k]
-            if (onwards > 0.0 and joints[k] < meridian.upper[k]) or (
-                onwards < 0.0 and joints[k] > meridian.lower[k]
-            ):
+            stopped = joints[k] >= meridian.upper[k] if onwards > 0.0 else joints[k] <= meridian.lower[k]
+            if onwards != 0.0 and not stopped:
                 square += free[k] * tool.up[k] * tool.up[k]
         if square < 1e-12:
             return False
@@ -181,7 +177,7 @@ def to_level(
 
 
 @compiled
-def hop_stray(meridian: Meridian, a: Array, b: Array, tool: MeridianTool, free: Array) -> float:
+def hop_stray(meridian: Meridian, a: Array, b: Array, tool: MeridianTool) -> float:
     """Most that a motion at one height from one posture (m,) to another strays from its chord [m].
 
     It is -1 where there is not proven to be one. Along the straight hop the height is off by at most E.
@@ -196,7 +192,7 @@ def hop_stray(meridian: Meridian, a: Array, b: Array, tool: MeridianTool, free: 
     for _ in range(m + 1):
         rise = 0.0
         for k in range(m):
-            d[k] = 0.0 if held[k] else free[k] * tool.up[k]
+            d[k] = 0.0 if held[k] else meridian.weights[k] * tool.up[k]
             rise += d[k] * tool.up[k]
         if rise < 1e-9:
             return -1.0
@@ -225,9 +221,3 @@ def _bent(bend: Array, a: Array, b: Array) -> float:
         for k in range(len(b)):
             total += bend[j, k] * a[j] * b[k]
     return total
-
-
-@compiled
-def weights(meridian: Meridian) -> Array:
-    """Weights of the joints (m,): the less, the farther a joint moves the tool."""
-    return 1.0 / np.maximum(meridian.speeds, 1e-3)

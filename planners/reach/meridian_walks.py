@@ -20,10 +20,10 @@ from regionik.planners.reach.meridian_plane import (
     hop_stray,
     to_level,
     tool_motion,
-    weights,
 )
 from regionik.worlds.arrays import Array
 
+MOST_STEPS = 300  # of one walk
 FIRST_STEP, LEAST_STEP = 0.3, 1e-5  # of a walk, as largest change of a joint [rad] or [m]
 SWING = 0.5  # of the tool about the pivot axis, as far as the bounds of a walk are kept [rad]
 HALVINGS = 40  # of the last hop of a walk that is to end at a distance
@@ -50,8 +50,7 @@ def walk(
     bounds of that turn, from the start on.
     """
     m = len(joints)
-    free = weights(meridian)
-    d, trial, spare = np.empty(m), np.empty(m), np.empty(m)
+    d, trial = np.empty(m), np.empty(m)
     last[:] = joints
     tool_motion(meridian, joints, tool)
     r, stride, turn = float(tool.at[0]), FIRST_STEP, 0.0
@@ -59,7 +58,7 @@ def walk(
     for _ in range(most):
         tool_motion(meridian, joints, tool)
         x, y = tool.away
-        gain = _uphill(meridian, outwards, joints, tool, free, d)
+        gain = _uphill(meridian, outwards, joints, tool, d)
         longest = np.abs(d).max()
         if gain <= 0.0 or (goal - r) * outwards <= 0.0 or r + outwards * GAIN < 0.0:
             break
@@ -68,12 +67,11 @@ def walk(
             for k in range(m):
                 step = stride / longest * d[k]
                 trial[k] = max(meridian.lower[k], min(meridian.upper[k], joints[k] + step))
-            if to_level(meridian, z, trial, tool, free, spare):
+            if to_level(meridian, z, trial, tool):
                 far, c = float(tool.at[0]), x * tool.away[0] + y * tool.away[1]
                 s = x * tool.away[1] - y * tool.away[0]
-                stray = -1.0
-                if (far - r) * outwards > 0.0:
-                    stray = hop_stray(meridian, joints, trial, tool, free)
+                onward = (far - r) * outwards > 0.0
+                stray = hop_stray(meridian, joints, trial, tool) if onward else -1.0
                 if stray >= 0.0:
                     swing, near = math.atan2(s, c), max(0.0, c) * min(r, far)
                     aside = math.asin(stray / near) if stray < near else np.pi
@@ -93,11 +91,9 @@ def walk(
 
 
 @compiled
-def _uphill(
-    meridian: Meridian, outwards: float, joints: Array, tool: MeridianTool, free: Array, d: Array
-) -> float:
+def _uphill(meridian: Meridian, outwards: float, joints: Array, tool: MeridianTool, d: Array) -> float:
     """Write the direction of steepest ascent at one height within limits into ``d``; returns its gain."""
-    m = len(joints)
+    m, free = len(joints), meridian.weights
     held = np.zeros(m, dtype=np.bool_)
     for _ in range(m + 1):
         along = square = 0.0
@@ -121,24 +117,22 @@ def _uphill(
 
 
 @compiled
-def walk_both_ways(
-    meridian: Meridian, z: float, starts: Array, tool: MeridianTool, most: int, found: Array
-) -> int:
+def walk_both_ways(meridian: Meridian, z: float, starts: Array, tool: MeridianTool, found: Array) -> int:
     """Write what walks from starts (s, m) pass as rows of ``found`` (s, 6); returns how many.
 
     A row is the least and largest distance; then those between which the tool's azimuth, with the pivot at
     zero, has bounds, and these.
     """
-    free, last, turns = weights(meridian), np.empty(starts.shape[1]), np.empty(3)
+    last, turns = np.empty(starts.shape[1]), np.empty(3)
     count = 0
     for start in starts:
         here = start.copy()
-        if not to_level(meridian, z, here, tool, free, last):
+        if not to_level(meridian, z, here, tool):
             continue
         there, azimuth = here.copy(), math.atan2(tool.away[1], tool.away[0])
-        found[count, 0] = walk(meridian, z, -1.0, here, tool, most, -np.inf, last, turns)
+        found[count, 0] = walk(meridian, z, -1.0, here, tool, MOST_STEPS, -np.inf, last, turns)
         found[count, 2], found[count, 4], found[count, 5] = turns[0], azimuth + turns[1], azimuth + turns[2]
-        found[count, 1] = walk(meridian, z, 1.0, there, tool, most, np.inf, last, turns)
+        found[count, 1] = walk(meridian, z, 1.0, there, tool, MOST_STEPS, np.inf, last, turns)
         found[count, 3] = turns[0]
         found[count, 4] = min(found[count, 4], azimuth + turns[1])
         found[count, 5] = max(found[count, 5], azimuth + turns[2])
@@ -148,24 +142,23 @@ def walk_both_ways(
 
 @compiled
 def walk_to_posture(
-    meridian: Meridian, z: float, goal: float, starts: Array, tool: MeridianTool, most: int, joints: Array
+    meridian: Meridian, z: float, goal: float, starts: Array, tool: MeridianTool, joints: Array
 ) -> float:
     """Walk to a posture at a height and a distance, from one start after the other; returns its error [m].
 
     ``joints`` (m,) becomes that posture. The last hop of a walk is halved until it ends at the distance.
     """
-    free, m = weights(meridian), starts.shape[1]
-    last, middle, spare, turns = np.empty(m), np.empty(m), np.empty(m), np.empty(3)
-    least = np.inf
+    m, least = starts.shape[1], np.inf
+    last, middle, turns = np.empty(m), np.empty(m), np.empty(3)
     for start in starts:
         here = start.copy()
-        if not to_level(meridian, z, here, tool, free, spare):
+        if not to_level(meridian, z, here, tool):
             continue
         outwards = 1.0 if goal > tool.at[0] else -1.0
-        off = abs(walk(meridian, z, outwards, here, tool, most, goal, last, turns) - goal)
+        off = abs(walk(meridian, z, outwards, here, tool, MOST_STEPS, goal, last, turns) - goal)
         for _ in range(HALVINGS):
             middle[:] = 0.5 * (last + here)
-            if off <= LEVEL or not to_level(meridian, z, middle, tool, free, spare):
+            if off <= LEVEL or not to_level(meridian, z, middle, tool):
                 break
             if (goal - tool.at[0]) * outwards > 0.0:
                 last[:] = middle
