@@ -16,14 +16,7 @@ from numpy.typing import ArrayLike
 
 from regionik.planners.collision.distances import Obstacles, nearest_distance
 from regionik.planners.collision.upright_solids import uprights_from
-from regionik.planners.search.box_search import (
-    JUDGED,
-    Verdict,
-    begin,
-    proven,
-    reopen,
-    verdict_of,
-)
+from regionik.planners.search.box_search import JUDGED, Verdict, begin, proven, reopen, verdict_of
 from regionik.planners.search.motion_bounds import PARALLEL, link_capsules, longest_levers
 from regionik.planners.search.posture_boxes import (
     FixedBase,
@@ -111,7 +104,8 @@ def search_fixed_base(
     task = fixed_base_for(arm, capsules, whole, goal, tolerance, clearance, own)
 
     def checked(q: Array) -> tuple[float, bool]:
-        room, met = _clearance(chain, solids, obstacles, q), _off(chain, goal, q) <= tolerance
+        off = np.linalg.norm(chain.forward(q)[:3, 3] - goal)
+        room, met = _clearance(chain, solids, obstacles, q), bool(off <= tolerance)
         return room if met else -np.inf, met and room >= clearance and (accept is None or accept(q))
 
     return _first_accepted(task, checked, most)
@@ -145,10 +139,6 @@ def _clearance(chain: Chain, solids: Sequence[LinkCapsule], obstacles: Obstacles
         start, end = solid.corners @ frame[:3, :3].T + frame[:3, 3]
         least = min(least, nearest_distance(obstacles, start, end, solid.radius))
     return least
-
-
-def _off(chain: Chain, goal: Array, q: Array) -> float:
-    return float(np.linalg.norm(chain.forward(q)[:3, 3] - goal))
 
 
 def _check(

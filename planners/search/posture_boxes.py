@@ -24,7 +24,7 @@ from regionik.planners.search.motion_bounds import (
     displacement_from_tool,
     tool_displacement,
 )
-from regionik.planners.search.self_clearance import SelfClearance, hits_itself, self_clearance
+from regionik.planners.search.self_clearance import SelfClearance, segment_distance, self_clearance
 from regionik.planners.solvers.damped_least_squares import solve_symmetric
 from regionik.planners.solvers.serial_chain import (
     SerialArm,
@@ -134,12 +134,7 @@ def may_hold(task: FixedBase, low: Array, high: Array) -> bool:
         if not cut_to(low, high, posed.q, posed.shift):
             break
     off = _place_box(task, low, high)
-    return not (
-        _hits_obstacle(task, off)
-        or hits_itself(
-            task.arm, task.capsules, task.own, posed.frames, posed.axes, posed.chord, posed.ends, SLACK
-        )
-    )
+    return not (_hits_obstacle(task, off) or _hits_itself(task))
 
 
 @compiled
@@ -207,7 +202,7 @@ def _contract_along(task: FixedBase, u: Array, bent: float) -> bool:
 @compiled
 def _hits_obstacle(task: FixedBase, off: float) -> bool:
     """True where a capsule is too near to an obstacle wherever in the box the tool reaches the target."""
-    arm, posed, capsules = task.arm, task.posed, task.capsules
+    posed, capsules = task.posed, task.capsules
     for s in range(len(capsules.link)):
         link = capsules.link[s]
         a, b = posed.ends[s, 0], posed.ends[s, 1]
@@ -220,12 +215,9 @@ def _hits_obstacle(task: FixedBase, off: float) -> bool:
                 continue
             if not known:  # as points of the arm, and as points near a tool that is at the target
                 known = True
-                frames, axes, chord, levers = posed.frames, posed.axes, posed.chord, capsules.levers
-                base_a = displacement(arm, frames, axes, chord, levers[1 + 2 * s], link, 0, a)
-                base_b = displacement(arm, frames, axes, chord, levers[2 + 2 * s], link, 0, b)
-                near = off + task.tolerance
-                tool_a = near + displacement_from_tool(arm, frames, axes, chord, levers[0], link, a)
-                tool_b = near + displacement_from_tool(arm, frames, axes, chord, levers[0], link, b)
+                base_a, base_b = _moved(task, s, 0)
+                tool_a = off + task.tolerance + _moved_from_tool(task, link, a)
+                tool_b = off + task.tolerance + _moved_from_tool(task, link, b)
             if (base_a < tool_a or base_b < tool_b) and (
                 least_along(task.solids, k, a, b, base_a, base_b, reach, reach, SECTIONS) < reach
             ):
@@ -235,6 +227,46 @@ def _hits_obstacle(task: FixedBase, off: float) -> bool:
             ):
                 return True
     return False
+
+
+@compiled
+def _hits_itself(task: FixedBase) -> bool:
+    """True where two capsules, or one and the base, are too near to each other all over the box.
+
+    Two are as far apart as with the joints at the centre, but for what the joints between them move one as
+    seen from the other.
+    """
+    capsules, own, ends = task.capsules, task.own, task.posed.ends
+    for i, k in own.pairs:
+        room = capsules.radius[i] + capsules.radius[k] + own.clearance - SLACK
+        apart = segment_distance(ends[i, 0], ends[i, 1], ends[k, 0], ends[k, 1])
+        a, b = _moved(task, k, capsules.link[i] + 1)
+        if apart + max(a, b) < room:
+            return True
+    for k in own.heeds:
+        room = capsules.radius[k] + own.clearance - SLACK
+        a, b = _moved(task, k, 0)
+        for m in range(len(own.body.disc)):
+            if least_along(own.body, m, ends[k, 0], ends[k, 1], a, b, room, room, FINE) < room:
+                return True
+    return False
+
+
+@compiled
+def _moved(task: FixedBase, s: int, first: int) -> tuple[float, float]:
+    """Most that the joints from ``first`` on move both ends of a capsule [m]."""
+    arm, posed, levers, link = task.arm, task.posed, task.capsules.levers, task.capsules.link[s]
+    frames, axes, chord, ends = posed.frames, posed.axes, posed.chord, posed.ends[s]
+    return (
+        displacement(arm, frames, axes, chord, levers[1 + 2 * s], link, first, ends[0]),
+        displacement(arm, frames, axes, chord, levers[2 + 2 * s], link, first, ends[1]),
+    )
+
+
+@compiled
+def _moved_from_tool(task: FixedBase, link: int, point: Array) -> float:
+    posed, levers = task.posed, task.capsules.levers[0]
+    return displacement_from_tool(task.arm, posed.frames, posed.axes, posed.chord, levers, link, point)
 
 
 @compiled

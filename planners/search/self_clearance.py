@@ -1,8 +1,4 @@
-"""Clearance of an arm's capsules from each other and from the base they are mounted on; compiled.
-
-Over a whole box of joint values it is bounded by how far two capsules are apart with the joints at the
-centre, and by how far the joints between them may move one of them as seen from the other.
-"""
+"""Clearance of an arm's capsules from each other and from the base they are mounted on; compiled."""
 
 from __future__ import annotations
 
@@ -12,8 +8,7 @@ import numpy as np
 
 from regionik.planners.collision.upright_solids import Uprights, least_along, uprights_from
 from regionik.planners.kernels import compiled
-from regionik.planners.search.motion_bounds import LinkCapsules, displacement
-from regionik.planners.solvers.serial_chain import SerialArm
+from regionik.planners.search.motion_bounds import LinkCapsules
 from regionik.worlds.arrays import Array, Index
 
 FINE = 20  # golden sections along a link where its distance from the base is measured
@@ -49,42 +44,6 @@ def self_clearance(capsules: LinkCapsules, own: SelfClearance, ends: Array) -> f
                 least_along(own.body, m, ends[k, 0], ends[k, 1], 0.0, 0.0, -np.inf, least + r, FINE) - r,
             )
     return least - own.clearance
-
-
-@compiled
-def hits_itself(
-    arm: SerialArm,
-    capsules: LinkCapsules,
-    own: SelfClearance,
-    frames: Array,
-    axes: Array,
-    chord: Array,
-    ends: Array,
-    slack: float,
-) -> bool:
-    """True where two capsules, or one and the base, are too near to each other all over a box."""
-    for i, k in own.pairs:
-        room = capsules.radius[i] + capsules.radius[k] + own.clearance - slack
-        apart = segment_distance(ends[i, 0], ends[i, 1], ends[k, 0], ends[k, 1])
-        if apart >= room:
-            continue
-        last, first = capsules.link[k], capsules.link[i] + 1
-        a = displacement(arm, frames, axes, chord, capsules.levers[1 + 2 * k], last, first, ends[k, 0])
-        b = displacement(arm, frames, axes, chord, capsules.levers[2 + 2 * k], last, first, ends[k, 1])
-        if apart + max(a, b) < room:
-            return True
-    for k in own.heeds:
-        room = capsules.radius[k] + own.clearance - slack
-        a = displacement(
-            arm, frames, axes, chord, capsules.levers[1 + 2 * k], capsules.link[k], 0, ends[k, 0]
-        )
-        b = displacement(
-            arm, frames, axes, chord, capsules.levers[2 + 2 * k], capsules.link[k], 0, ends[k, 1]
-        )
-        for m in range(len(own.body.disc)):
-            if least_along(own.body, m, ends[k, 0], ends[k, 1], a, b, room, room, FINE) < room:
-                return True
-    return False
 
 
 @compiled
