@@ -33,15 +33,13 @@ class RigidBodies(NamedTuple):
     slide: Array  # (n,) from the inner to the outer point, along the axis [m]
     next_axis: Array  # (n, 3) axis of joint k + 1 in the frame of link k; zeros for the last
     # outward_aim, inward_aim: (n,) the point that joint k points at in a pass, or -1 where eq. (6) decides
-    # its turn.
+    # its turn: then the axis ``..._plane`` must become normal to the line to the point ``..._goal``
     outward_aim: Index
-    inward_aim: Index
-    # outward_plane, inward_plane: (n,) Eq. (6): the axis that must become normal to the line to the point in
-    # ``..._goal``.
     outward_plane: Index
+    outward_goal: Index
+    inward_aim: Index
     inward_plane: Index
-    outward_goal: Index  # (n,)
-    inward_goal: Index  # (n,)
+    inward_goal: Index
     last: int  # the last revolute joint (0 where there is none)
     start_goal: int  # point whose plane the last body takes at the target; -1 where all axes are parallel
 
@@ -85,23 +83,8 @@ def bodies_of(arm: SerialArm) -> RigidBodies:
     turns = [k for k in range(last) if arm.revolute[k]]
     planar = all(_parallel(arm, next_axis, k) for k in turns) and len(turns) == last
     first = -1 if planar else goal
-    aims = [np.ascontiguousarray(column) for column in (*outward.T, *inward.T)]
-    return RigidBodies(
-        arm=arm,
-        root=root,
-        outer=outer,
-        inner=inner,
-        slide=out - inn,
-        next_axis=next_axis,
-        outward_aim=aims[0],
-        outward_plane=aims[1],
-        outward_goal=aims[2],
-        inward_aim=aims[3],
-        inward_plane=aims[4],
-        inward_goal=aims[5],
-        last=last,
-        start_goal=first,
-    )
+    rules = [np.ascontiguousarray(column) for column in (*outward.T, *inward.T)]
+    return RigidBodies._make([arm, root, outer, inner, out - inn, next_axis, *rules, last, first])
 
 
 def span(arm: SerialArm) -> float:
