@@ -65,28 +65,14 @@ class NearObstacles(NamedTuple):
 
 
 def plane_capsules(robot: Robot, arm: PlanarArm) -> PlaneCapsules:
-    """Read the capsules inside the solids of an arm in one plane.
+    """Read the capsules inside the solids of a robot whose arm lies in one plane.
 
     Boxes count as the capsules inside them. What turns about the last link counts as what it covers at every
     turn, and solids fixed to the base, other than its own body, count as nothing.
-
-    Parameters
-    ----------
-    robot : Robot
-    arm : PlanarArm
-        Its chain in the plane.
-
-    Returns
-    -------
-    PlaneCapsules
     """
     last = max(solid.link for solid in robot.all_solids)
     frames, anchors = _reference(robot, arm)
-    rank: list[int] = []
-    ends: list[Array] = []
-    radius: list[float] = []
-    outermost: list[bool] = []
-    above: list[bool] = []
+    rows: list[tuple[int, Array, float, bool, bool]] = []
     index: dict[int, int] = {}
     for k, solid in enumerate(robot.solids):
         core = inner_capsule(solid)
@@ -98,22 +84,18 @@ def plane_capsules(robot: Robot, arm: PlanarArm) -> PlaneCapsules:
             thick -= float(np.linalg.norm(placed[:, 1:], axis=1).max())
             placed[:, 1:] = 0.0
         if thick > 0.0:
-            index[k] = len(rank)
-            rank.append(held)
-            ends.append(placed)
-            radius.append(thick)
-            outermost.append(solid.link == last)
-            above.append(off_floor(robot)[k])
+            index[k] = len(rows)
+            rows.append((held, placed, thick, solid.link == last, off_floor(robot)[k]))
     pairs = [(index[i], index[k]) for i, k in self_collision_pairs(robot) if i in index and k in index]
     heeds = [index[k] for i, k in self_collision_pairs(robot) if i == BODY and k in index]
     body = base_body(robot)
     block = uprights_from(obstacles_from([] if body is None else [body]).pieces)
     return PlaneCapsules(
-        np.array(rank, dtype=np.int64),
-        np.array(ends, dtype=np.float64).reshape(-1, 2, 3),
-        np.array(radius, dtype=np.float64),
-        np.array(outermost, dtype=np.bool_),
-        np.array(above, dtype=np.bool_),
+        np.array([row[0] for row in rows], dtype=np.int64),
+        np.array([row[1] for row in rows], dtype=np.float64).reshape(-1, 2, 3),
+        np.array([row[2] for row in rows], dtype=np.float64),
+        np.array([row[3] for row in rows], dtype=np.bool_),
+        np.array([row[4] for row in rows], dtype=np.bool_),
         np.array(pairs, dtype=np.int64).reshape(-1, 2),
         np.array(heeds, dtype=np.int64),
         block,

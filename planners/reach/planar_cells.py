@@ -67,14 +67,10 @@ def chord(turn: float) -> float:
 
 
 @compiled
-def _cosine(a: float, b: float, d: float) -> float:
-    """Cosine of a triangle's angle between sides a and d, opposite to b; beyond [-1, 1] where none is."""
-    return (d * d + a * a - b * b) / (2.0 * a * d) if d > 0.0 else 2.0
-
-
-@compiled
 def _angle(a: float, b: float, d: float) -> float:
-    return math.acos(min(1.0, max(-1.0, _cosine(a, b, d))))
+    """Angle of a triangle between sides a and d, opposite to b; where there is none, the nearest."""
+    cosine = (d * d + a * a - b * b) / (2.0 * a * d) if d > 0.0 else 2.0
+    return math.acos(min(1.0, max(-1.0, cosine)))
 
 
 @compiled
@@ -139,8 +135,7 @@ def turn_pivot(mount: ArmMount, cell: PlanarCell) -> bool:
     if np.isnan(mount.yaw):
         return True
     mid, half = cell.middle, cell.half
-    turn, over = fit(wrap(mid[YAW] - mount.yaw - mount.zero), mount.low, mount.high)
-    mid[TURN], half[TURN] = turn, half[YAW]
-    if over > 0.0:
-        mid[TURN] = wrap(mid[YAW] - mount.yaw - mount.zero)
+    wanted = wrap(mid[YAW] - mount.yaw - mount.zero)
+    turn, over = fit(wanted, mount.low, mount.high)
+    mid[TURN], half[TURN] = wanted if over > 0.0 else turn, half[YAW]
     return bool(over <= half[YAW] + SLACK)

@@ -59,17 +59,9 @@ class PolarCells:
         zero, one = np.zeros(len(r)), np.ones(len(r))
         out, there = self.outward[r, b], self.outward[r, after]
         near, far = self.onward[r, b], self.onward[r + 1, b]
-        rows = [
-            (zero, zero),
-            (out, zero),
-            (one, zero),
-            (one, far),
-            (one, one),
-            (there, one),
-            (zero, one),
-            (zero, near),
-        ]
-        shares = np.array(rows).transpose(2, 0, 1)
+        outward = [zero, out, one, one, one, there, zero, zero]
+        onward = [zero, zero, zero, far, one, one, one, near]
+        shares = np.array([outward, onward]).transpose(2, 1, 0)
         real = np.stack([corners, cut], axis=1).reshape(8, -1).T
         return shares, real
 
@@ -79,13 +71,8 @@ class PolarCells:
         (r, b), (shares, real) = self.cells, self._vertices
         middle = (shares * real[:, :, None]).sum(axis=1) / real.sum(axis=1)[:, None]
         wide, turn = self.distances[1], 2 * np.pi / len(self.bearings)
-        return (
-            r,
-            b,
-            np.column_stack(
-                [self.distances[r] + wide * middle[:, 0], self.bearings[b] + turn * middle[:, 1]]
-            ),
-        )
+        distance, bearing = self.distances[r] + wide * middle[:, 0], self.bearings[b] + turn * middle[:, 1]
+        return r, b, np.column_stack([distance, bearing])
 
     def kept(self, some: Mask) -> PolarCells:
         """Only those of the cells that a mask (m,) names."""
@@ -104,16 +91,11 @@ class PolarCells:
             return Polygon()
         wide, turn = self.distances[1], 2 * np.pi / len(self.bearings)
         # What two cells share is computed from the same numbers, so that their edges are the same.
-        distance = np.where(
-            shares[..., 0] == 1.0,
-            self.distances[r + 1][:, None],
-            self.distances[r][:, None] + wide * shares[..., 0],
-        )
-        step = np.where(
-            shares[..., 1] == 1.0,
-            ((b + 1) % len(self.bearings))[:, None] * turn,
-            b[:, None] * turn + turn * shares[..., 1],
-        )
+        out, on = np.moveaxis(shares, 2, 0)
+        after = ((b + 1) % len(self.bearings))[:, None] * turn
+        step = np.where(on == 1.0, after, b[:, None] * turn + turn * on)
+        farther = self.distances[r][:, None] + wide * out
+        distance = np.where(out == 1.0, self.distances[r + 1][:, None], farther)
         points = distance[..., None] * np.stack([np.cos(step), np.sin(step)], axis=-1)
         return _joined(points, real)
 
@@ -140,9 +122,7 @@ def _joined(points: Array, real: Mask) -> BaseGeometry:
     first = np.searchsorted(ring, np.arange(len(points)))
     before = np.arange(len(ring)) - 1
     before[first] = np.searchsorted(ring, np.arange(len(points)), side="right") - 1
-    own = (corner != corner[before]).any(
-        axis=1
-    )  # a cut may be at a corner, and corners at the origin are one
+    own = (corner != corner[before]).any(axis=1)  # a cut may be at a corner; those at the origin are one
     own &= np.bincount(ring[own], minlength=len(points))[ring] >= 3
     if not own.any():
         return Polygon()

@@ -83,17 +83,12 @@ class _Sampled(NamedTuple):
 
 
 def pose_reach(
-    chain: Chain,
-    height: float,
-    aim: Aim,
-    heading: float | None = None,
-    demand: PostureDemand | None = None,
+    chain: Chain, height: float, aim: Aim, heading: float | None = None, demand: PostureDemand | None = None
 ) -> PoseReach:
     """Return the places of the pivot axis from which some posture meets an aim.
 
     Parameters
     ----------
-    chain : Chain
     height : float
         Of the arm's base frame over the floor [m].
     aim : Aim
@@ -258,9 +253,8 @@ def _spread(grid: _Grid, todo: Index, count: int) -> int:
     """Go on from a pose found to its four neighbours, which are queued where they are found."""
     rows, columns, _ = grid.postures.shape
     i, j = todo[count, 0], todo[count, 1]
-    for side in range(4):
-        k = i + (1 if side == 0 else (-1 if side == 1 else 0))
-        m = (j + (1 if side == 2 else (-1 if side == 3 else 0))) % columns
+    for down, on in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        k, m = i + down, (j + on) % columns
         if 0 <= k < rows and not grid.found[k, m] and _reached(grid, k, m, grid.postures[i, j]):
             todo[count, 0], todo[count, 1] = k, m
             count += 1
