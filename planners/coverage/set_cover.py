@@ -77,12 +77,7 @@ def _holding(faces: Geometries, areas: Geometries) -> Mask:
 
 
 def undominated(inside: Mask) -> Mask:
-    """Mask of the rows, all different, that are no subset of another row.
-
-    Parameters
-    ----------
-    inside : (f, n) array of bool
-    """
+    """Mask of the rows (f, n), all different, that are no subset of another row."""
     size = inside.sum(axis=1)
     order = np.argsort(-size, kind="stable")
     best, kept = np.zeros(len(inside), dtype=bool), np.empty((0, inside.shape[1]), dtype=np.float32)

@@ -96,19 +96,8 @@ class AnyBase(NamedTuple):
 def search_cells(task: AnyBase, rings: Array, most: int) -> tuple[Verdict, float]:
     """Search all over the floor for a clear posture, written to ``task.base`` and ``task.joints``.
 
-    Parameters
-    ----------
-    task : AnyBase
-    rings : (k, 2) array
-        Intervals of distances that the arm reaches [m].
-    most : int
-        Budget of cells.
-
-    Returns
-    -------
-    Verdict
-    float
-        Diagonal of a box round the places that are left where it is OPEN, 0 otherwise [m].
+    The arm reaches the distances ``rings`` (k, 2) [m]; ``most`` is the budget of cells. Returns the verdict
+    and, where it is OPEN, the diagonal of a box round the places that are left, 0 otherwise [m].
     """
     boxes = _search(task, *_first_cells(task.mount, task.demand, rings), most - 1)
     found = proven(boxes)

@@ -79,8 +79,6 @@ def distances_within_thresholds(
 
     Parameters
     ----------
-    arm : PlaneArm
-    asked : Thresholds
     pitches : (low, high)
         Angles that the last link may take in the plane, infinite for any [rad].
     z : float

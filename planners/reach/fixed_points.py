@@ -35,15 +35,8 @@ class PointReach(NamedTuple):
 def fixed_point_reach(chain: Chain, height: float, aim: Aim, *, coarse: bool) -> Iterator[PointReach]:
     """Bounds that points of the tool put to the places of the pivot axis: each holds all that meet an aim.
 
-    Parameters
-    ----------
-    chain : Chain
-    height : float
-        Of the arm's base frame over the floor [m].
-    aim : Aim
-        A direction or an orientation in the world, its cone as wide as postures may use it.
-    coarse : bool
-        Whether heights near to each other share a bound; see `outer_range`.
+    The aim is a direction or an orientation in the world, its cone as wide as postures may use it; the arm's
+    base frame is at a ``height`` over the floor [m]. For ``coarse`` see `outer_range`.
     """
     for e, moved in _fixed_points(chain, aim.kind):
         lever, cone = float(np.linalg.norm(e)), min(aim.cone + GUARD, np.pi)

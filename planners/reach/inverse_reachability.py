@@ -56,12 +56,7 @@ def posture_samples(chain: Chain, reach: float) -> PostureSamples:
 def nearest_samples(samples: PostureSamples, rise: float, aim: Aim, count: int) -> NDArray[np.intp]:
     """Indices of the samples (count,) whose height and upward direction are nearest to an aim's.
 
-    Parameters
-    ----------
-    samples : PostureSamples
-    rise : float
-        Height of the aim over the arm's base frame [m].
-    aim : Aim
+    The aim is at a height ``rise`` over the arm's base frame [m].
     """
     upward = {POSITION: slice(0), DIRECTION: slice(2, 3), ORIENTATION: slice(3)}[aim.kind]
     away = np.square(samples.tools[:, 2, upward] - aim.turn[2, upward]).sum(axis=1)
@@ -78,13 +73,8 @@ def posture_seeds(
     ----------
     chain : Chain
         With a vertical pivot that has no limits.
-    samples : PostureSamples
-        Of the chain.
     rise : float
-        Height of the aim over the arm's base frame [m].
-    aim : Aim
-        Its position does not matter.
-    within : Tolerances
+        Height of the aim over the arm's base frame, in place of its position [m].
     count : int
         Of the samples that are tried.
 
@@ -105,13 +95,7 @@ def posture_seeds(
 
 @compiled
 def _moved(
-    arm: SerialArm,
-    aim: Aim,
-    tools: Array,
-    within: Tolerances,
-    pivot: int,
-    postures: Array,
-    places: Array,
+    arm: SerialArm, aim: Aim, tools: Array, within: Tolerances, pivot: int, postures: Array, places: Array
 ) -> Mask:
     """Move postures to an aim, each where it is nearest to it; they and the places are overwritten.
 

@@ -72,7 +72,6 @@ def outer_distances(
 
     Parameters
     ----------
-    meridian : Meridian
     heights : (low, high)
         Of the tool over the arm's base frame, the same or rising [m].
     limits : (low, high) arrays (m,)

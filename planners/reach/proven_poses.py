@@ -1,9 +1,7 @@
 """Places from which any arm meets a tool direction or orientation, proven square by square.
 
-A square holds places of the pivot axis. In its middle a posture meets the aim. Led on by the right inverse of
-its Jacobian, the tool keeps to the aim all over the square, but for a remainder of the second order. Where a
-ball of corrections takes that remainder into itself, and no joint leaves its limits, a posture meets the aim
-from every place of the square (Brouwer's theorem). Squares that are not proven are quartered.
+A square holds places of the pivot axis. From a posture that meets the aim in its middle it is proven that one
+does from every place of it (`square_proofs`). Squares that are not proven are quartered.
 """
 
 from __future__ import annotations

@@ -21,18 +21,10 @@ FREE = (-np.inf, np.inf)
 
 
 def boundary_circles(arm: PlanarArm, shoulder_z: float, pitches: Pair = FREE) -> Array:
-    """Circles of the plane on which the reach can begin or end: rows of center r, center z, radius.
+    """Circles of the plane on which the reach can begin or end: rows of center r, center z, radius [m].
 
     The boundary of the reach is made of critical postures: every free bend either turns a rigid rest or
-    lines up with it, all others, or the pitch, stand at a limit.
-
-    Parameters
-    ----------
-    arm : PlanarArm
-    shoulder_z : float
-        Height of the first hinge above the floor [m].
-    pitches : (low, high)
-        Angles that the last link may take in the plane [rad]; equal where it is fixed.
+    lines up with it, all others, or the pitch, stand at a limit. Arguments are those of `reach_spans`.
     """
     shoulder = complex(arm.shoulder[0], shoulder_z)
     limits = [[bend for bend in (arm.lower[i], arm.upper[i]) if np.isfinite(bend)] for i in range(3)]
@@ -97,7 +89,6 @@ def reach_spans(
 
     Parameters
     ----------
-    arm : PlanarArm
     shoulder_z : float
         Height of the first hinge above the floor [m].
     heights : (n,) array

@@ -292,19 +292,10 @@ def led_along(
     most: int,
     joints: Array,
 ) -> int:
-    """Carry a posture from aim to aim, each polished from the one before and led to meet thresholds.
+    """Carry a posture from aim to aim, each by `polish` from the one before and led to meet thresholds.
 
-    Parameters
-    ----------
-    reach, tolerance, most
-        As of `polish`.
-    joints : (m, n) array
-        A posture at the first aim in its first row; overwritten with one for each aim that is met.
-
-    Returns
-    -------
-    int
-        Number of aims met before the first that is not.
+    The first row of ``joints`` (m, n) is a posture at the first aim; overwritten with one for each aim that
+    is met. Returns the number of aims met before the first that is not.
     """
     for i in range(len(aims.positions)):
         if i > 0:

@@ -26,12 +26,7 @@ from regionik.planners.solvers.damped_least_squares import (
     tool_error,
 )
 from regionik.planners.solvers.fabrikr import held
-from regionik.planners.solvers.serial_chain import (
-    SerialArm,
-    chain_frames,
-    chain_jacobian,
-    serial_arm,
-)
+from regionik.planners.solvers.serial_chain import SerialArm, chain_frames, chain_jacobian, serial_arm
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, spread_postures
 

@@ -29,18 +29,9 @@ class SearchResult(NamedTuple):
 
 
 class ArmMethod(ABC):
-    """An inverse kinematics method for a chain.
+    """An inverse kinematics method for a chain, to a tolerance [m] and an angle tolerance [rad]."""
 
-    Attributes
-    ----------
-    name : str
-        In ``regionik compare --methods``.
-    chain : Chain
-    tolerance, angle_tolerance : float
-        [m], [rad]
-    """
-
-    name: ClassVar[str]
+    name: ClassVar[str]  # in ``regionik compare --methods``
 
     def __init__(self, chain: Chain, tolerance: float, angle_tolerance: float) -> None:
         for label, value in (("tolerance", tolerance), ("angle_tolerance", angle_tolerance)):

@@ -257,10 +257,8 @@ def _parallel(lines: _Lines) -> tuple[Array, Which]:
 def _two_links(axis: Array, b: Array, d: Array, g: Array) -> list[tuple[Array, Array]]:
     """Both pairs of angles that bring R1 (b + R2 d) to a point across the axis."""
     b, d, g = (one - row_dot(axis, one)[:, None] * axis for one in (b, d, g))
-    pairs = []
-    for x in angles_onto_plane(b, axis, d, 0.5 * (row_dot(g, g) - row_dot(b, b) - row_dot(d, d))):
-        pairs.append((angle_to(axis, b + rotated_about(axis, x, d), g), x))
-    return pairs
+    seconds = angles_onto_plane(b, axis, d, 0.5 * (row_dot(g, g) - row_dot(b, b) - row_dot(d, d)))
+    return [(angle_to(axis, b + rotated_about(axis, x, d), g), x) for x in seconds]
 
 
 def _times(M: Array, vector: Array) -> Array:

@@ -68,13 +68,7 @@ def pose_error(position: Vector, turn: Array, aim: Aim, miss: Array) -> tuple[fl
 
 @compiled
 def polish(
-    arm: SerialArm,
-    aim: Aim,
-    joints: Array,
-    reach: float,
-    tolerance: float,
-    angle_tolerance: float,
-    most: int,
+    arm: SerialArm, aim: Aim, joints: Array, reach: float, tolerance: float, angle_tolerance: float, most: int
 ) -> tuple[float, float, int]:
     """Move the joints until the tool is within the tolerances or no step helps; overwrites ``joints`` (n,).
 

@@ -195,10 +195,9 @@ def forward_place(bodies: RigidBodies, k: int, value: float, posture: Posture) -
     arm, turn = bodies.arm, posture.turns[k]
     back = np.empty((3, 3))
     if arm.revolute[k]:
-        spin, after = np.empty((3, 3)), np.empty((3, 3))
+        spin = np.empty((3, 3))
         rotate_about(arm.axis[k], -value, spin)
-        matmul3(turn, spin, after)
-        back[:] = after
+        matmul3(turn, spin, back)
     else:
         back[:] = turn
         shift = scaled(turned(turn, row(arm.axis, k)), posture.joints[k] - value)

@@ -170,10 +170,7 @@ def self_motion_along(
 ) -> bool:
     """Write the part of a motion of the joints (n,) that leaves the tool in place into ``drift`` (n,).
 
-    Returns
-    -------
-    bool
-        False where nothing of it is left.
+    False where nothing of it is left.
     """
     n, rows = len(joints), 3 if aim.kind == POSITION else 6
     frames, J, miss = np.empty((len(arm.axis) + 1, 4, 4)), np.empty((6, n)), np.empty(6)
