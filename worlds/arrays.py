@@ -26,19 +26,9 @@ def cross(a: Array, b: Array) -> Array:
 
 
 def frozen(values: ArrayLike, shape: Sequence[int | None], what: str) -> Array:
-    """Return ``values`` as a read-only float array of its own, of the given shape.
+    """Return values as a read-only float array of its own, or raise an `InputError` that names it ``what``.
 
-    Parameters
-    ----------
-    shape : sequence of int or None
-        Expected length of each axis; None takes any.
-    what : str
-        Name of the array in error messages.
-
-    Raises
-    ------
-    InputError
-        When the shape differs or a value is not finite.
+    Its numbers are finite; ``shape`` is the length expected of each axis, None for any.
     """
     try:
         array = np.array(values, dtype=np.float64)
@@ -59,14 +49,9 @@ def frozen(values: ArrayLike, shape: Sequence[int | None], what: str) -> Array:
 
 
 def freeze(value: object, owner: str, **shapes: Sequence[int | None]) -> None:
-    """Freeze fields of a frozen dataclass in place; for its ``__post_init__``.
+    """Freeze fields of a frozen dataclass in place, as `frozen` does; for its ``__post_init__``.
 
-    Parameters
-    ----------
-    owner : str
-        Name of the value in error messages.
-    **shapes : sequence of int or None
-        Shape of each field, as `frozen` takes it.
+    ``owner`` is the name of the value in error messages.
     """
     for key, shape in shapes.items():
         object.__setattr__(value, key, frozen(getattr(value, key), shape, f"{owner}: {key}"))

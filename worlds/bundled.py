@@ -120,13 +120,7 @@ def world_names() -> tuple[str, ...]:
 
 
 def world_path(name: str) -> Path:
-    """Return the file of a bundled world.
-
-    Raises
-    ------
-    InputError
-        For an unknown name; lists the valid ones.
-    """
+    """Return the file of a bundled world; an `InputError` lists the valid names."""
     if name not in world_names():
         raise InputError(
             f"unknown world {name!r}{suggestion(name, world_names()) or ':'} "

@@ -43,18 +43,10 @@ class BaseDrive(ABC):
         """
 
     def between(self, here: Array, there: Array, share: ArrayLike) -> Array:
-        """Base poses on the way from some poses to others, headings running on from the first.
+        """Base poses (..., 3) on the way from some poses to others, headings running on from the first.
 
-        Parameters
-        ----------
-        here, there : (..., 3) arrays
-            x, y [m], yaw [rad]; the base turns the shorter way.
-        share : (...,) array_like
-            0 at ``here``, 1 at ``there``.
-
-        Returns
-        -------
-        (..., 3) array
+        Poses (..., 3) are x, y [m], yaw [rad]; the base turns the shorter way. ``share`` (...,) is 0 at
+        ``here`` and 1 at ``there``.
         """
         share = np.asarray(share, dtype=np.float64)
         slide, length = self.parts(here, there)
@@ -192,12 +184,7 @@ def drive_of(kind: BaseKind, turning_radius: float = 0.0) -> BaseDrive:
 def wheel_travel(base: Array, gauge: float) -> Array:
     """Way of a differential drive's left and right wheel over each hop through base poses, (n - 1, 2) [m].
 
-    Parameters
-    ----------
-    base : (n, 3) array
-        x, y [m], yaw [rad].
-    gauge : float
-        Distance between the wheels [m].
+    Poses (n, 3) are x, y [m], yaw [rad]; ``gauge`` is the distance between the wheels [m].
     """
     slide, length = DifferentialDrive().parts(base[:-1], base[1:])
     turn = slide[:, 2] * gauge / 2

@@ -41,11 +41,6 @@ class FrameNames:
 
 
 def check_frame_name(name: str) -> None:
-    """Refuse what tf2 takes for no name of a frame.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse what tf2 takes for no name of a frame, by an `InputError`."""
     if not name.strip() or name != name.strip() or name.startswith("/"):
         raise InputError(f"expected the name of a frame, as map or odom, without a slash; got {name!r}")

@@ -360,10 +360,7 @@ Solid = Box | Cylinder | Sphere | Prism | Mesh
 def as_polygon(outline: Polygon | ArrayLike, what: str) -> Any:
     """Return a floor area itself, or the polygon of corners (n, 2).
 
-    Raises
-    ------
-    InputError
-        When it is empty, or its outline crosses or touches itself.
+    An `InputError` says where it is empty, or its outline crosses or touches itself.
     """
     polygon = (
         outline if isinstance(outline, BaseGeometry) else _polygon(frozen(outline, (None, 2), what), what)

@@ -37,13 +37,7 @@ class Polytope:
 
 
 def polytope(corners: Array) -> Polytope:
-    """Return the polytope with given corners (n, 3).
-
-    Raises
-    ------
-    InputError
-        Where the corners are fewer than four, or lie in one plane.
-    """
+    """Return the polytope with given corners (n, 3): an `InputError` where all lie in one plane."""
     try:
         hull = ConvexHull(corners)
     except (QhullError, ValueError):

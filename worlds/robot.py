@@ -247,13 +247,7 @@ def _check_links(
 
 
 def check_criteria(criteria: Criteria, robot: Robot) -> None:
-    """Refuse criteria that do not apply to a robot.
-
-    Raises
-    ------
-    InputError
-        When effort is limited for a robot without masses, or for another number of joints.
-    """
+    """Refuse criteria of effort for a robot without masses, or for another number of joints."""
     if criteria.effort is None:
         return
     dof = robot.chain.dof

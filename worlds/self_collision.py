@@ -110,14 +110,10 @@ def base_body(robot: Robot) -> Prism | None:
 def self_collision_pairs(robot: Robot) -> tuple[tuple[int, int], ...]:
     """Return the pairs of solids that must keep apart.
 
-    Left out are solids of one link, and of links that one joint connects; of the base, with what is fixed to
-    it, and the first link that carries any; pairs that touch in every one of `POSTURES` postures within the
-    limits; and those that ``robot.unchecked`` names.
-
-    Returns
-    -------
-    tuple of (int, int)
-        Indices into ``robot.all_solids``, the smaller first; -1 is the base's own body.
+    They are indices into ``robot.all_solids``, the smaller first; -1 is the base's own body. Left out are
+    solids of one link, and of links that one joint connects; of the base, with what is fixed to it, and the
+    first link that carries any; pairs that touch in every one of `POSTURES` postures within the limits; and
+    those that ``robot.unchecked`` names.
     """
     solids, body = robot.all_solids, base_body(robot)
     frames = solid_frames(robot, spread_postures(robot.chain, SLIDE, POSTURES, 0))
@@ -143,15 +139,10 @@ def self_collision_pairs(robot: Robot) -> tuple[tuple[int, int], ...]:
 
 @lru_cache(maxsize=64)
 def off_floor(robot: Robot) -> tuple[bool, ...]:
-    """Return True for the solids of a robot that must keep off the floor.
+    """Return True for each of ``robot.all_solids`` that must keep off the floor.
 
     Left out are those that no joint raises or lowers, fixed to the base or on its pivot, and those that reach
     into the floor in every one of `POSTURES` postures.
-
-    Returns
-    -------
-    tuple of bool
-        One for each of ``robot.all_solids``.
     """
     heights = _heights(robot, spread_postures(robot.chain, SLIDE, POSTURES, 0))
     return tuple(bool(np.ptp(one, axis=0).max() > _LEVEL and one.min(axis=1).max() > 0.0) for one in heights)
@@ -187,11 +178,7 @@ def postures_clear(robot: Robot, joints: Array, margin: float) -> Mask:
 def bodies_clear(robot: Robot, points: Sequence[Array], joints: Array) -> bool:
     """Return True where of no pair that must keep apart both the solids and the bodies inside touch.
 
-    Parameters
-    ----------
-    points : sequence of (n, 3) arrays
-        As `disabled_pairs` has them.
-    joints : (dof,) array
+    ``points`` are as in `disabled_pairs`, ``joints`` (dof,) is one posture.
     """
     pairs = _SolidPairs(robot, points, joints[None])
     return not any(pairs.touching(*pair).any() and pairs.meeting(*pair).any() for pair in pairs.checked)
@@ -200,26 +187,15 @@ def bodies_clear(robot: Robot, points: Sequence[Array], joints: Array) -> bool:
 def disabled_pairs(
     robot: Robot, points: Sequence[Array], rest: Array | None = None
 ) -> tuple[list[tuple[str, str]], list[str]]:
-    """Return pairs of solids that are no use to check, and notes on those whose bodies may touch.
+    """Return pairs of names of solids that are no use to check, and notes on those whose bodies may touch.
 
     That are, of the pairs that must keep apart: those between which all joints slide along one line and which
     touch somewhere, as tubes of a telescope do; those that touch often, or in the rest posture, though the
     bodies inside them do not in the same postures; those that touch nearly always; and those whose bodies
     touch in most postures, as no arm is built so: its file is crude.
 
-    Parameters
-    ----------
-    points : sequence of (n, 3) arrays
-        Of each of ``robot.all_solids``, corners of the hull of the body inside it, in its link's frame [m].
-    rest : (dof,) array, optional
-        A posture that the robot is known to take.
-
-    Returns
-    -------
-    pairs : list of (str, str)
-        Names of solids, for ``Robot.unchecked``.
-    notes : list of str
-        One for each of these pairs whose bodies may touch.
+    ``points`` (n, 3) are, of each of ``robot.all_solids``, corners of the hull of the body inside it, in its
+    link's frame [m]; ``rest`` (dof,) is a posture that the robot is known to take.
     """
     postures = _SolidPairs(robot, points, spread_postures(robot.chain, SLIDE, MANY_POSTURES, 0))
     at_rest = _SolidPairs(robot, points, np.zeros((0, robot.chain.dof)) if rest is None else rest[None])

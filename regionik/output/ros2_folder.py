@@ -58,21 +58,9 @@ bag/                  rosbag2 (MCAP) of /tf, /joint_states and the messages abov
 
 
 def ros2_files(plan: Plan, rate: float | None = None, frame: str = FRAME) -> dict[str, str | bytes]:
-    """Return the files of the folder by their names.
+    """Return the files of the folder by their names, of a timed plan; this needs rosbags.
 
-    Parameters
-    ----------
-    plan : Plan
-        A timed one.
-    rate : float, optional
-        Points a second, `RATE` by default [1/s].
-    frame : str
-        Of the base's motion and the solids.
-
-    Raises
-    ------
-    InputError
-        When the plan is not timed, for an invalid rate or frame, and where rosbags is not installed.
+    Points come at a ``rate`` [1/s]; ``frame`` is that of the base's motion and the solids.
     """
     rate = RATE if rate is None else rate
     robot, speeds = plan.world.robot, plan.world.speeds or Speeds()

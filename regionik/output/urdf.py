@@ -27,15 +27,10 @@ def robot_to_urdf(robot: Robot, floor: Polygon) -> str:
     """URDF text of a robot on a floor.
 
     The base is three virtual joints: ``base_x``, ``base_y`` (prismatic, limited to the floor's extent)
-    and ``base_yaw`` (continuous). The arm's joints keep their names; the link that joint ``j`` moves is
-    ``j_link``; the tool is the link ``tool``. A link's box stays a box, a capsule becomes a cylinder and two
-    spheres, a hull the box around it, as URDF has no word for it, a footprint its bounding box up to
-    ``body_height``; a point base has no solid. What collides is also what is seen.
-
-    Raises
-    ------
-    InputError
-        When an arm joint bears a name of the virtual joints.
+    and ``base_yaw`` (continuous). The arm's joints keep their names, which must be others; the link that
+    joint ``j`` moves is ``j_link``; the tool is the link ``tool``. A link's box stays a box, a capsule
+    becomes a cylinder and two spheres, a hull the box around it, as URDF has no word for it, a footprint its
+    bounding box up to ``body_height``; a point base has no solid. What collides is also what is seen.
     """
     taken = [joint.name for joint in robot.chain.joints if joint.name in _VIRTUAL_JOINTS]
     if taken:

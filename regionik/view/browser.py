@@ -44,12 +44,7 @@ def chromium() -> str | None:
 def opened(page: Path, width: int = 1280, height: int = 800) -> Iterator[BrowserPage]:
     """Open a file in a browser that ends with the block.
 
-    Raises
-    ------
-    InputError
-        When no Chromium is installed.
-    EngineError
-        When it does not answer.
+    Without Chromium that is an `InputError`, without an answer of it an `EngineError`.
     """
     program = chromium()
     if program is None:

@@ -271,15 +271,7 @@ def task_meshes(world: World, missing: NDArray[np.bool_] | None = None) -> list[
 
 
 def picture_of_explanation(world: World, explanation: Explanation, target: Target | None = None) -> Picture:
-    """The picture of why a target or a path is out of reach.
-
-    Parameters
-    ----------
-    world : World
-    explanation : Explanation
-    target : Target, optional
-        The one explained; by default the set-point that the explanation names.
-    """
+    """The picture of why a target, or the set-point that the explanation names, is out of reach."""
     i = 0 if target is not None or explanation.setpoint is None else explanation.setpoint
     scene = world if target is None else replace(world, task=(target,))
     before = picture_of_world(scene)

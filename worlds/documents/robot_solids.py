@@ -167,13 +167,7 @@ def visual_document(surface: VisualSurface) -> dict[str, Any]:
 
 
 def matrix(rows: list[list[float]], what: str) -> Array:
-    """Return a homogeneous matrix from its rows, checked.
-
-    Raises
-    ------
-    InputError
-        For what is no rotation, or another last row.
-    """
+    """Return a homogeneous matrix from its rows, or raise an `InputError` where it is no rigid transform."""
     T = np.array(rows)
     with located("", what):
         check_rotation(T[:3, :3])

@@ -41,13 +41,7 @@ class _Geometry(NamedTuple):
 
 
 def read_points(path: Path) -> Array:
-    """Return the vertices (n, 3) of all geometries of a COLLADA file as its scene places them [m].
-
-    Raises
-    ------
-    InputError
-        Names the file, the line and what was expected.
-    """
+    """Return the vertices (n, 3) of all geometries of a COLLADA file as its scene places them [m]."""
     root = _root(path)
     with located(str(path), ""):
         shown = [geometry.points for geometry in _shown(root)]
@@ -61,11 +55,6 @@ def read_surfaces(path: Path) -> list[Surface]:
     """Return the triangles of all geometries of a COLLADA file as its scene places them, by colour.
 
     Colours are the diffuse ones of materials; textures are not read.
-
-    Raises
-    ------
-    InputError
-        Names the file, the line and what was expected.
     """
     root = _root(path)
     with located(str(path), ""):

@@ -47,13 +47,7 @@ class CsvBlock:
     data: bytes
 
     def path(self) -> ToolPath:
-        """Return the points of these lines.
-
-        Raises
-        ------
-        InputError
-            Names the file, the line and what was expected.
-        """
+        """Return the points of these lines."""
         lines = _text(self.data, self.where).splitlines()
         _check_lengths(lines, self.where, self.number)
         return _path_of_lines(lines, self.where, self.row, self.columns, self.number)
@@ -86,13 +80,7 @@ class CsvTable:
 
 
 def read_csv(path: Path) -> ToolPath:
-    """Return the tool path in a CSV file.
-
-    Raises
-    ------
-    InputError
-        Names the file, the line and what was expected.
-    """
+    """Return the tool path in a CSV file."""
     lines = read_lines(path, CSV_LIMIT)
     _check_lengths(lines, str(path), 1)
     row, columns = _first_row(lines, str(path))
@@ -100,13 +88,7 @@ def read_csv(path: Path) -> ToolPath:
 
 
 def index_csv(path: Path, size: int) -> CsvTable:
-    """Return the blocks of ``size`` lines of a CSV file; of its contents only the first row is checked.
-
-    Raises
-    ------
-    InputError
-        When the file cannot be read or has no points.
-    """
+    """Return the blocks of ``size`` lines of a CSV file; of its contents only the first row is checked."""
     try:
         check_plain_file(path)
         with open(path, "rb") as file:
@@ -225,18 +207,8 @@ def _path_of_rows(rows: Array, where: str, numbers: Sequence[int]) -> ToolPath:
 def read_csv_columns(path: Path, columns: Mapping[str, str], delimiter: Delimiter) -> ToolPath:
     """Return the tool path in some columns of a CSV file.
 
-    Parameters
-    ----------
-    path : Path
-        Its first line that is neither empty nor begins with # holds the titles.
-    columns : mapping of str to str
-        Titles of the columns for x, y, z, and for nothing more, dx, dy, dz, or qx, qy, qz, qw.
-    delimiter : {"comma", "semicolon", "tab"}
-
-    Raises
-    ------
-    InputError
-        Names the file, the line and what was expected.
+    Its first line that is neither empty nor begins with # holds the titles. ``columns`` are the titles for
+    x, y, z, and for nothing more, dx, dy, dz, or qx, qy, qz, qw.
     """
     names = next((names for names in COLUMNS.values() if set(names) == set(columns)), None)
     if names is None:

@@ -33,13 +33,7 @@ logging.getLogger("trimesh").addHandler(logging.NullHandler())
 
 
 def read_mesh(path: Path) -> tuple[Array, Index]:
-    """Return the vertices (n, 3) and triangles (m, 3) of a mesh file.
-
-    Raises
-    ------
-    InputError
-        Names the file and what was expected.
-    """
+    """Return the vertices (n, 3) and triangles (m, 3) of a mesh file."""
     kind = path.suffix.lower()
     if kind not in SUFFIXES:
         raise InputError(f"{path}: expected a mesh file that ends in {', '.join(SUFFIXES)}")

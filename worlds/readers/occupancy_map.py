@@ -52,26 +52,11 @@ class MapDocument(Strict):
 def load_map(yaml_path: Path, height: float, free_thresh: float | None = None) -> Floor:
     """Return the floor of a map file.
 
-    Parameters
-    ----------
-    yaml_path : Path
-        Map file; its image (PGM or PNG) is relative to it.
-    height : float
-        Height of occupied and unknown cells [m].
-    free_thresh : float, optional
-        Replaces the map's own. Maps are often saved with unseen cells as grey 205 and a threshold of 0.25, by
-        which unseen cells (1 - 205/255 = 0.1961) count as free floor; 0.196 keeps them unknown.
+    Its polygon is the map's whole rectangle, its cells are one prism for each edge-connected blob of occupied
+    or unknown cells, of a height [m]. The image (PGM or PNG) is relative to the file.
 
-    Returns
-    -------
-    Floor
-        ``polygon`` is the map's whole rectangle, ``cells`` one prism for each edge-connected blob of
-        occupied or unknown cells.
-
-    Raises
-    ------
-    InputError
-        Names the file, the key and what was expected.
+    ``free_thresh`` replaces the map's own. Maps are often saved with unseen cells as grey 205 and a threshold
+    of 0.25, by which unseen cells (1 - 205/255 = 0.1961) count as free floor; 0.196 keeps them unknown.
     """
     where = str(yaml_path)
     plain = read_document(yaml_path)

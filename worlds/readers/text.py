@@ -108,13 +108,7 @@ def check_count(text: str | bytes, limit: int, where: str) -> None:
 
 
 def read_document(path: Path) -> dict[str, Any]:
-    """Return the keys and plain values of a YAML or JSON file.
-
-    Raises
-    ------
-    InputError
-        One line: the file, the line where known, and what was expected.
-    """
+    """Return the keys and plain values of a YAML or JSON file."""
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise InputError(f"{path}: expected a file that ends in {', '.join(SUFFIXES)}")
@@ -265,13 +259,7 @@ class Element:
 
 
 def read_xml(path: Path, limit: int = XML_LIMIT) -> Element:
-    """Return the root element of an XML file in UTF-8 of at most ``limit`` bytes.
-
-    Raises
-    ------
-    InputError
-        One line: the file, the line in it where known, and what was expected.
-    """
+    """Return the root element of an XML file in UTF-8 of at most ``limit`` bytes."""
     text = read_text(path, limit)
     with located(str(path), ""):
         if text.count("=") > ATTRIBUTE_LIMIT:

@@ -62,11 +62,6 @@ def collision_model(
     length, a mesh a few boxes and capsules; where there are many, those of a link share some
     (`regionik.worlds.urdf.decomposition`). A mesh that is missing or unreadable is replaced by a capsule of
     radius `LINK_RADIUS` from its joint to the next, and noted.
-
-    Raises
-    ------
-    InputError
-        When the file names a mesh outside the folders that it may name.
     """
     meshes = MeshFiles(model.path)
     parts: list[CollisionPart] = []

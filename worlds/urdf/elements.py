@@ -87,13 +87,7 @@ class UrdfModel:
 
 
 def read_urdf(path: Path) -> UrdfModel:
-    """Return links, joints and shapes of a URDF file.
-
-    Raises
-    ------
-    InputError
-        One line: the file, the line in it, what was expected and the valid choices.
-    """
+    """Return links, joints and shapes of a URDF file."""
     if path.suffix.lower() == ".xacro":
         raise located_error(str(path), "", _expand_xacro(path))
     if path.suffix.lower() not in SUFFIXES:

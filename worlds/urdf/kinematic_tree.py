@@ -62,12 +62,7 @@ def kinematic_path(model: UrdfModel, root: str | None, tip: str | None) -> Kinem
     """Return the path from ``root`` (the file's by default) to ``tip`` (by default, of the longest arm).
 
     Joints by which a file moves its base over the floor are left out where no root is given: see
-    `_virtual_joints`.
-
-    Raises
-    ------
-    InputError
-        When the links are no tree, a name is unknown, or nothing moves between the two; lists valid names.
+    `_virtual_joints`. An `InputError` lists the valid names where one is unknown or nothing moves.
     """
     top = _root(model)
     above = {joint.child: joint for joint in model.joints}
@@ -99,15 +94,8 @@ def kinematic_path(model: UrdfModel, root: str | None, tip: str | None) -> Kinem
 def chain_along(model: UrdfModel, path: KinematicPath, limited: bool) -> Chain:
     """Return the moving joints of a path; fixed ones are folded into the frames. Its base is the root link.
 
-    Parameters
-    ----------
-    limited : bool
-        True where revolute and prismatic joints must have limits.
-
-    Raises
-    ------
-    InputError
-        For joints that are no single free motion, or lack their limits.
+    ``limited`` is True where revolute and prismatic joints must have limits. A joint that is no single free
+    motion is an `InputError`.
     """
     T = np.eye(4)
     joints = []

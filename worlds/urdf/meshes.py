@@ -39,10 +39,7 @@ class MeshFiles:
     def surface(self, shape: CollisionShape) -> Array | str:
         """Return triangles (m, 3, 3) around a mesh, in the shape's frame [m], or why there are none.
 
-        Raises
-        ------
-        InputError
-            When the file lies outside the folders that may be named.
+        A file outside the folders that may be named is an `InputError`.
         """
         found = self._find(shape)
         if isinstance(found, str):
@@ -56,13 +53,7 @@ class MeshFiles:
         return scaled if np.abs(scaled).max() <= LARGEST else _TOO_LARGE
 
     def colored(self, shape: CollisionShape) -> list[Surface]:
-        """Return the triangles of a mesh by their colours, in the shape's frame [m].
-
-        Raises
-        ------
-        InputError
-            When there is no such file, or it cannot be read.
-        """
+        """Return the triangles of a mesh by their colours, in the shape's frame [m]."""
         found = self._find(shape)
         if isinstance(found, str):
             raise located_error(str(self.path), shape.place, found)
