@@ -34,16 +34,20 @@ def frozen(values: ArrayLike, shape: Sequence[int | None], what: str) -> Array:
         array = np.array(values, dtype=np.float64)
     except (TypeError, ValueError):
         raise InputError(f"{what}: expected numbers, got {values!r}") from None
-    wanted = tuple(shape)
-    fits = array.shape == wanted or (
-        array.ndim == len(wanted)
-        and all(w is None or w == n for w, n in zip(wanted, array.shape, strict=True))
-    )
-    if not fits:
-        text = " x ".join("n" if w is None else str(w) for w in wanted)
+    if array.ndim != len(shape) or any(w not in (None, n) for w, n in zip(shape, array.shape, strict=True)):
+        text = " x ".join("n" if w is None else str(w) for w in shape)
         raise InputError(f"{what}: expected {text} numbers, got shape {array.shape}")
     if not np.isfinite(array).all():
         raise InputError(f"{what}: every number must be finite, got {array.tolist()}")
+    array.flags.writeable = False
+    return array
+
+
+def frozen_faces(faces: ArrayLike, vertices: int, what: str) -> Index:
+    """Return triangles (m, 3) of so many vertices as a read-only array of its own."""
+    array = np.array(faces, dtype=np.int64)
+    if array.ndim != 2 or array.shape[1] != 3 or (array < 0).any() or (array >= vertices).any():
+        raise InputError(f"{what}: expected rows of three of its {vertices} vertices")
     array.flags.writeable = False
     return array
 

@@ -17,8 +17,8 @@ from regionik.storage.plan_document import PARTS, VERSION
 from regionik.values import Configuration, Motion, Plan, PlannedArea, Stop
 from regionik.worlds.documents.world_file import world_from_document
 from regionik.worlds.errors import InputError
-from regionik.worlds.readers.text import check_count, check_plain_file
-from regionik.worlds.readers.validation import LARGEST, Many, Strict, validated
+from regionik.worlds.readers.text import LARGEST, check_count, check_plain_file
+from regionik.worlds.readers.validation import Many, Strict, validated
 from regionik.worlds.scene import StopCriterion, World
 
 SIZE_LIMIT = 256 * 2**20  # [bytes]

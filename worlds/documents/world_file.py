@@ -35,7 +35,6 @@ from regionik.worlds.readers.validation import (
     Positive,
     Strict,
     Vec3,
-    check_magnitudes,
     validated,
 )
 from regionik.worlds.robot import Robot, check_criteria
@@ -211,9 +210,7 @@ def world_from_document(document: dict[str, Any], where: str = "world", folder: 
     ``where`` is the name of the document in error messages, and the world's where it gives none. File names
     are relative to a ``folder``, the working directory by default.
     """
-    plain = plain_mapping(document, where)
-    model = validated(WorldDocument, plain, where)
-    check_magnitudes(plain, where)
+    model = validated(WorldDocument, plain_mapping(document, where), where)
     folder = Path() if folder is None else folder
     robot = read_robot(model.robot, where, folder)
     floor = read_floor(model.floor, where, folder)

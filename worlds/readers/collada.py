@@ -16,8 +16,7 @@ from regionik.worlds.arrays import Array, Index, transform_points
 from regionik.worlds.chain import translation
 from regionik.worlds.errors import InputError, located
 from regionik.worlds.joints import Joint
-from regionik.worlds.readers.text import Element, clip, read_xml
-from regionik.worlds.readers.validation import LARGEST
+from regionik.worlds.readers.text import LARGEST, Element, clip, read_xml
 
 COLLADA = ".dae"
 COLLADA_LIMIT = 64 * 2**20  # [bytes]

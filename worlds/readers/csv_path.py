@@ -19,8 +19,7 @@ import numpy as np
 
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
-from regionik.worlds.readers.text import check_plain_file, clip, read_lines
-from regionik.worlds.readers.validation import LARGEST
+from regionik.worlds.readers.text import LARGEST, check_plain_file, clip, read_lines
 from regionik.worlds.toolpath import ToolPath, rotation_from_quaternion
 
 CSV_LIMIT = 64 * 2**20  # of a file that is read at once [bytes]

@@ -17,8 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from regionik.worlds.errors import InputError
-from regionik.worlds.readers.text import clip, read_lines
-from regionik.worlds.readers.validation import LARGEST
+from regionik.worlds.readers.text import LARGEST, clip, read_lines
 from regionik.worlds.toolpath import ToolPath
 
 GCODE_LIMIT = 64 * 2**20  # [bytes]

@@ -22,7 +22,7 @@ from regionik.worlds.arrays import Array, Mask
 from regionik.worlds.errors import InputError, located
 from regionik.worlds.obstacles import Prism
 from regionik.worlds.readers.text import check_plain_file, read_document
-from regionik.worlds.readers.validation import Strict, check_magnitudes, validated
+from regionik.worlds.readers.validation import Strict, validated
 from regionik.worlds.scene import Floor
 
 CELL_LIMIT = 25_000_000
@@ -59,9 +59,7 @@ def load_map(yaml_path: Path, height: float, free_thresh: float | None = None) -
     of 0.25, by which unseen cells (1 - 205/255 = 0.1961) count as free floor; 0.196 keeps them unknown.
     """
     where = str(yaml_path)
-    plain = read_document(yaml_path)
-    document = validated(MapDocument, plain, where)
-    check_magnitudes(plain, where)
+    document = validated(MapDocument, read_document(yaml_path), where)
     if not 0 < height < np.inf:
         raise InputError(f"height: must be above 0, got {height:g}")
     free = document.free_thresh if free_thresh is None else free_thresh

@@ -8,7 +8,6 @@ defines entities, is refused.
 from __future__ import annotations
 
 import json
-import math
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
@@ -30,6 +29,7 @@ ELEMENT_LIMIT = 100_000  # of an XML file
 LINES_LIMIT = 1_000_000  # of a table or a program that is read at once
 ATTRIBUTE_LIMIT = 150_000  # as the parser's time grows with the square of their number in one element
 SUFFIXES = (".yaml", ".yml", ".json")
+LARGEST = 1e9  # any length, angle or count in a file is smaller: squares and sums must not overflow
 
 _Base: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -121,7 +121,7 @@ def read_document(path: Path) -> dict[str, Any]:
 
 
 def plain_mapping(value: Any, where: str) -> dict[str, Any]:
-    """Return ``value`` itself, once it is known to be a mapping of plain, finite values."""
+    """Return ``value`` itself, once it is known to be a mapping of plain values, none beyond `LARGEST`."""
     if not isinstance(value, dict):
         raise InputError(f"{where}: expected a mapping of keys to values, got {clip(value)}")
     _plain(value, where, "", 0)
@@ -154,17 +154,12 @@ def _plain(value: Any, where: str, place: str, depth: int) -> None:
         for k, item in enumerate(value):
             _plain(item, where, f"{place}[{k}]", depth + 1)
     elif isinstance(value, int | float):
-        if not _finite(value):
-            raise InputError(f"{at}: expected a finite number, got {clip(value)}")
+        if not abs(value) <= LARGEST:
+            raise InputError(
+                f"{at}: expected a finite number of at most {LARGEST:g} in size, got {clip(value)}"
+            )
     elif value is not None and not isinstance(value, str):
         raise InputError(f"{at}: expected numbers, text, lists and mappings, got {type(value).__name__}")
-
-
-def _finite(value: float) -> bool:
-    try:
-        return math.isfinite(value)
-    except OverflowError:  # a whole number beyond every float
-        return False
 
 
 def _json_value(text: str, where: str) -> Any:

@@ -17,8 +17,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.chain import pose
 from regionik.worlds.errors import InputError, located, located_error
 from regionik.worlds.joints import Mimic
-from regionik.worlds.readers.text import Element, clip, join_names, read_xml
-from regionik.worlds.readers.validation import LARGEST
+from regionik.worlds.readers.text import LARGEST, Element, clip, join_names, read_xml
 
 SUFFIXES = (".urdf", ".xml")
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")

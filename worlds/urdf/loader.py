@@ -33,8 +33,7 @@ from regionik.worlds.drives import BaseKind, drive_of
 from regionik.worlds.errors import InputError, RobotNote, located, located_error, suggestion
 from regionik.worlds.links import BASE, CUBE_CORNERS
 from regionik.worlds.readers.collada import Surface
-from regionik.worlds.readers.text import is_file_name, join_names
-from regionik.worlds.readers.validation import LARGEST
+from regionik.worlds.readers.text import LARGEST, is_file_name, join_names
 from regionik.worlds.rest_posture import rest_posture
 from regionik.worlds.robot import BODY_HEIGHT, Robot, Tool, check_turning_radius, with_tool, without_limits
 from regionik.worlds.self_collision import bodies_clear, disabled_pairs
