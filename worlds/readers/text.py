@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -63,20 +64,30 @@ for _tag, _pattern, _first in (
     _Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(rf"^(?:{_pattern})$"), _first)
 
 
-def read_text(path: Path, limit: int) -> str:
-    """Return the text of a UTF-8 file of at most ``limit`` bytes."""
+@contextmanager
+def reading(path: Path, limit: int | None = None) -> Iterator[None]:
+    """Turn what keeps a file of at most ``limit`` bytes from being read into an `InputError`.
+
+    Folders, devices and pipes, which may have no end, are refused.
+    """
     try:
         check_plain_file(path)
         size = path.stat().st_size
-        if size > limit:
+        if limit is not None and size > limit:
             raise InputError(f"{path}: expected at most {limit / 2**20:g} MB, got {size / 2**20:.1f} MB")
-        return path.read_text(encoding="utf-8-sig")
+        yield
     except FileNotFoundError:
         raise InputError(f"{path}: there is no such file") from None
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: expected UTF-8 text, byte {error.start} is not") from None
     except (OSError, ValueError) as error:  # ValueError: a NUL in the path
         raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+
+
+def read_text(path: Path, limit: int) -> str:
+    """Return the text of a UTF-8 file of at most ``limit`` bytes."""
+    with reading(path, limit):
+        return path.read_text(encoding="utf-8-sig")
 
 
 def read_lines(path: Path, limit: int) -> list[str]:
