@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -118,11 +118,6 @@ def rotation_from_quaternion(quaternion: ArrayLike) -> Array:
             [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
         ]
     )
-
-
-def scaled_path(path: ToolPath, scale: float) -> ToolPath:
-    """Return the path with its points ``scale`` times as large."""
-    return replace(path, points=path.points * scale)
 
 
 def transform_path(path: ToolPath, T_world_path: Array) -> ToolPath:
