@@ -31,11 +31,8 @@ RATE = 50.0  # of trajectories, where none is asked for [1/s]
 ARM, BASE_MOTION, PATH, SCENE = "arm_trajectory", "base_trajectory", "base_path", "planning_scene"
 SCRIPT = "execute_plan.py"
 _SCRIPT_TEXT = Path(__file__).with_name("execute_plan.txt")
-_MOTION_MODELS = {
-    "omni": "Omni",
-    "differential": "DiffDrive",
-    "car": "Ackermann",
-}  # of nav2's MPPI controller
+# Of nav2's MPPI controller.
+_MOTION_MODELS = {"omni": "Omni", "differential": "DiffDrive", "car": "Ackermann"}
 _GIVES_WAY = 0.05  # joint error at which the arm's controller gives up [rad], [m]
 _ARRIVED = 0.01  # joint error that counts as arrived [rad], [m]
 _LATE = 1.0  # by which the arm may come late [s]
