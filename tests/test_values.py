@@ -55,7 +55,9 @@ REFUSED: dict[str, Callable[[], object]] = {
         "rock", CORNERS, np.array([[0, 1, 3]])
     ),
     "reed: mesh: expected rows of three of its 3 vertices": lambda: Mesh("reed", CORNERS, np.array([[0, 1]])),
-    "void: mesh: expected triangles, got none": lambda: Mesh("void", CORNERS, np.empty((0, 3))),
+    "void: mesh: expected triangles, got none": lambda: Mesh(
+        "void", CORNERS, np.empty((0, 3), dtype=np.int64)
+    ),
 }
 
 

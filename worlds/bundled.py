@@ -92,13 +92,6 @@ def robot_named(name: str) -> Robot:
     ``pioneer-parm`` is the robot of Xu et al.: a differential base and the PArm of five joints. Lengths and
     the distance of the wheels are the paper's; the outline, the solids and all limits but joint 1's are ours.
 
-    Raises
-    ------
-    InputError
-        For an unknown name; lists the valid ones.
-
-    Examples
-    --------
     >>> robot_named("youbot").chain.names
     ('joint_1', 'joint_2', 'joint_3', 'joint_4', 'joint_5')
     """

@@ -141,8 +141,6 @@ class _RollingDrive(BaseDrive):
 class DifferentialDrive(_RollingDrive):
     """Two wheels side by side, driven each by itself.
 
-    Examples
-    --------
     >>> quarter = np.array([1.0, 1.0, np.pi / 2])
     >>> DifferentialDrive().between(np.zeros(3), quarter, 0.5).round(3).tolist()
     [0.707, 0.293, 0.785]
@@ -168,8 +166,6 @@ class CarDrive(_RollingDrive):
 def drive_of(kind: BaseKind, turning_radius: float = 0.0) -> BaseDrive:
     """Return the drive of a kind; only a car asks for a turning radius [m].
 
-    Examples
-    --------
     >>> drive_of("car", 0.5).words
     'a car with a turning radius of 0.5 m'
     """

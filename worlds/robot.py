@@ -201,8 +201,6 @@ def without_limits(robot: Robot) -> Robot:
 def with_tool(robot: Robot, tool: Tool) -> Robot:
     """Return the same robot with a tool on its flange.
 
-    Examples
-    --------
     >>> from regionik.worlds.bundled import robot_named
     >>> pen = Tool(planar_pose(0.0, 0.0, 0.0, 0.1))
     >>> one = robot_named("youbot")

@@ -42,8 +42,6 @@ def coarsened(surfaces: tuple[VisualSurface, ...], most: int) -> tuple[VisualSur
     Corners in one cell of a grid become their mean, triangles in one cell vanish (vertex clustering,
     Rossignac and Borrel, 1993). All surfaces have the same grid, the finest that does.
 
-    Examples
-    --------
     >>> corners = np.random.default_rng(1).uniform(size=(300, 3))
     >>> rough = coarsened((VisualSurface(0, 0, corners, np.arange(300).reshape(-1, 3)),), 40)
     >>> len(rough[0].faces) <= 40

@@ -101,7 +101,8 @@ def _faces(geometry: _Geometry) -> Iterator[tuple[str, Index]]:
         for group in (child for child in mesh.children if child.tag in ("triangles", "polylist", "polygons")):
             inputs = list(group.all("input"))
             offsets = [_whole(one.attributes.get("offset", "0"), one) for one in inputs]
-            vertex = [k for one, k in zip(inputs, offsets, strict=True) if _semantic(one) == "VERTEX"]
+            semantics = [one.attributes.get("semantic") for one in inputs]
+            vertex = [k for what, k in zip(semantics, offsets, strict=True) if what == "VERTEX"]
             if not vertex:
                 raise group.error(f"{group.tag}: expected an input of vertices")
             lists = [_indices(element)[vertex[0] :: max(offsets) + 1] for element in group.all("p")]
@@ -148,10 +149,6 @@ def _material_colors(root: Element) -> dict[str, int]:
         for one in material.all("instance_effect")
         if one.attributes.get("url", "") in effects
     }
-
-
-def _semantic(element: Element) -> str:
-    return element.attributes.get("semantic", "")
 
 
 def _whole(text: str, element: Element) -> int:

@@ -14,7 +14,7 @@ import shapely
 from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import rot_x, rot_y, rot_z
+from regionik.worlds.chain import rot_x, rot_y, rot_z, translation
 from regionik.worlds.links import LinkBox, LinkCapsule, LinkHull, LinkSolid
 
 _FLAT = 1e-4  # thickness [m], or share of the width where that is more than a metre
@@ -103,9 +103,7 @@ def cylinder_capsule(link: int, name: str, T_link: Array, radius: float, length:
 
 def sphere_capsule(link: int, name: str, center: Array, radius: float) -> LinkCapsule:
     """Return a sphere as a capsule of next to no length."""
-    T = np.eye(4)
-    T[:3, 3] = center
-    return _capsule(link, name, T, radius, 0.0, 0.0)
+    return _capsule(link, name, translation(*center), radius, 0.0, 0.0)
 
 
 def bounding_solid(link: int, name: str, points: Array) -> LinkSolid:

@@ -149,8 +149,11 @@ def place_links(model: UrdfModel, path: KinematicPath, T_base_root: Array) -> Li
         T = where[joint.parent].T_owner_link @ joint.T_parent_joint @ _at_rest(joint)
         where[joint.child] = PlacedLink(joint.child, BASE, T)
         seen.append(where[joint.child])
-    solid = [[j.name for j in joints if _has_shapes(model, j, below)] for joints in (left_out, copies)]
-    return LinkPlacement(tuple(placed), tuple(seen), tuple(solid[0]), tuple(solid[1]))
+    told = (
+        tuple(j.name for j in joints if any(model.links[part.child] for part in _subtree(j, below)))
+        for joints in (left_out, copies)
+    )
+    return LinkPlacement(tuple(placed), tuple(seen), *told)
 
 
 def link_masses(model: UrdfModel, placement: LinkPlacement) -> tuple[LinkMass, ...]:
@@ -322,10 +325,6 @@ def _subtree(joint: UrdfJoint, below: dict[str, list[UrdfJoint]]) -> Iterable[Ur
 
 def _is_wheel(joint: UrdfJoint, below: dict[str, list[UrdfJoint]]) -> bool:
     return all(part.kind in ("continuous", "fixed") for part in _subtree(joint, below))
-
-
-def _has_shapes(model: UrdfModel, joint: UrdfJoint, below: dict[str, list[UrdfJoint]]) -> bool:
-    return any(model.links[part.child] for part in _subtree(joint, below))
 
 
 def _at_rest(joint: UrdfJoint) -> Array:

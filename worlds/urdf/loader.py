@@ -166,7 +166,10 @@ class _Overrides:
                 object.__setattr__(self, key, _numbers(getattr(self, key), shape, key))
         for key in ("turning_radius", "body_height"):
             if getattr(self, key) is not None:
-                object.__setattr__(self, key, _above_zero(getattr(self, key), key))
+                number = float(_numbers(getattr(self, key), (), key))
+                if number <= 0:
+                    raise InputError(f"{key}: must be above 0, got {number:g}")
+                object.__setattr__(self, key, number)
 
     def applied(self, robot: Robot, where: str) -> Robot:
         """Return a robot with what is given here; its mount and tool, and named postures, are set before."""
@@ -317,13 +320,6 @@ def _bundled(name: str, refused: dict[str, Any], given: _Overrides) -> Robot:
     robot = robot_named(name)
     robot = robot if given.mount is None else replace(robot, mount=np.asarray(given.mount))
     return robot if given.tool is None else with_tool(robot, given.tool)
-
-
-def _above_zero(value: float, what: str) -> float:
-    number = float(_numbers(value, (), what))
-    if number <= 0:
-        raise InputError(f"{what}: must be above 0, got {number:g}")
-    return number
 
 
 def _numbers(values: ArrayLike, shape: tuple[int | None, ...], what: str) -> Array:

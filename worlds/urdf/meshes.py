@@ -81,17 +81,10 @@ class MeshFiles:
         inside = [file for top, file in allowed if file.is_relative_to(top)]
         if not inside:
             raise self._refused(shape, f"expected a file below {allowed[0][0]}")
-        return next((file for file in inside if _is_file(file)), "there is no such file")
+        return next((file for file in inside if os.path.isfile(file)), "there is no such file")
 
     def _refused(self, shape: CollisionShape, text: str) -> InputError:
         return located_error(str(self.path), shape.place, f"mesh {shape.file!r}: {text}")
-
-
-def _is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except OSError:  # the name is too long
-        return False
 
 
 def _package_root(folder: Path) -> Path:

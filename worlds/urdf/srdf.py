@@ -99,7 +99,7 @@ def read_srdf(path: Path, model: UrdfModel) -> SemanticModel:
 
 def _check_same_robot(root: Element, model: UrdfModel) -> None:
     """Refuse the file of another robot: one that names links or joints, of which the URDF file has none."""
-    named = {link for element in root.all("disable_collisions") for link in _links(element)}
+    named = {link for element in root.all("disable_collisions") for link in _pair(element)}
     named |= {name_of(joint, "joint") for joint in root.inside("group_state", "joint")}
     if named and not named & {*model.links, *(joint.name for joint in model.joints)}:
         text = f"it names {join_names(sorted(named), 4)}, none of which is in {model.path.name}"
@@ -133,11 +133,7 @@ def _disabled(root: Element, links: Iterable[str]) -> frozenset[LinkPair]:
 
 
 def _pair(element: Element) -> LinkPair:
-    return LinkPair(_links(element))
-
-
-def _links(element: Element) -> tuple[str, str]:
-    return _link(element, "link1"), _link(element, "link2")
+    return LinkPair((_link(element, "link1"), _link(element, "link2")))
 
 
 def _link(element: Element, key: str) -> str:
