@@ -88,7 +88,8 @@ def fast_oriented_box(points: Array) -> tuple[Array, Array]:
     for step in _TURNS:
         for _ in range(_ROUNDS):
             before = float(np.prod(size + _FLAT))
-            T, size = _smallest_box(points, [T[:3, :3], *(T[:3, :3] @ turn for turn in _small_turns(step))])
+            turns = (turn(angle) for turn in (rot_x, rot_y, rot_z) for angle in (step, -step))
+            T, size = _smallest_box(points, [T[:3, :3], *(T[:3, :3] @ turn[:3, :3] for turn in turns)])
             if np.prod(size + _FLAT) >= before:
                 break
     return T, size
@@ -191,11 +192,6 @@ def _principal_axes(points: Array) -> tuple[Array, Array]:
 
 def _is_flat(widths: Array, limit: float = _FLAT) -> bool:
     return bool(widths[0] <= limit * max(widths[2], 1.0))
-
-
-def _small_turns(angle: float) -> list[Array]:
-    """Return turns about each axis, either way, (3, 3)."""
-    return [turn(sign * angle)[:3, :3] for turn in (rot_x, rot_y, rot_z) for sign in (1, -1)]
 
 
 def _smallest_box(points: Array, turns: list[Array]) -> tuple[Array, Array]:
