@@ -61,10 +61,8 @@ class BaseDrive(ABC):
     def slip(self, base: Array) -> tuple[Array, Array]:
         """What wheels cannot roll of each hop through base poses (n, 3), and its derivatives by both poses.
 
-        Returns
-        -------
-        (k,) and (k, 2, 3) arrays
-            Way across the heading halfway [m], of n - 1 hops; of none where a base goes every way.
+        That is the way across the heading halfway [m]: (k,) and (k, 2, 3) of k = n - 1 hops, or of none
+        where a base goes every way.
         """
         return np.empty(0), np.empty((0, 2, 3))
 

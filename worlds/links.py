@@ -171,7 +171,7 @@ class LinkHull:
 LinkSolid = LinkCapsule | LinkBox | LinkHull
 
 
-def capsules_along(chain: Chain, radius: float = LINK_RADIUS) -> tuple[LinkCapsule, ...]:
+def capsules_along(chain: Chain, radius: float) -> tuple[LinkCapsule, ...]:
     """Return one capsule a link, from its joint to the next or to the tool; links of no length have none."""
     return tuple(
         LinkCapsule(k, f"link {k + 1} ({name})", np.zeros(3), end, radius)

@@ -41,10 +41,9 @@ class Shadow:
         """Return the distance from a shape on the floor, 0 where they meet [m]."""
         return max(0.0, float(self.core.distance(other)) - self.radius)
 
-    def grown(self, distance: float = 0.0, quad_segs: int = 16) -> BaseGeometry:
-        """Return a shape of all points within ``distance`` [m], circles as polygons; for display."""
-        radius = self.radius + distance
-        return self.core.buffer(radius, quad_segs) if radius > 0 else self.core
+    def shape(self, quad_segs: int = 16) -> BaseGeometry:
+        """Return the area, its circles as polygons; for display."""
+        return self.core.buffer(self.radius, quad_segs) if self.radius > 0 else self.core
 
 
 class Obstacle:

@@ -114,9 +114,8 @@ def write_answers(answer: Answer, names: Sequence[str], path: Path) -> None:
         case ".geojson":
             columns = _columns(answer, names)
             rows = [dict(zip(columns, cells, strict=True)) for cells in zip(*columns.values(), strict=True)]
-            points = [{"type": "Point", "coordinates": [row["x"], row["y"]]} for row in rows]
-            features = (feature(point, row) for point, row in zip(points, rows, strict=True))
-            text = json_text(feature_collection(features))
+            places = ({"type": "Point", "coordinates": [row["x"], row["y"]]} for row in rows)
+            text = json_text(feature_collection(map(feature, places, rows)))
         case _:
             raise InputError(f"{path}: expected a file name ending in {', '.join(FORMATS)}")
     write_atomic(path, text)
@@ -147,9 +146,7 @@ def _columns(answer: Answer, names: Sequence[str]) -> dict[str, list[Any]]:
 def stops_geojson(stops: Sequence[Stop]) -> dict[str, Any]:
     """Circles to park in, one feature a stop."""
     circles = (mapping(Point(stop.base[:2]).buffer(stop.tolerance)) for stop in stops)
-    return feature_collection(
-        feature(circle, json_values(stop)) for circle, stop in zip(circles, stops, strict=True)
-    )
+    return feature_collection(map(feature, circles, map(json_values, stops)))
 
 
 def stream_answers(

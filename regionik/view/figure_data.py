@@ -200,7 +200,7 @@ def _heading_strokes(base: Array, outlines: BaseGeometry) -> Array:
 def seen_from_above(world: World) -> BaseGeometry:
     """Solids as seen from above."""
     shadows = [solid.shadow(TALL) for solid in world.solids]
-    areas = [shadow.grown() for shadow in shadows if shadow is not None]
+    areas = [shadow.shape() for shadow in shadows if shadow is not None]
     return shapely.union_all(areas) if areas else Polygon()
 
 

@@ -71,7 +71,8 @@ def reading(path: Path, limit: int | None = None) -> Iterator[None]:
     Folders, devices and pipes, which may have no end, are refused.
     """
     try:
-        check_plain_file(path)
+        if path.exists() and not path.is_file():
+            raise InputError(f"{path}: cannot be read: expected a file, this is a folder, a device or a pipe")
         size = path.stat().st_size
         if limit is not None and size > limit:
             raise InputError(f"{path}: expected at most {limit / 2**20:g} MB, got {size / 2**20:.1f} MB")
@@ -96,12 +97,6 @@ def read_lines(path: Path, limit: int) -> list[str]:
     if len(lines) > LINES_LIMIT:
         raise InputError(f"{path}: expected at most {LINES_LIMIT} lines, got {len(lines)}")
     return lines
-
-
-def check_plain_file(path: Path) -> None:
-    """Refuse folders, devices and pipes, which may have no end; a missing file is left to its reader."""
-    if path.exists() and not path.is_file():
-        raise InputError(f"{path}: cannot be read: expected a file, this is a folder, a device or a pipe")
 
 
 def is_file_name(name_or_path: str | Path, suffixes: tuple[str, ...]) -> bool:
