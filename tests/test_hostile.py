@@ -156,7 +156,7 @@ def test_an_image_that_claims_gigabytes_gets_no_room_for_them(tmp_path: Path) ->
 def test_numbers_of_a_map_are_bounded(tmp_path: Path) -> None:
     text = MAP.replace("resolution: 0.1", "resolution: 1e300")
     write({**samples("map")[0], READ["map"]: text.encode()}, tmp_path)
-    with pytest.raises(InputError, match="resolution: expected a number of at most"):
+    with pytest.raises(InputError, match="resolution: expected a finite number of at most"):
         load_map(tmp_path / READ["map"], 1.0)
 
 

@@ -60,7 +60,7 @@ def test_where_there_are_no_solids_clearance_is_infinite() -> None:
 def test_curves_without_times_run_over_states(plan: Plan) -> None:
     curves, motion = plan_curves(plan), plan.motion
     assert not curves.timed
-    assert curves.speeds is None
+    assert not curves.speeds
     assert curves.along.tolist() == list(range(1, len(motion) + 1))
     assert np.array_equal(curves.setpoints, 1.0 + np.flatnonzero(motion.kind == "setpoint"))
 
@@ -68,13 +68,12 @@ def test_curves_without_times_run_over_states(plan: Plan) -> None:
 def test_curves_of_a_timed_plan_hold_its_states_and_speeds(plan: Plan) -> None:
     moving = timed(plan)
     curves, motion = plan_curves(moving), moving.motion
-    assert curves.speeds is not None
     at = np.searchsorted(curves.along, motion.time)
     assert np.array_equal(curves.along[at], motion.time)
     assert np.abs(curves.joints[at] - motion.joints).max() < 1e-9
     # What is come by along the way: no shorter than the tool's straight steps, and not much longer.
     spans = np.diff(curves.along)
-    way = float((spans * (curves.speeds.tool[1:] + curves.speeds.tool[:-1]) / 2).sum())
+    way = float((spans * (curves.speeds["tool"][1:] + curves.speeds["tool"][:-1]) / 2).sum())
     steps = float(np.linalg.norm(np.diff(moving.tools(), axis=0), axis=1).sum())
     assert 0.98 * steps < way < 1.1 * steps
 

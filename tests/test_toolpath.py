@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,6 @@ from regionik.worlds.toolpath import (
     arc,
     line,
     rotation_from_quaternion,
-    scaled_path,
     sine,
     targets_along,
     transform_path,
@@ -159,7 +159,7 @@ def test_a_tool_that_follows_its_arc_looks_alike_from_its_centre(
 
 def test_a_path_is_scaled_then_placed() -> None:
     path = ToolPath(np.array([[1000.0, 0, 500]]), np.array([[1.0, 0, 0]]), None)
-    there = transform_path(scaled_path(path, 0.001), planar_pose(1.0, 2.0, np.pi / 2, 0.1))
+    there = transform_path(replace(path, points=0.001 * path.points), planar_pose(1.0, 2.0, np.pi / 2, 0.1))
     np.testing.assert_allclose(there.points, [[1, 3, 0.6]], atol=1e-12)
     np.testing.assert_allclose(there.directions, [[0, 1, 0]], atol=1e-12)  # type: ignore[arg-type]
 

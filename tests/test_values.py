@@ -51,9 +51,12 @@ REFUSED: dict[str, Callable[[], object]] = {
     "bow: polygon: expected an outline that does not cross or touch itself: Self-intersection": lambda: Prism(
         "bow", BOW, 0.0, 1.0
     ),
-    "rock: mesh: expected triangles, got shape (1, 2)": lambda: Mesh("rock", CORNERS, np.array([[0, 1]])),
-    "rock: mesh: a triangle names a vertex that is not there": lambda: Mesh(
+    "rock: mesh: expected rows of three of its 3 vertices": lambda: Mesh(
         "rock", CORNERS, np.array([[0, 1, 3]])
+    ),
+    "reed: mesh: expected rows of three of its 3 vertices": lambda: Mesh("reed", CORNERS, np.array([[0, 1]])),
+    "void: mesh: expected triangles, got none": lambda: Mesh(
+        "void", CORNERS, np.empty((0, 3), dtype=np.int64)
     ),
 }
 

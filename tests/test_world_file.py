@@ -414,7 +414,7 @@ junk = st.recursive(
 def test_numbers_too_large_to_square_are_refused(value: float) -> None:
     document = through_json(good())
     document["start"]["base"][0] = value
-    with pytest.raises(InputError, match=r"here: start.base\[0\]: expected a number of at most 1e\+09"):
+    with pytest.raises(InputError, match=r"start.base\[0\]: expected a finite number of at most 1e\+09"):
         world_from_document(document, "here")
 
 

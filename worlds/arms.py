@@ -72,13 +72,9 @@ class PlanarArm:
 
 @lru_cache(maxsize=64)
 def planar_arm(chain: Chain) -> PlanarArm:
-    """Return a chain as a planar arm; cached, as every solver asks for it.
+    """Return a chain as a planar arm, or raise an `InputError`; cached, as every solver asks for it.
 
-    Raises
-    ------
-    InputError
-        When the chain is not: vertical pivot, three parallel horizontal hinges in the pivot's
-        plane, and at most one roll about the last link.
+    A vertical pivot, three parallel horizontal hinges in its plane, and at most one roll about the last link.
     """
     if chain.has_mimics:
         raise _not_planar("no joint may mimic another")
@@ -188,15 +184,8 @@ def pivot_joints(chain: Chain, joints: Array) -> Array:
 def pivot_index(chain: Chain) -> int:
     """Return the index, among the active joints, of the vertical pivot: the first, or the first after lifts.
 
-    No other joint mimics it, as the base turns in its place.
+    No other joint mimics it, as the base turns in its place. A chain without one is an `InputError`.
 
-    Raises
-    ------
-    InputError
-        When the chain has no such pivot; a chain `with_pivot` always has.
-
-    Examples
-    --------
     >>> from regionik.worlds.bundled import robot_named
     >>> pivot_index(robot_named("youbot").chain)
     0
@@ -237,10 +226,7 @@ def sliding_chain(chain: Chain) -> Chain:
 def reach_bound(chain: Chain) -> ReachBound:
     """Return a bound of an arm's reach, about its pivot or the one that `with_pivot` gives it.
 
-    Raises
-    ------
-    InputError
-        When a sliding joint, or one that others mimic, has no limits.
+    An `InputError` says which sliding joint, or joint that others mimic, has no limits.
     """
     chain = with_pivot(chain)
     if chain.unbounded:

@@ -26,31 +26,16 @@ def cross(a: Array, b: Array) -> Array:
 
 
 def frozen(values: ArrayLike, shape: Sequence[int | None], what: str) -> Array:
-    """Return ``values`` as a read-only float array of its own, of the given shape.
+    """Return values as a read-only float array of its own, or raise an `InputError` that names it ``what``.
 
-    Parameters
-    ----------
-    shape : sequence of int or None
-        Expected length of each axis; None takes any.
-    what : str
-        Name of the array in error messages.
-
-    Raises
-    ------
-    InputError
-        When the shape differs or a value is not finite.
+    Its numbers are finite; ``shape`` is the length expected of each axis, None for any.
     """
     try:
         array = np.array(values, dtype=np.float64)
     except (TypeError, ValueError):
         raise InputError(f"{what}: expected numbers, got {values!r}") from None
-    wanted = tuple(shape)
-    fits = array.shape == wanted or (
-        array.ndim == len(wanted)
-        and all(w is None or w == n for w, n in zip(wanted, array.shape, strict=True))
-    )
-    if not fits:
-        text = " x ".join("n" if w is None else str(w) for w in wanted)
+    if array.ndim != len(shape) or any(w not in (None, n) for w, n in zip(shape, array.shape, strict=True)):
+        text = " x ".join("n" if w is None else str(w) for w in shape)
         raise InputError(f"{what}: expected {text} numbers, got shape {array.shape}")
     if not np.isfinite(array).all():
         raise InputError(f"{what}: every number must be finite, got {array.tolist()}")
@@ -58,15 +43,19 @@ def frozen(values: ArrayLike, shape: Sequence[int | None], what: str) -> Array:
     return array
 
 
-def freeze(value: object, owner: str, **shapes: Sequence[int | None]) -> None:
-    """Freeze fields of a frozen dataclass in place; for its ``__post_init__``.
+def frozen_faces(faces: ArrayLike, vertices: int, what: str) -> Index:
+    """Return triangles (m, 3) of so many vertices as a read-only array of its own."""
+    array = np.array(faces, dtype=np.int64)
+    if array.ndim != 2 or array.shape[1] != 3 or (array < 0).any() or (array >= vertices).any():
+        raise InputError(f"{what}: expected rows of three of its {vertices} vertices")
+    array.flags.writeable = False
+    return array
 
-    Parameters
-    ----------
-    owner : str
-        Name of the value in error messages.
-    **shapes : sequence of int or None
-        Shape of each field, as `frozen` takes it.
+
+def freeze(value: object, owner: str, **shapes: Sequence[int | None]) -> None:
+    """Freeze fields of a frozen dataclass in place, as `frozen` does; for its ``__post_init__``.
+
+    ``owner`` is the name of the value in error messages.
     """
     for key, shape in shapes.items():
         object.__setattr__(value, key, frozen(getattr(value, key), shape, f"{owner}: {key}"))

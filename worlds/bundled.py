@@ -92,13 +92,6 @@ def robot_named(name: str) -> Robot:
     ``pioneer-parm`` is the robot of Xu et al.: a differential base and the PArm of five joints. Lengths and
     the distance of the wheels are the paper's; the outline, the solids and all limits but joint 1's are ours.
 
-    Raises
-    ------
-    InputError
-        For an unknown name; lists the valid ones.
-
-    Examples
-    --------
     >>> robot_named("youbot").chain.names
     ('joint_1', 'joint_2', 'joint_3', 'joint_4', 'joint_5')
     """
@@ -120,13 +113,7 @@ def world_names() -> tuple[str, ...]:
 
 
 def world_path(name: str) -> Path:
-    """Return the file of a bundled world.
-
-    Raises
-    ------
-    InputError
-        For an unknown name; lists the valid ones.
-    """
+    """Return the file of a bundled world; an `InputError` lists the valid names."""
     if name not in world_names():
         raise InputError(
             f"unknown world {name!r}{suggestion(name, world_names()) or ':'} "

@@ -43,18 +43,10 @@ class BaseDrive(ABC):
         """
 
     def between(self, here: Array, there: Array, share: ArrayLike) -> Array:
-        """Base poses on the way from some poses to others, headings running on from the first.
+        """Base poses (..., 3) on the way from some poses to others, headings running on from the first.
 
-        Parameters
-        ----------
-        here, there : (..., 3) arrays
-            x, y [m], yaw [rad]; the base turns the shorter way.
-        share : (...,) array_like
-            0 at ``here``, 1 at ``there``.
-
-        Returns
-        -------
-        (..., 3) array
+        Poses (..., 3) are x, y [m], yaw [rad]; the base turns the shorter way. ``share`` (...,) is 0 at
+        ``here`` and 1 at ``there``.
         """
         share = np.asarray(share, dtype=np.float64)
         slide, length = self.parts(here, there)
@@ -69,10 +61,8 @@ class BaseDrive(ABC):
     def slip(self, base: Array) -> tuple[Array, Array]:
         """What wheels cannot roll of each hop through base poses (n, 3), and its derivatives by both poses.
 
-        Returns
-        -------
-        (k,) and (k, 2, 3) arrays
-            Way across the heading halfway [m], of n - 1 hops; of none where a base goes every way.
+        That is the way across the heading halfway [m]: (k,) and (k, 2, 3) of k = n - 1 hops, or of none
+        where a base goes every way.
         """
         return np.empty(0), np.empty((0, 2, 3))
 
@@ -149,8 +139,6 @@ class _RollingDrive(BaseDrive):
 class DifferentialDrive(_RollingDrive):
     """Two wheels side by side, driven each by itself.
 
-    Examples
-    --------
     >>> quarter = np.array([1.0, 1.0, np.pi / 2])
     >>> DifferentialDrive().between(np.zeros(3), quarter, 0.5).round(3).tolist()
     [0.707, 0.293, 0.785]
@@ -176,8 +164,6 @@ class CarDrive(_RollingDrive):
 def drive_of(kind: BaseKind, turning_radius: float = 0.0) -> BaseDrive:
     """Return the drive of a kind; only a car asks for a turning radius [m].
 
-    Examples
-    --------
     >>> drive_of("car", 0.5).words
     'a car with a turning radius of 0.5 m'
     """
@@ -192,12 +178,7 @@ def drive_of(kind: BaseKind, turning_radius: float = 0.0) -> BaseDrive:
 def wheel_travel(base: Array, gauge: float) -> Array:
     """Way of a differential drive's left and right wheel over each hop through base poses, (n - 1, 2) [m].
 
-    Parameters
-    ----------
-    base : (n, 3) array
-        x, y [m], yaw [rad].
-    gauge : float
-        Distance between the wheels [m].
+    Poses (n, 3) are x, y [m], yaw [rad]; ``gauge`` is the distance between the wheels [m].
     """
     slide, length = DifferentialDrive().parts(base[:-1], base[1:])
     turn = slide[:, 2] * gauge / 2

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import Literal
+from typing import Any, Literal
 
 Verdict = Literal["unreachable", "undecided", "ladder-broken", "no-posture", "start-blocked", "plan-invalid"]
 CauseKind = Literal[
@@ -136,6 +136,15 @@ def suggestion(name: str, choices: Iterable[str]) -> str:
     """
     near = get_close_matches(name, list(choices), n=1)
     return f", did you mean {near[0]!r}?" if near else ""
+
+
+def read_each(where: str, place: str, parts: Iterable[Any], read: Callable[[Any], Any]) -> tuple[Any, ...]:
+    """Return what is read from each part of a list, `located` at ``place[k].``."""
+    found = []
+    for k, part in enumerate(parts):
+        with located(where, f"{place}[{k}]."):
+            found.append(read(part))
+    return tuple(found)
 
 
 @contextmanager

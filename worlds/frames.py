@@ -4,24 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from regionik.worlds.errors import InputError
+from regionik.worlds.errors import InputError, located
 
 
 @dataclass(frozen=True)
 class FrameNames:
-    """Names of frames in messages and parameters.
+    """Names in messages and parameters: of the frames of the world, the base and the tool.
 
-    Attributes
-    ----------
-    map : str
-        The world's frame.
-    base_link : str
-        The base's.
-    tool0 : str
-        The tool's.
-
-    Examples
-    --------
     >>> FrameNames(base_link="cart/base_link")
     FrameNames(map='map', base_link='cart/base_link', tool0='tool0')
     """
@@ -32,20 +21,13 @@ class FrameNames:
 
     def __post_init__(self) -> None:
         for key, name in vars(self).items():
-            try:
+            with located("", key):
                 check_frame_name(name)
-            except InputError as error:
-                raise InputError(f"{key}: {error}") from None
         if len(set(vars(self).values())) < len(vars(self)):
             raise InputError(f"{', '.join(vars(self))}: expected a name of its own for each")
 
 
 def check_frame_name(name: str) -> None:
-    """Refuse what tf2 takes for no name of a frame.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse what tf2 takes for no name of a frame, by an `InputError`."""
     if not name.strip() or name != name.strip() or name.startswith("/"):
         raise InputError(f"expected the name of a frame, as map or odom, without a slash; got {name!r}")

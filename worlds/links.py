@@ -21,21 +21,11 @@ LINK_RADIUS = 0.035  # of a link of which nothing else is known [m]
 
 @dataclass(frozen=True, eq=False)
 class LinkMass:
-    """A mass that moves with one arm link.
+    """A mass that moves with one arm link."""
 
-    Attributes
-    ----------
-    link : int
-        Index into ``Chain.frames``: the link that joint ``link`` moves.
-    mass : float
-        [kg]
-    center : (3,) array
-        Centre of mass in the link's frame [m].
-    """
-
-    link: int
-    mass: float
-    center: Array
+    link: int  # index into ``Chain.frames``: the link that joint ``link`` moves
+    mass: float  # [kg]
+    center: Array  # (3,) centre of mass in the link's frame [m]
 
     def __post_init__(self) -> None:
         freeze(self, "mass", center=(3,))
@@ -181,7 +171,7 @@ class LinkHull:
 LinkSolid = LinkCapsule | LinkBox | LinkHull
 
 
-def capsules_along(chain: Chain, radius: float = LINK_RADIUS) -> tuple[LinkCapsule, ...]:
+def capsules_along(chain: Chain, radius: float) -> tuple[LinkCapsule, ...]:
     """Return one capsule a link, from its joint to the next or to the tool; links of no length have none."""
     return tuple(
         LinkCapsule(k, f"link {k + 1} ({name})", np.zeros(3), end, radius)

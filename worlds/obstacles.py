@@ -17,7 +17,7 @@ from shapely.affinity import affine_transform
 from shapely.geometry import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.worlds.arrays import Array, Index, freeze, frozen, one_line, transform_points
+from regionik.worlds.arrays import Array, Index, freeze, frozen, frozen_faces, one_line, transform_points
 from regionik.worlds.errors import InputError
 
 if TYPE_CHECKING:
@@ -41,10 +41,9 @@ class Shadow:
         """Return the distance from a shape on the floor, 0 where they meet [m]."""
         return max(0.0, float(self.core.distance(other)) - self.radius)
 
-    def grown(self, distance: float = 0.0, quad_segs: int = 16) -> BaseGeometry:
-        """Return a shape of all points within ``distance`` [m], circles as polygons; for display."""
-        radius = self.radius + distance
-        return self.core.buffer(radius, quad_segs) if radius > 0 else self.core
+    def shape(self, quad_segs: int = 16) -> BaseGeometry:
+        """Return the area, its circles as polygons; for display."""
+        return self.core.buffer(self.radius, quad_segs) if self.radius > 0 else self.core
 
 
 class Obstacle:
@@ -296,12 +295,9 @@ class Mesh(Obstacle):
 
     def __post_init__(self) -> None:
         freeze(self, self.name, vertices=(None, 3))
-        faces = np.array(self.faces, dtype=np.int64)
-        if faces.ndim != 2 or faces.shape[1] != 3 or not len(faces):
-            raise InputError(f"{self.name}: mesh: expected triangles, got shape {faces.shape}")
-        if faces.min() < 0 or faces.max() >= len(self.vertices):
-            raise InputError(f"{self.name}: mesh: a triangle names a vertex that is not there")
-        faces.flags.writeable = False
+        faces = frozen_faces(self.faces, len(self.vertices), f"{self.name}: mesh")
+        if not len(faces):
+            raise InputError(f"{self.name}: mesh: expected triangles, got none")
         object.__setattr__(self, "faces", faces)
 
     @property
@@ -360,24 +356,18 @@ Solid = Box | Cylinder | Sphere | Prism | Mesh
 def as_polygon(outline: Polygon | ArrayLike, what: str) -> Any:
     """Return a floor area itself, or the polygon of corners (n, 2).
 
-    Raises
-    ------
-    InputError
-        When it is empty, or its outline crosses or touches itself.
+    An `InputError` says where it is empty, or its outline crosses or touches itself.
     """
-    polygon = (
-        outline if isinstance(outline, BaseGeometry) else _polygon(frozen(outline, (None, 2), what), what)
-    )
+    polygon: Any = outline
+    if not isinstance(outline, BaseGeometry):
+        corners = frozen(outline, (None, 2), what)
+        if len(corners) < 3:
+            raise InputError(f"{what}: expected at least 3 corners, got {len(corners)}")
+        polygon = Polygon(corners)
     if not polygon.is_valid or polygon.is_empty or polygon.area <= 0:
         why = "its area is zero" if polygon.is_valid else shapely.is_valid_reason(polygon)
         raise InputError(f"{what}: expected an outline that does not cross or touch itself: {why}")
     return polygon
-
-
-def _polygon(corners: Array, what: str) -> Polygon:
-    if len(corners) < 3:
-        raise InputError(f"{what}: expected at least 3 corners, got {len(corners)}")
-    return Polygon(corners)
 
 
 def _dot(a: Array, b: Array) -> Array:

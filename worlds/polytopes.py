@@ -37,13 +37,7 @@ class Polytope:
 
 
 def polytope(corners: Array) -> Polytope:
-    """Return the polytope with given corners (n, 3).
-
-    Raises
-    ------
-    InputError
-        Where the corners are fewer than four, or lie in one plane.
-    """
+    """Return the polytope with given corners (n, 3): an `InputError` where all lie in one plane."""
     try:
         hull = ConvexHull(corners)
     except (QhullError, ValueError):
@@ -65,16 +59,12 @@ def polytope(corners: Array) -> Polytope:
 
 def _edge_directions(corners: Array, hull: ConvexHull) -> Array:
     """Return the directions (e, 3) of edges between faces that are not in one plane."""
-    found = []
-    for k, simplex in enumerate(hull.simplices):
-        for corner in range(3):
-            other = hull.neighbors[k, corner]
-            if other > k and hull.equations[k, :3] @ hull.equations[other, :3] < 1 - 10.0**-_SAME:
-                a, b = np.delete(simplex, corner)
-                found.append(corners[b] - corners[a])
-    directions = np.array(found)
-    directions /= np.linalg.norm(directions, axis=1)[:, None]
-    lead = directions[np.arange(len(found)), np.argmax(np.abs(directions), axis=1)]
+    k, corner = np.nonzero(hull.neighbors > np.arange(len(hull.simplices))[:, None])
+    normals, other = hull.equations[:, :3], hull.neighbors[k, corner]
+    bent = (normals[k] * normals[other]).sum(axis=1) < 1 - 10.0**-_SAME
+    a, b = (corners[hull.simplices[k, (corner + n) % 3][bent]] for n in (1, 2))
+    directions = (b - a) / np.linalg.norm(b - a, axis=1)[:, None]
+    lead = directions[np.arange(len(directions)), np.argmax(np.abs(directions), axis=1)]
     directions *= np.sign(lead)[:, None]
     once = np.unique(np.round(directions, _SAME), axis=0)
     units: Array = once / np.linalg.norm(once, axis=1)[:, None]

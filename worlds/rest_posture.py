@@ -46,14 +46,7 @@ def rest_posture(robot: Robot) -> Array | None:
 def overhang(robot: Robot, joints: Array) -> Array:
     """Return how far solids stick out of the footprint, or into the floor if that is more: their mean [m].
 
-    Parameters
-    ----------
-    joints : (n, dof) array
-
-    Returns
-    -------
-    (n,) array
-        0 where all of the arm is within.
+    (n,) for postures (n, dof); 0 where all of the arm is within.
     """
     frames, total = solid_frames(robot, joints), np.zeros(len(joints))
     for solid in robot.solids:

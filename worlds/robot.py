@@ -201,8 +201,6 @@ def without_limits(robot: Robot) -> Robot:
 def with_tool(robot: Robot, tool: Tool) -> Robot:
     """Return the same robot with a tool on its flange.
 
-    Examples
-    --------
     >>> from regionik.worlds.bundled import robot_named
     >>> pen = Tool(planar_pose(0.0, 0.0, 0.0, 0.1))
     >>> one = robot_named("youbot")
@@ -247,13 +245,7 @@ def _check_links(
 
 
 def check_criteria(criteria: Criteria, robot: Robot) -> None:
-    """Refuse criteria that do not apply to a robot.
-
-    Raises
-    ------
-    InputError
-        When effort is limited for a robot without masses, or for another number of joints.
-    """
+    """Refuse criteria of effort for a robot without masses, or for another number of joints."""
     if criteria.effort is None:
         return
     dof = robot.chain.dof

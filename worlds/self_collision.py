@@ -110,48 +110,33 @@ def base_body(robot: Robot) -> Prism | None:
 def self_collision_pairs(robot: Robot) -> tuple[tuple[int, int], ...]:
     """Return the pairs of solids that must keep apart.
 
-    Left out are solids of one link, and of links that one joint connects; of the base, with what is fixed to
-    it, and the first link that carries any; pairs that touch in every one of `POSTURES` postures within the
-    limits; and those that ``robot.unchecked`` names.
-
-    Returns
-    -------
-    tuple of (int, int)
-        Indices into ``robot.all_solids``, the smaller first; -1 is the base's own body.
+    They are indices into ``robot.all_solids``, the smaller first; -1 is the base's own body. Left out are
+    solids of one link, and of links that one joint connects; of the base, with what is fixed to it, and the
+    first link that carries any; pairs that touch in every one of `POSTURES` postures within the limits; and
+    those that ``robot.unchecked`` names.
     """
-    solids, body = robot.all_solids, base_body(robot)
     frames = solid_frames(robot, spread_postures(robot.chain, SLIDE, POSTURES, 0))
-    order = [solid.link for solid in solids]
-    first = min((link for link in order if link > BASE), default=BASE)  # it stands on the base
-    bodies = [ConvexBody(solid.corners, solid.radius) for solid in solids]
-    poses = [frames[:, solid.link] for solid in solids]
+    links = [solid.link for solid in robot.all_solids]
+    first = min((link for link in links if link > BASE), default=BASE)  # it stands on the base
+    pairs = [(BODY, k) for k, link in enumerate(links) if link > first] if base_body(robot) else []
+    pairs += [(i, k) for i, k in combinations(range(len(links)), 2) if abs(links[i] - links[k]) > 1]
     allowed = {frozenset(names) for names in robot.unchecked}
-    pairs: list[tuple[int, int]] = []
-    if body is not None:
-        block, still = _block(body), frames[:, BASE]
-        far = (
-            k for k in range(len(solids)) if order[k] > first and {body.name, solids[k].name} not in allowed
-        )
-        pairs += [(BODY, k) for k in far if apart_somewhere(block, still, bodies[k], poses[k])]
-    for i, k in combinations(range(len(solids)), 2):
-        if abs(order[i] - order[k]) < 2 or {solids[i].name, solids[k].name} in allowed:
-            continue
-        if apart_somewhere(bodies[i], poses[i], bodies[k], poses[k]):
-            pairs.append((i, k))
-    return tuple(pairs)
+
+    def checked(i: int, k: int) -> bool:
+        if {_solid_name(robot, i), _solid_name(robot, k)} in allowed:
+            return False
+        (one, on), (other, at) = _solid_of(robot, i), _solid_of(robot, k)
+        return apart_somewhere(one, frames[:, on], other, frames[:, at])
+
+    return tuple(pair for pair in pairs if checked(*pair))
 
 
 @lru_cache(maxsize=64)
 def off_floor(robot: Robot) -> tuple[bool, ...]:
-    """Return True for the solids of a robot that must keep off the floor.
+    """Return True for each of ``robot.all_solids`` that must keep off the floor.
 
     Left out are those that no joint raises or lowers, fixed to the base or on its pivot, and those that reach
     into the floor in every one of `POSTURES` postures.
-
-    Returns
-    -------
-    tuple of bool
-        One for each of ``robot.all_solids``.
     """
     heights = _heights(robot, spread_postures(robot.chain, SLIDE, POSTURES, 0))
     return tuple(bool(np.ptp(one, axis=0).max() > _LEVEL and one.min(axis=1).max() > 0.0) for one in heights)
@@ -187,46 +172,32 @@ def postures_clear(robot: Robot, joints: Array, margin: float) -> Mask:
 def bodies_clear(robot: Robot, points: Sequence[Array], joints: Array) -> bool:
     """Return True where of no pair that must keep apart both the solids and the bodies inside touch.
 
-    Parameters
-    ----------
-    points : sequence of (n, 3) arrays
-        As `disabled_pairs` has them.
-    joints : (dof,) array
+    ``points`` are as in `disabled_pairs`, ``joints`` (dof,) is one posture.
     """
     pairs = _SolidPairs(robot, points, joints[None])
-    return not any(pairs.touching(*pair).any() and pairs.meeting(*pair).any() for pair in pairs.checked)
+    checked = self_collision_pairs(robot)
+    return not any(pairs.touching(*pair).any() and pairs.meeting(*pair).any() for pair in checked)
 
 
 def disabled_pairs(
     robot: Robot, points: Sequence[Array], rest: Array | None = None
 ) -> tuple[list[tuple[str, str]], list[str]]:
-    """Return pairs of solids that are no use to check, and notes on those whose bodies may touch.
+    """Return pairs of names of solids that are no use to check, and notes on those whose bodies may touch.
 
     That are, of the pairs that must keep apart: those between which all joints slide along one line and which
     touch somewhere, as tubes of a telescope do; those that touch often, or in the rest posture, though the
     bodies inside them do not in the same postures; those that touch nearly always; and those whose bodies
     touch in most postures, as no arm is built so: its file is crude.
 
-    Parameters
-    ----------
-    points : sequence of (n, 3) arrays
-        Of each of ``robot.all_solids``, corners of the hull of the body inside it, in its link's frame [m].
-    rest : (dof,) array, optional
-        A posture that the robot is known to take.
-
-    Returns
-    -------
-    pairs : list of (str, str)
-        Names of solids, for ``Robot.unchecked``.
-    notes : list of str
-        One for each of these pairs whose bodies may touch.
+    ``points`` (n, 3) are, of each of ``robot.all_solids``, corners of the hull of the body inside it, in its
+    link's frame [m]; ``rest`` (dof,) is a posture that the robot is known to take.
     """
     postures = _SolidPairs(robot, points, spread_postures(robot.chain, SLIDE, MANY_POSTURES, 0))
     at_rest = _SolidPairs(robot, points, np.zeros((0, robot.chain.dof)) if rest is None else rest[None])
     pairs: list[tuple[str, str]] = []
     notes: list[str] = []
-    for i, k in postures.checked:
-        name, other = (base_name(robot) if n == BODY else robot.all_solids[n].name for n in (i, k))
+    for i, k in self_collision_pairs(robot):
+        name, other = _solid_name(robot, i), _solid_name(robot, k)
         if at_rest.touching(i, k).any() and not at_rest.meeting(i, k).any():
             pairs.append((name, other))
         if i == BODY or pairs[-1:] == [(name, other)]:
@@ -258,10 +229,6 @@ class _SolidPairs:
     @cached_property
     def frames(self) -> Array:
         return solid_frames(self.robot, self.joints)
-
-    @property
-    def checked(self) -> tuple[tuple[int, int], ...]:
-        return self_collision_pairs(self.robot)
 
     def links(self, i: int, k: int) -> tuple[int, int]:
         """Return the links of two solids."""
@@ -307,15 +274,16 @@ def solid_frames(robot: Robot, joints: Array) -> Array:
     return frames
 
 
+def _solid_name(robot: Robot, index: int) -> str:
+    return base_name(robot) if index == BODY else robot.all_solids[index].name
+
+
 def _solid_of(robot: Robot, index: int, margin: float = 0.0) -> tuple[ConvexBody, int]:
     """Return a solid of the robot, or the base's own body, grown by a margin [m], and its link."""
-    body = base_body(robot)
-    if index == BODY and body is not None:
-        return ConvexBody(_block(body).corners, margin), BASE
+    body = base_body(robot) if index == BODY else None
+    if body is not None:
+        outline = np.asarray(body.polygon.exterior.coords)[:-1]
+        ends = [np.c_[outline, np.full(len(outline), z)] for z in body.z_range]
+        return ConvexBody(np.concatenate(ends), margin), BASE
     solid = robot.all_solids[index]
     return ConvexBody(solid.corners, solid.radius + margin), solid.link
-
-
-def _block(body: Prism) -> ConvexBody:
-    outline = np.asarray(body.polygon.exterior.coords)[:-1]
-    return ConvexBody(np.concatenate([np.c_[outline, np.full(len(outline), z)] for z in body.z_range]))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -58,19 +58,8 @@ def sine(
 ) -> Array:
     """Return points on a line with a sine wave across it, (count, 3) [m].
 
-    Parameters
-    ----------
-    start, end : (3,) array_like
-        Ends of the line [m].
-    amplitude : float [m]
-    periods : float
-        Number of waves between start and end.
-    count : int
-        Number of points, both ends included.
-    phase : float
-        Phase of the wave at the start [rad].
-    axis : (3,) array_like, optional
-        Direction of the wave; by default the horizontal one to the left of the line.
+    The wave has an amplitude [m], a number of periods between start and end, and a phase at the start [rad];
+    it lies along an ``axis`` (3,), by default the horizontal one to the left of the line.
     """
     p, q = _ends(start, end, count)
     across = _left_of(p, q) if axis is None else unit_vector(axis, "axis").tolist()
@@ -129,11 +118,6 @@ def rotation_from_quaternion(quaternion: ArrayLike) -> Array:
             [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
         ]
     )
-
-
-def scaled_path(path: ToolPath, scale: float) -> ToolPath:
-    """Return the path with its points ``scale`` times as large."""
-    return replace(path, points=path.points * scale)
 
 
 def transform_path(path: ToolPath, T_world_path: Array) -> ToolPath:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from regionik.worlds.arrays import Array, Index, frozen, one_line
+from regionik.worlds.arrays import Array, Index, frozen, frozen_faces, one_line
 from regionik.worlds.errors import InputError
 
 MERGED = 1e-5  # corners in one cell of this side are one [m]
@@ -27,15 +27,10 @@ class VisualSurface:
     def __post_init__(self) -> None:
         rounded = np.asarray(self.vertices, dtype=np.float32)
         object.__setattr__(self, "vertices", frozen(rounded, (None, 3), "visual surface: vertices"))
-        faces = np.array(self.faces, dtype=np.int64)
-        if faces.ndim != 2 or faces.shape[1] != 3 or (faces < 0).any() or (faces >= len(self.vertices)).any():
-            raise InputError(
-                f"visual surface: faces: expected rows of three of its {len(self.vertices)} vertices"
-            )
+        faces = frozen_faces(self.faces, len(self.vertices), "visual surface: faces")
+        object.__setattr__(self, "faces", faces)
         if not 0 <= self.color <= 0xFFFFFF:
             raise InputError(f"visual surface: color: expected 0 to 0xffffff, got {self.color}")
-        faces.flags.writeable = False
-        object.__setattr__(self, "faces", faces)
         object.__setattr__(self, "stands_for", tuple(self.stands_for))
 
     __repr__ = one_line
@@ -47,20 +42,16 @@ def coarsened(surfaces: tuple[VisualSurface, ...], most: int) -> tuple[VisualSur
     Corners in one cell of a grid become their mean, triangles in one cell vanish (vertex clustering,
     Rossignac and Borrel, 1993). All surfaces have the same grid, the finest that does.
 
-    Examples
-    --------
     >>> corners = np.random.default_rng(1).uniform(size=(300, 3))
     >>> rough = coarsened((VisualSurface(0, 0, corners, np.arange(300).reshape(-1, 3)),), 40)
     >>> len(rough[0].faces) <= 40
     True
     """
     rough = tuple(_clustered(one, MERGED) for one in surfaces)
-    if sum(len(one.faces) for one in rough) > most:
-        area = sum(_area(one) for one in rough)
-        cell = FINEST * np.sqrt(area / most)
-        while sum(len(one.faces) for one in rough) > most:
-            rough = tuple(_clustered(one, cell) for one in rough)
-            cell *= GROWTH
+    cell = FINEST * np.sqrt(sum(_area(one) for one in rough) / most)
+    while sum(len(one.faces) for one in rough) > most:
+        rough = tuple(_clustered(one, cell) for one in rough)
+        cell *= GROWTH
     return tuple(one for one in rough if len(one.faces))
 
 

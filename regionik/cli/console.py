@@ -123,19 +123,9 @@ class DelayedProgress:
     """Progress bars on stderr for work that takes longer than `PROGRESS_DELAY`.
 
     It listens to all stages while it is entered; call it with ``(stage, done, total)`` for others. It shows
-    those that are not done, nothing where stderr is no terminal, and leaves nothing behind on one.
-
-    Parameters
-    ----------
-    work : str
-        What is shown from beginning to end.
-    kept : str
-        What remains of it when Ctrl-C ends it.
-
-    Attributes
-    ----------
-    said : list of str
-        What was said while the work went on.
+    those that are not done, nothing where stderr is no terminal, and leaves nothing behind on one. ``work``
+    is shown from beginning to end, ``kept`` says what remains of it when Ctrl-C ends it, and ``said`` is what
+    was said while it went on.
     """
 
     def __init__(self, work: str = "", kept: str = "") -> None:

@@ -38,11 +38,6 @@ def parse_targets(world: World, positions: Sequence[str], table: Path | None) ->
     """Targets written as numbers, then those of a CSV file; the world's own where neither is given.
 
     Numbers are x, y, z, or with a tool axis dx, dy, dz behind them, or with an orientation qx, qy, qz, qw.
-
-    Raises
-    ------
-    InputError
-        One line: place and what was expected.
     """
     targets = [_target(text) for text in positions]
     if table is not None:
@@ -106,22 +101,10 @@ def answer_records(answer: Answer) -> list[dict[str, Any]]:
 
 
 def write_answers(answer: Answer, names: Sequence[str], path: Path) -> None:
-    """Write answers to a ``.csv``, ``.json`` or ``.geojson`` file.
+    """Write answers to a ``.csv``, ``.json`` or ``.geojson`` file; ``names`` are those of the joints.
 
     Columns of the table are x, y, z, verdict, base_x, base_y, base_yaw, one per joint name, reason; empty
     where a target has no base. A GeoJSON point lies on the floor, its height among the properties.
-
-    Parameters
-    ----------
-    answer : Answer
-    names : sequence of str
-        Of the joints.
-    path : Path
-
-    Raises
-    ------
-    InputError
-        When the suffix is another, or the file cannot be written.
     """
     match path.suffix.lower():
         case ".csv":
@@ -131,9 +114,8 @@ def write_answers(answer: Answer, names: Sequence[str], path: Path) -> None:
         case ".geojson":
             columns = _columns(answer, names)
             rows = [dict(zip(columns, cells, strict=True)) for cells in zip(*columns.values(), strict=True)]
-            points = [{"type": "Point", "coordinates": [row["x"], row["y"]]} for row in rows]
-            features = (feature(point, row) for point, row in zip(points, rows, strict=True))
-            text = json_text(feature_collection(features))
+            places = ({"type": "Point", "coordinates": [row["x"], row["y"]]} for row in rows)
+            text = json_text(feature_collection(map(feature, places, rows)))
         case _:
             raise InputError(f"{path}: expected a file name ending in {', '.join(FORMATS)}")
     write_atomic(path, text)
@@ -164,38 +146,18 @@ def _columns(answer: Answer, names: Sequence[str]) -> dict[str, list[Any]]:
 def stops_geojson(stops: Sequence[Stop]) -> dict[str, Any]:
     """Circles to park in, one feature a stop."""
     circles = (mapping(Point(stop.base[:2]).buffer(stop.tolerance)) for stop in stops)
-    return feature_collection(
-        feature(circle, json_values(stop)) for circle, stop in zip(circles, stops, strict=True)
-    )
+    return feature_collection(map(feature, circles, map(json_values, stops)))
 
 
 def stream_answers(
     world: World, table: Path, output: Path, executor: Pool | None = None, ahead: int = AHEAD
 ) -> tuple[int, int]:
-    """Write the answers to all targets of a CSV file to another.
+    """Write the answers to all targets of a CSV file to another; return how many are reachable, and all.
 
-    At most ``ahead`` blocks of `CHUNK` lines are in memory. Answers are kept in the folder ``output.parts``
-    until all are there; the same call resumes with them, and gives the bytes of one uninterrupted call.
-
-    Parameters
-    ----------
-    world : World
-    table, output : Path
-    executor : Executor or function that makes one, optional
-        As for `regionik.reachability.reach.reach`.
-    ahead : int
-        Blocks handed to the executor at a time.
-
-    Returns
-    -------
-    reachable, total : int
-
-    Raises
-    ------
-    InputError
-        For a file that cannot be read, a line that is no target, or parts of another run.
-    EngineError
-        When workers are lost again and again.
+    At most ``ahead`` blocks of `CHUNK` lines are in memory and handed to the executor, which is as for
+    `regionik.reachability.reach.reach`. Answers are kept in the folder ``output.parts`` until all are there;
+    the same call resumes with them, and gives the bytes of one uninterrupted call. Parts of another run are
+    an `InputError`; workers that are lost again and again are an `EngineError`.
     """
     blocks = index_csv(table, CHUNK)
     with open_partial(output, _manifest(world, blocks)) as partial:

@@ -26,13 +26,7 @@ class Event(NamedTuple):
 
 
 def bag_files(events: Sequence[Event]) -> dict[str, bytes]:
-    """Return the files of a rosbag2 with MCAP storage, by their names.
-
-    Raises
-    ------
-    InputError
-        Where rosbags is not installed.
-    """
+    """Return the files of a rosbag2 with MCAP storage, by their names; this needs rosbags."""
     try:
         from rosbags.rosbag2 import StoragePlugin, Writer
         from rosbags.typesys import Stores, get_typestore

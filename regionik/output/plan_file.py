@@ -11,14 +11,14 @@ from typing import Annotated, Any, Literal
 import numpy as np
 import shapely
 from pydantic import Field
-from shapely.geometry import LinearRing, MultiPolygon, Polygon
+from shapely.geometry import MultiPolygon, Polygon
 
 from regionik.storage.plan_document import PARTS, VERSION
 from regionik.values import Configuration, Motion, Plan, PlannedArea, Stop
 from regionik.worlds.documents.world_file import world_from_document
 from regionik.worlds.errors import InputError
-from regionik.worlds.readers.text import check_count, check_plain_file
-from regionik.worlds.readers.validation import LARGEST, Many, Strict, validated
+from regionik.worlds.readers.text import LARGEST, check_count, reading
+from regionik.worlds.readers.validation import Many, Strict, validated
 from regionik.worlds.scene import StopCriterion, World
 
 SIZE_LIMIT = 256 * 2**20  # [bytes]
@@ -142,7 +142,7 @@ def load_plan(path: str | os.PathLike[str]) -> Plan:
         One line: file, place, what was expected.
     """
     where = str(path)
-    record = _record(_read(path), where)
+    record = _record(_read(Path(path)), where)
     world = world_from_document(record.world, f"{where}: world", Path(path).parent)
     for place, expected, got in _mismatches(record, world):
         raise InputError(f"{where}: {place}: expected {expected}, got {got}")
@@ -164,15 +164,9 @@ def plan_schema() -> dict[str, Any]:
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "title": "regionik plan"}
 
 
-def _read(path: str | os.PathLike[str]) -> Any:
-    try:
-        check_plain_file(Path(path))
-        size = os.stat(path).st_size
-        if size > SIZE_LIMIT:
-            raise InputError(f"{path}: expected a plan of at most {SIZE_LIMIT >> 20} MB, got {size >> 20} MB")
-        data = Path(path).read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
+def _read(path: Path) -> Any:
+    with reading(path, SIZE_LIMIT):
+        data = path.read_bytes()
     check_count(data, VALUES_LIMIT, str(path))
     try:
         return json.loads(data, parse_constant=_refuse_constant)
@@ -263,12 +257,7 @@ def _multipolygon(record: MultiPolygonRecord, where: str) -> MultiPolygon:
         for r, ring in enumerate(polygon):
             if ring[0] != ring[-1]:
                 raise InputError(f"{where}.coordinates[{p}][{r}]: expected a closed ring, its ends differ")
-    shape = MultiPolygon(
-        [
-            Polygon(LinearRing(outer), [LinearRing(hole) for hole in holes])
-            for outer, *holes in record.coordinates
-        ]
-    )
+    shape = MultiPolygon([Polygon(outer, holes) for outer, *holes in record.coordinates])
     if not shape.is_valid:
         raise InputError(f"{where}: expected simple polygons: {shapely.is_valid_reason(shape)}")
     return shape

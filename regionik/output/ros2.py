@@ -27,23 +27,11 @@ Message = dict[str, Any]
 
 
 def joint_trajectory(plan: Plan, rate: float | None = None, frame: str = FRAME) -> Message:
-    """The arm's motion as a trajectory_msgs/msg/JointTrajectory.
+    """The arm's motion as a trajectory_msgs/msg/JointTrajectory, of a timed plan.
 
-    Its stamp is zero, which tells controllers to start on receipt. Times ascend strictly, as controllers
-    require: of rows in the same nanosecond the last is kept.
-
-    Parameters
-    ----------
-    plan : Plan
-        A timed one.
-    rate : float, optional
-        Points a second; by default one for each state [1/s].
-    frame : str
-
-    Raises
-    ------
-    InputError
-        When the plan is not timed, or for an invalid rate or frame.
+    Its stamp is zero, which tells controllers to start on receipt. Points come at a ``rate``, by default one
+    for each state [1/s]. Times ascend strictly, as controllers require: of rows in the same nanosecond the
+    last is kept.
     """
     points = [
         {
@@ -63,7 +51,6 @@ def base_trajectory(plan: Plan, rate: float | None = None, frame: str = FRAME) -
     """The base's motion as a trajectory_msgs/msg/MultiDOFJointTrajectory, of the same moments as the arm's.
 
     Its one joint is called `BASE`. Velocities and accelerations are those in the frame, not the base's own.
-    Parameters and errors are those of `joint_trajectory`.
     """
     points = [
         {
@@ -90,19 +77,8 @@ def _distinct_moments(plan: Plan, rate: float | None) -> Iterator[tuple[Trajecto
 def path_message(plan: Plan, rate: float | None = None, frame: str = FRAME) -> Message:
     """The path of the base as a nav_msgs/msg/Path.
 
-    Stamps of poses count from the start of the plan; they are zero where it is not timed.
-
-    Parameters
-    ----------
-    plan : Plan
-    rate : float, optional
-        Poses a second, of timed plans; by default one for each state [1/s].
-    frame : str
-
-    Raises
-    ------
-    InputError
-        For an invalid rate or frame.
+    Stamps of poses count from the start of the plan; they are zero where it is not timed. Poses of a timed
+    plan come at a ``rate``, by default one for each state [1/s].
     """
     rows = sample_plan(plan, rate)
     clock = nanoseconds(rows.sample.time if is_timed(plan.motion) else np.zeros(len(rows)))

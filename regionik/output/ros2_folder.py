@@ -31,11 +31,8 @@ RATE = 50.0  # of trajectories, where none is asked for [1/s]
 ARM, BASE_MOTION, PATH, SCENE = "arm_trajectory", "base_trajectory", "base_path", "planning_scene"
 SCRIPT = "execute_plan.py"
 _SCRIPT_TEXT = Path(__file__).with_name("execute_plan.txt")
-_MOTION_MODELS = {
-    "omni": "Omni",
-    "differential": "DiffDrive",
-    "car": "Ackermann",
-}  # of nav2's MPPI controller
+# Of nav2's MPPI controller.
+_MOTION_MODELS = {"omni": "Omni", "differential": "DiffDrive", "car": "Ackermann"}
 _GIVES_WAY = 0.05  # joint error at which the arm's controller gives up [rad], [m]
 _ARRIVED = 0.01  # joint error that counts as arrived [rad], [m]
 _LATE = 1.0  # by which the arm may come late [s]
@@ -58,21 +55,9 @@ bag/                  rosbag2 (MCAP) of /tf, /joint_states and the messages abov
 
 
 def ros2_files(plan: Plan, rate: float | None = None, frame: str = FRAME) -> dict[str, str | bytes]:
-    """Return the files of the folder by their names.
+    """Return the files of the folder by their names, of a timed plan; this needs rosbags.
 
-    Parameters
-    ----------
-    plan : Plan
-        A timed one.
-    rate : float, optional
-        Points a second, `RATE` by default [1/s].
-    frame : str
-        Of the base's motion and the solids.
-
-    Raises
-    ------
-    InputError
-        When the plan is not timed, for an invalid rate or frame, and where rosbags is not installed.
+    Points come at a ``rate`` [1/s]; ``frame`` is that of the base's motion and the solids.
     """
     rate = RATE if rate is None else rate
     robot, speeds = plan.world.robot, plan.world.speeds or Speeds()

@@ -31,13 +31,7 @@ def run_to_csv(run: SimulatedRun) -> str:
 
 
 def run_to_mcap(run: SimulatedRun) -> bytes:
-    """MCAP of a run: /tf and /joint_states as they were, /planned_path of the base, /tool_error, /contacts.
-
-    Raises
-    ------
-    InputError
-        Where rosbags is not installed.
-    """
+    """MCAP of a run: /tf and /joint_states as they were, /planned_path, /tool_error, /contacts."""
     world, frame = run.plan.world, run.plan.world.frames.map
     base_rate, joint_rate = run.velocity[:, :3], run.velocity[:, 3:]
     unknown = np.full_like(base_rate, np.nan), np.full_like(joint_rate, np.nan)

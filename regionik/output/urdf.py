@@ -27,15 +27,10 @@ def robot_to_urdf(robot: Robot, floor: Polygon) -> str:
     """URDF text of a robot on a floor.
 
     The base is three virtual joints: ``base_x``, ``base_y`` (prismatic, limited to the floor's extent)
-    and ``base_yaw`` (continuous). The arm's joints keep their names; the link that joint ``j`` moves is
-    ``j_link``; the tool is the link ``tool``. A link's box stays a box, a capsule becomes a cylinder and two
-    spheres, a hull the box around it, as URDF has no word for it, a footprint its bounding box up to
-    ``body_height``; a point base has no solid. What collides is also what is seen.
-
-    Raises
-    ------
-    InputError
-        When an arm joint bears a name of the virtual joints.
+    and ``base_yaw`` (continuous). The arm's joints keep their names, which must be others; the link that
+    joint ``j`` moves is ``j_link``; the tool is the link ``tool``. A link's box stays a box, a capsule
+    becomes a cylinder and two spheres, a hull the box around it, as URDF has no word for it, a footprint its
+    bounding box up to ``body_height``; a point base has no solid. What collides is also what is seen.
     """
     taken = [joint.name for joint in robot.chain.joints if joint.name in _VIRTUAL_JOINTS]
     if taken:
@@ -45,29 +40,24 @@ def robot_to_urdf(robot: Robot, floor: Polygon) -> str:
         )
     root = ElementTree.Element("robot", name=robot.name)
     x_low, y_low, x_high, y_high = floor.bounds
-    _link(root, "world")
+    ElementTree.SubElement(root, "link", name="world")
     _joint(root, _prismatic("base_x", 0, x_low, x_high), "world", "base_x_link")
-    _link(root, "base_x_link")
     _joint(root, _prismatic("base_y", 1, y_low, y_high), "base_x_link", "base_y_link")
-    _link(root, "base_y_link")
-    _joint(root, Joint("base_yaw", "revolute", -np.inf, np.inf, np.eye(4)), "base_y_link", "base")
-    base = _link(root, "base")
+    yaw = Joint("base_yaw", "revolute", -np.inf, np.inf, np.eye(4))
+    base = _joint(root, yaw, "base_y_link", "base")
     _add_footprint(base, robot)
     for solid in robot.base_solids:
         _add_solid(base, solid)
-    _joint_element(root, "mount", "fixed", robot.T_base_arm, "base", "arm_base")
-    _link(root, "arm_base")
+    _connect(root, "mount", "fixed", robot.T_base_arm, "base", "arm_base")
     parent = "arm_base"
     for k, joint in enumerate(robot.chain.joints):
         child = f"{joint.name}_link"
-        _joint(root, joint, parent, child)
-        link = _link(root, child)
+        link = _joint(root, joint, parent, child)
         for solid in robot.solids:
             if solid.link == k:
                 _add_solid(link, solid)
         parent = child
-    _joint_element(root, "tool_fixed", "fixed", robot.chain.T_last_tool, parent, "tool")
-    _link(root, "tool")
+    _connect(root, "tool_fixed", "fixed", robot.chain.T_last_tool, parent, "tool")
     for link in root.iter("link"):
         _add_visuals(link)
     ElementTree.indent(root)
@@ -78,24 +68,22 @@ def _prismatic(name: str, axis: int, lower: float, upper: float) -> Joint:
     return Joint(name, "prismatic", lower, upper, np.eye(4), np.eye(3)[axis])
 
 
-def _link(root: ElementTree.Element, name: str) -> ElementTree.Element:
-    return ElementTree.SubElement(root, "link", name=name)
-
-
-def _joint_element(
+def _connect(
     root: ElementTree.Element, name: str, kind: str, T: Array, parent: str, child: str
-) -> ElementTree.Element:
+) -> tuple[ElementTree.Element, ElementTree.Element]:
+    """Add a joint and the link behind it, and return both."""
     element = ElementTree.SubElement(root, "joint", name=name, type=kind)
     _origin(element, T[:3, 3], roll_pitch_yaw(T))
     ElementTree.SubElement(element, "parent", link=parent)
     ElementTree.SubElement(element, "child", link=child)
-    return element
+    return element, ElementTree.SubElement(root, "link", name=child)
 
 
-def _joint(root: ElementTree.Element, joint: Joint, parent: str, child: str) -> None:
+def _joint(root: ElementTree.Element, joint: Joint, parent: str, child: str) -> ElementTree.Element:
+    """Add a joint that moves, and return the link behind it."""
     endless = joint.kind == "revolute" and np.isinf(joint.lower) and np.isinf(joint.upper)
     kind = "continuous" if endless else joint.kind
-    element = _joint_element(root, joint.name, kind, joint.T_parent_joint, parent, child)
+    element, link = _connect(root, joint.name, kind, joint.T_parent_joint, parent, child)
     ElementTree.SubElement(element, "axis", xyz=_numbers(joint.axis))
     limit = {"effort": repr(_UNLIMITED), "velocity": repr(_finite(joint.velocity))}
     if not endless:
@@ -104,15 +92,21 @@ def _joint(root: ElementTree.Element, joint: Joint, parent: str, child: str) -> 
     if joint.mimic is not None:
         mimic = {key: str(value) for key, value in asdict(joint.mimic).items()}
         ElementTree.SubElement(element, "mimic", mimic)
+    return link
 
 
 def _add_footprint(link: ElementTree.Element, robot: Robot) -> None:
     if len(robot.footprint) == 1:
         return
     low, high = robot.footprint.min(axis=0), robot.footprint.max(axis=0)
-    (x, y), (length, width) = (low + high) / 2, high - low
-    shape = _collision(link, "footprint", translation(x, y, robot.body_height / 2))
-    ElementTree.SubElement(shape, "box", size=_numbers(np.array([length, width, robot.body_height])))
+    x, y = (low + high) / 2
+    T = translation(x, y, robot.body_height / 2)
+    _add_box(link, "footprint", T, np.append(high - low, robot.body_height))
+
+
+def _add_box(link: ElementTree.Element, name: str, T: Array, size: Array) -> None:
+    shape = _collision(link, name, T, roll_pitch_yaw(T))
+    ElementTree.SubElement(shape, "box", size=_numbers(size))
 
 
 def _add_solid(link: ElementTree.Element, solid: LinkSolid) -> None:
@@ -120,12 +114,9 @@ def _add_solid(link: ElementTree.Element, solid: LinkSolid) -> None:
         case LinkCapsule():
             _add_capsule(link, solid)
         case LinkBox():
-            shape = _collision(link, solid.name, solid.T_link_box, roll_pitch_yaw(solid.T_link_box))
-            ElementTree.SubElement(shape, "box", size=_numbers(solid.size))
+            _add_box(link, solid.name, solid.T_link_box, solid.size)
         case LinkHull():
-            T, size = oriented_box(solid.corners)
-            shape = _collision(link, solid.name, T, roll_pitch_yaw(T))
-            ElementTree.SubElement(shape, "box", size=_numbers(size))
+            _add_box(link, solid.name, *oriented_box(solid.corners))
 
 
 def _add_capsule(link: ElementTree.Element, capsule: LinkCapsule) -> None:

@@ -33,17 +33,8 @@ _PART = re.compile(r"(\d{8})-(\d+)of(\d+)")
 def write_atomic(path: str | os.PathLike[str], content: str | bytes) -> None:
     """Write a file so that no reader ever sees half of it.
 
-    Parameters
-    ----------
-    path : path
-        An existing file is replaced, a link is followed.
-    content : str or bytes
-        Text is written as UTF-8 with the line ends it has.
-
-    Raises
-    ------
-    InputError
-        When the folder is missing, the path names a folder, or writing is not allowed.
+    An existing file is replaced, a link is followed. Text is written as UTF-8 with the line ends it has.
+    Whatever keeps it from being written is an `InputError`.
     """
     target = Path(os.path.realpath(path))
     data = content.encode("utf-8") if isinstance(content, str) else content
@@ -59,18 +50,9 @@ def write_atomic(path: str | os.PathLike[str], content: str | bytes) -> None:
 
 
 def write_folder(path: str | os.PathLike[str], files: Mapping[str, str | bytes]) -> None:
-    """Write a new folder, whole or not at all.
+    """Write a new folder, whole or not at all: contents by their names in it, which may name folders.
 
-    Parameters
-    ----------
-    path : path
-    files : mapping of str to str or bytes
-        Contents by their names in it, which may name folders.
-
-    Raises
-    ------
-    InputError
-        When something is there already, the folder around it is missing, or writing is not allowed.
+    Something that is there already is an `InputError`, as is whatever else keeps it from being written.
     """
     target = Path(os.path.realpath(path))
     if target.exists():
@@ -182,19 +164,10 @@ class PartialFile:
 
 @contextmanager
 def open_partial(output: Path, manifest: Mapping[str, object]) -> Iterator[PartialFile]:
-    """Begin or resume a file in parts; no other run works on it meanwhile.
+    """Begin or resume a file in parts, kept in a folder that is called as it with ``.parts`` after it.
 
-    Parameters
-    ----------
-    output : Path
-        The file to be; the folder of its parts is called as it, with ``.parts`` after it.
-    manifest : mapping
-        All that the bytes of the file depend on, as JSON values, each by its name for messages.
-
-    Raises
-    ------
-    InputError
-        When parts made from something else are there, another run holds them, or writing is not allowed.
+    ``manifest`` has all that the bytes of the file depend on, as JSON values, each by its name for messages.
+    Parts made from something else, and another run that holds them, are an `InputError`.
     """
     file = Path(os.path.realpath(output))
     folder = file.with_name(f"{file.name}.parts")

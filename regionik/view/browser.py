@@ -44,12 +44,7 @@ def chromium() -> str | None:
 def opened(page: Path, width: int = 1280, height: int = 800) -> Iterator[BrowserPage]:
     """Open a file in a browser that ends with the block.
 
-    Raises
-    ------
-    InputError
-        When no Chromium is installed.
-    EngineError
-        When it does not answer.
+    Without Chromium that is an `InputError`, without an answer of it an `EngineError`.
     """
     program = chromium()
     if program is None:
@@ -79,16 +74,10 @@ def opened(page: Path, width: int = 1280, height: int = 800) -> Iterator[Browser
 
 
 class BrowserPage:
-    """One page of a browser.
-
-    Attributes
-    ----------
-    complaints : list of str
-        Errors that scripts of the page did not catch.
-    """
+    """One page of a browser."""
 
     def __init__(self, to_browser: int, from_browser: int) -> None:
-        self.complaints: list[str] = []
+        self.complaints: list[str] = []  # errors that scripts of the page did not catch
         self._to, self._from = to_browser, from_browser
         self._unread = b""
         self._sent = 0

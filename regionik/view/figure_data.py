@@ -12,7 +12,6 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.postures.poses import axis_of
 from regionik.regions import Area
-from regionik.timing.limits import tool_velocity
 from regionik.timing.trajectory import is_timed, trajectory
 from regionik.values import Plan, Stop
 from regionik.verification.base_clearance import footprint_hulls
@@ -27,7 +26,7 @@ from regionik.view.floor_areas import (
     shown_floor,
     used_areas,
 )
-from regionik.view.timeline import lifted_intervals
+from regionik.view.timeline import lifted_intervals, tool_and_base_speeds
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 
@@ -40,23 +39,15 @@ TALL = 100.0  # above every solid [m]
 
 
 @dataclass(frozen=True, eq=False)
-class SpeedCurves:
-    """Speeds of a timed plan at the samples of its curves."""
-
-    joints: Array  # (n, dof) [rad/s], [m/s]
-    tool: Array  # (n,) of the tool's origin [m/s]
-    base: Array  # (n,) of the base's origin [m/s]
-
-
-@dataclass(frozen=True, eq=False)
 class PlanCurves:
     """Curves of a plan along its motion."""
 
     timed: bool  # abscissas are times [s]; else numbers of states, from 1
     states: Array  # (n,) abscissa of every state
-    along: Array  # (m,) abscissas of ``joints`` and ``speeds``
+    along: Array  # (m,) abscissas of ``joints``, ``velocities`` and ``speeds``
     joints: Array  # (m, dof)
-    speeds: SpeedCurves | None  # None where the plan is not timed
+    velocities: Array  # (m, dof) of joints [rad/s], [m/s]; no rows where the plan is not timed
+    speeds: dict[str, Array]  # (m,) of tool and base [m/s]; none where the plan is not timed
     clearances: Clearances
     setpoints: Array  # (k,) abscissas of set-points
     lifted: Array  # (l, 2) intervals in which the tool is lifted
@@ -66,21 +57,18 @@ def plan_curves(plan: Plan) -> PlanCurves:
     """Return the curves of a plan."""
     motion, timed = plan.motion, is_timed(plan.motion)
     states = motion.time if timed else np.arange(1.0, len(motion) + 1)
-    along, joints, speeds = states, motion.joints, None
+    along, joints, velocities, speeds = states, motion.joints, motion.joints[:0], dict[str, Array]()
     if timed:
         along = np.union1d(states, np.linspace(0.0, states[-1], SAMPLES))
         sample = trajectory(plan).sample(along)
-        joints = sample.joints
-        speeds = SpeedCurves(
-            joints=sample.joint_velocity,
-            tool=np.linalg.norm(tool_velocity(plan.world.robot, *sample.columns[:2]), axis=1),
-            base=np.hypot(*sample.base_velocity[:, :2].T),
-        )
+        joints, velocities = sample.joints, sample.joint_velocity
+        speeds = tool_and_base_speeds(plan.world.robot, sample)
     return PlanCurves(
         timed=timed,
         states=states,
         along=along,
         joints=joints,
+        velocities=velocities,
         speeds=speeds,
         clearances=clearances(plan.world, motion.base, motion.joints),
         setpoints=states[motion.kind == "setpoint"],
@@ -110,19 +98,6 @@ class FloorView:
     circles: BaseGeometry  # circles in which the base may park at its stops
     driven: bool = True  # ``axis_path`` is driven; else it connects stops in their order
 
-    @property
-    def width(self) -> float:
-        return float(self.high[0] - self.low[0])
-
-    @property
-    def height(self) -> float:
-        return float(self.high[1] - self.low[1])
-
-    @property
-    def moves(self) -> bool:
-        """True of a plan, false of a world and of stops that nothing drives between yet."""
-        return self.driven and len(self.axis_path) > 0
-
 
 def floor_view(what: Plan | World | Area) -> FloorView:
     """Return the floor of a plan, of a world with its start, or of an area with its target, from above."""
@@ -139,12 +114,11 @@ def _plan_floor(plan: Plan) -> FloorView:
     shown = motion.base[at[np.unique(np.linspace(0, len(at) - 1, POSES).round().astype(int))]]
     return _floor_view(
         world,
-        base=np.array([stop.base for stop in plan.stops]) if plan.stops else shown,
+        np.array([stop.base for stop in plan.stops]) if plan.stops else shown,
         areas=[area.admissible for area in plan.areas],
         used=(used_areas(plan), area_words(plan)),
         axis_path=axis_path(plan),
         tool_path=plan.tools()[:, :2],
-        setpoints=np.array([target.position[:2] for target in world.task]).reshape(-1, 2),
         stops=plan.stops,
     )
 
@@ -153,46 +127,30 @@ def stops_floor(world: World, stops: Sequence[Stop]) -> FloorView:
     """Return the floor with stops as seen from above, straight lines between them."""
     base = np.array([stop.base for stop in stops])
     setpoints = np.array([world.task[i].position[:2] for stop in stops for i in stop.setpoints])
-    view = _floor_view(
-        world,
-        base=base,
-        areas=(),
-        used=((), ("", "")),
-        axis_path=axis_of(world.robot, base),
-        tool_path=setpoints,
-        setpoints=setpoints,
-        stops=stops,
-    )
-    return replace(view, driven=False)
+    view = _floor_view(world, base, axis_path=axis_of(world.robot, base), tool_path=setpoints, stops=stops)
+    return replace(view, setpoints=setpoints, driven=False)
 
 
 def _world_floor(world: World, area: BaseGeometry | None = None) -> FloorView:
-    setpoints = np.array([target.position[:2] for target in world.task]).reshape(-1, 2)
     base = np.empty((0, 3)) if world.start is None else world.start.base[None]
     areas = () if area is None else (area,)
-    return _floor_view(
-        world,
-        base=base,
-        areas=areas,
-        used=(areas, ("admissible area", "")),
-        axis_path=np.empty((0, 2)),
-        tool_path=setpoints,
-        setpoints=setpoints,
-        stops=(),
-    )
+    return _floor_view(world, base, areas=areas, used=(areas, ("admissible area", "")))
 
 
 def _floor_view(
     world: World,
-    *,
     base: Array,
-    areas: Sequence[BaseGeometry],
-    used: tuple[Sequence[BaseGeometry], tuple[str, str]],
-    axis_path: Array,
-    tool_path: Array,
-    setpoints: Array,
-    stops: Sequence[Stop],
+    *,
+    areas: Sequence[BaseGeometry] = (),
+    used: tuple[Sequence[BaseGeometry], tuple[str, str]] = ((), ("", "")),
+    axis_path: Array | None = None,
+    tool_path: Array | None = None,
+    stops: Sequence[Stop] = (),
 ) -> FloorView:
+    """The floor with base poses (n, 3); without a path of the tool its set-points are joined."""
+    setpoints = np.array([target.position[:2] for target in world.task]).reshape(-1, 2)
+    tool_path = setpoints if tool_path is None else tool_path
+    axis_path = np.empty((0, 2)) if axis_path is None else axis_path
     floor, outlines, circles = world.floor.polygon, _outlines(world, base), parking_circles(world, stops)
     corners = shapely.bounds([area for area in areas if not area.is_empty])
     shapes = map(shapely.get_coordinates, (outlines, circles))
@@ -242,7 +200,7 @@ def _heading_strokes(base: Array, outlines: BaseGeometry) -> Array:
 def seen_from_above(world: World) -> BaseGeometry:
     """Solids as seen from above."""
     shadows = [solid.shadow(TALL) for solid in world.solids]
-    areas = [shadow.grown() for shadow in shadows if shadow is not None]
+    areas = [shadow.shape() for shadow in shadows if shadow is not None]
     return shapely.union_all(areas) if areas else Polygon()
 
 

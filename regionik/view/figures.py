@@ -28,7 +28,6 @@ from regionik.values import Answer, Plan, Stop
 from regionik.view.figure_data import (
     FloorView,
     PlanCurves,
-    SpeedCurves,
     floor_view,
     plan_curves,
     seen_from_above,
@@ -207,7 +206,7 @@ def _stops_figure(world: World, stops: Sequence[Stop]) -> Figure:
 
 def _figure(plan: Plan) -> Figure:
     curves, floor, dof = plan_curves(plan), floor_view(plan), plan.world.robot.chain.dof
-    panels, high = 1 if curves.speeds is None else 2, _floor_height(floor)
+    panels, high = 2 if curves.timed else 1, _floor_height(floor)
     figure = Figure(figsize=(_LEFT * panels + _RIGHT, max(1.3 * dof, high + _ROW * panels) + 0.7))
     facts = [count_noun(len(plan.setpoints), "set-point"), count_noun(plan.lift_offs, "lift-off")]
     untimed = f"{count_noun(len(plan.motion), 'state')}, not timed"
@@ -217,15 +216,16 @@ def _figure(plan: Plan) -> Figure:
     _key_to_marks(figure, curves)
     grid = sides[1].subgridspec(1 + panels, 1, height_ratios=[high, *[_ROW] * panels])
     _floor(figure.add_subplot(grid[0]), floor)
-    if curves.speeds is not None:
-        _speeds(figure.add_subplot(grid[1]), curves, curves.speeds)
+    if curves.timed:
+        _speeds(figure.add_subplot(grid[1]), curves)
     _clearance(figure.add_subplot(grid[-1]), plan, curves)
     return figure
 
 
 def _floor_height(floor: FloorView) -> float:
     """Height of a panel of the floor, with its legend [in]."""
-    return (_RIGHT - 0.8) * float(np.clip(floor.height / floor.width, 0.3, 1.0)) + 1.2
+    width, height = (floor.high - floor.low).tolist()
+    return (_RIGHT - 0.8) * float(np.clip(height / width, 0.3, 1.0)) + 1.2
 
 
 def _fix_layout(figure: Figure) -> None:
@@ -244,13 +244,13 @@ def _head(figure: Figure, world: World, facts: list[str]) -> None:
 def _joints(figure: Figure, place: SubplotSpec, plan: Plan, curves: PlanCurves) -> None:
     """A row for each joint: its value and, of a timed plan, its velocity, each with its limits."""
     joints = plan.world.robot.chain.active_joints
-    grid = place.subgridspec(len(joints), 1 if curves.speeds is None else 2)
+    grid = place.subgridspec(len(joints), 2 if curves.timed else 1)
     for k, joint in enumerate(joints):
         unit = "rad" if joint.kind == "revolute" else "m"
         columns = [(joint.name, unit, curves.joints, joint.lower, joint.upper)]
-        if curves.speeds is not None:
+        if curves.timed:
             name, most = f"{joint.name}, velocity", joint.velocity
-            columns.append((name, f"{unit}/s", curves.speeds.joints, -most, most))
+            columns.append((name, f"{unit}/s", curves.velocities, -most, most))
         for column, (name, unit, values, lower, upper) in enumerate(columns):
             ax = figure.add_subplot(grid[k, column])
             _curve(ax, curves, values[:, k], (lower, upper))
@@ -294,9 +294,9 @@ def _key_to_marks(figure: Figure, curves: PlanCurves) -> None:
     figure.legend(handles=handles, loc="outside lower left", ncols=3)
 
 
-def _speeds(ax: Axes, curves: PlanCurves, speeds: SpeedCurves) -> None:
-    ax.plot(curves.along, speeds.tool, color=_hex(Color.PASSED), linewidth=1.6, label="tool")
-    ax.plot(curves.along, speeds.base, color=_hex(Color.AXIS_PATH), linewidth=0.8, label="base")
+def _speeds(ax: Axes, curves: PlanCurves) -> None:
+    ax.plot(curves.along, curves.speeds["tool"], color=_hex(Color.PASSED), linewidth=1.6, label="tool")
+    ax.plot(curves.along, curves.speeds["base"], color=_hex(Color.AXIS_PATH), linewidth=0.8, label="base")
     ax.set(title="speed", ylabel="[m/s]", ylim=(0.0, None))
     _shared_axis(ax, curves, last=False)
     _legend(ax)
@@ -351,7 +351,8 @@ def _floor(ax: Axes, floor: FloorView) -> None:
             key.append(Patch(linewidth=0, label=label, **paint))
     if len(floor.tool_path) > 1:
         label = "tool path asked for" if floor.driven else "order of the set-points"
-        label, color = ("path of the tool", Color.PASSED) if floor.moves else (label, Color.PATH)
+        moves = floor.driven and len(floor.axis_path)  # as a plan does, not a world nor stops alone
+        label, color = ("path of the tool", Color.PASSED) if moves else (label, Color.PATH)
         key += ax.plot(*floor.tool_path.T, color=_hex(color), linewidth=1.0, label=label)
     if len(floor.axis_path):
         driven = {"linestyle": "-", "linewidth": 1.6, "label": "path of the arm's axis"}

@@ -24,21 +24,10 @@ SIZE = (960, 600)  # [pixels]
 
 
 def film(page: str, path: str | os.PathLike[str]) -> None:
-    """Write a film of a plan's page, an animated GIF or an MP4.
+    """Write a film of a plan's page (`regionik.view.page.html_page`), an animated GIF or an MP4.
 
-    Motions longer than `LONGEST` are shown faster. Both need Chromium, an MP4 needs ffmpeg too.
-
-    Parameters
-    ----------
-    page : str
-        As `regionik.view.page.html_page` makes it.
-    path : path
-        Ends in ``.gif`` or ``.mp4``; written whole or not at all.
-
-    Raises
-    ------
-    InputError
-        When the path ends otherwise, a program is missing, or the file cannot be written.
+    Motions longer than `LONGEST` are shown faster. Both need Chromium, an MP4 needs ffmpeg too. The file is
+    written whole or not at all.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in FILMS:

@@ -50,14 +50,8 @@ class LiveAreas:
 def live_areas(world: World, before: LiveAreas | None = None) -> LiveAreas:
     """Return the areas of a world with a task, and whether they admit the whole path.
 
-    Parameters
-    ----------
-    world : World
-    before : LiveAreas, optional
-        Of an earlier version of the world: parts of it that have not changed are the very same objects.
+    Parts of the world that have not changed since areas ``before`` are the very same objects.
 
-    Examples
-    --------
     >>> from regionik.worlds.documents.world_file import load_world
     >>> live_areas(load_world("pillar")).explanation is None
     True
@@ -101,25 +95,11 @@ def is_equal(a: Any, b: Any) -> bool:
 def watch(
     path: Path, visualizer: Any, report: Callable[[str], None], changes: Iterator[None] | None = None
 ) -> None:
-    """Draw a world, and again each time its file changes, until the changes end.
+    """Draw a world file, and again each time it changes, until the changes end.
 
-    A file that cannot be used is reported in one line, and the picture stays. Only the file itself is
-    watched, not those it names.
-
-    Parameters
-    ----------
-    path : Path
-        A world file.
-    visualizer : meshcat.Visualizer
-    report : callable
-        Called with the verdict, a line each time.
-    changes : iterator, optional
-        Yields once a change; by default `file_changes`, which never ends.
-
-    Raises
-    ------
-    InputError
-        When the file cannot be used at the start.
+    A file that cannot be used is reported in one line, and the picture stays; at the start that is an
+    `InputError`. Only the file itself is watched, not those it names. ``report`` is called with the verdict,
+    a line each time; ``changes`` yields once a change, by default `file_changes`, which never ends.
     """
     areas = live_areas(_load(path))
     picture = live_picture(areas)

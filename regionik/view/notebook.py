@@ -24,22 +24,13 @@ def as_html(value: Plan | World | Area | Answer) -> str:
 def facts(value: Plan | World | Area | Answer) -> list[str]:
     """Return lines on a value, the most telling first."""
     if isinstance(value, Plan):
-        return [repr(value), repr(value.world), repr(value.motion), *_margins(value)]
+        margins: dict[str, Any] = value.stats.get("margins", {})
+        timed = f"{value.motion.time[-1]:.1f} s" if is_timed(value.motion) else "not timed"
+        spare = ", ".join(f"{name} {least:.3g}" for name, least in margins.items())
+        return [repr(value), repr(value.world), repr(value.motion), timed, spare]
     if isinstance(value, World):
-        return [
-            value.about or value.name,
-            repr(value),
-            repr(value.robot),
-            repr(value.floor),
-            repr(value.rules),
-        ]
+        return [value.about or value.name, *map(repr, (value, value.robot, value.floor, value.rules))]
     if isinstance(value, Area):
         return [repr(value), repr(value.world), *(f"rejected: {part.name}" for part in value.causes)]
     reasons = dict.fromkeys(reason for reason in value.reason if reason)
     return [repr(value), *reasons]
-
-
-def _margins(plan: Plan) -> list[str]:
-    margins: dict[str, Any] = plan.stats.get("margins", {})
-    timed = f"{plan.motion.time[-1]:.1f} s" if is_timed(plan.motion) else "not timed"
-    return [timed, ", ".join(f"{name} {value:.3g}" for name, value in margins.items())]

@@ -78,11 +78,13 @@ def key_frames(plan: Plan, clock: Array) -> KeyFrames:
 
 
 def _frames(times: Array, table: Array, passed: Array) -> KeyFrames:
-    """Key frames of rows base, joints, lifted at some times."""
-    fine = _refined(times, table)
-    return KeyFrames(
-        times=fine[:, 0], base=fine[:, 1:4], joints=fine[:, 4:-1], lifted=fine[:, -1] > 0.5, passed=passed
-    )
+    """Key frames of rows base, joints, lifted; more where an angle turns too far for quaternions."""
+    turn = np.abs(np.diff(table[:, 2:-1], axis=0)).max(axis=1, initial=0.0)
+    pieces = np.maximum(1, np.ceil(turn / (np.pi / 2)).astype(int))
+    index = np.concatenate([k + np.arange(p) / p for k, p in enumerate(pieces)] + [[len(times) - 1.0]])
+    moments, *rows = (_interpolated(index, column) for column in (times, *table.T[:-1]))
+    poses, lifted = np.column_stack(rows), table[np.ceil(index).astype(int), -1] > 0.5
+    return KeyFrames(moments, poses[:, :3], poses[:, 3:], lifted, passed)
 
 
 def display_times(plan: Plan) -> Array:
@@ -117,17 +119,6 @@ def _selected(at_setpoint: NDArray[np.bool_]) -> NDArray[np.intp]:
     return np.union1d(spread, np.flatnonzero(at_setpoint))
 
 
-def _refined(times: Array, table: Array) -> Array:
-    """Rows of time and table, subdivided where an angle turns too far to interpolate quaternions."""
-    turn = np.abs(np.diff(table[:, 2:-1], axis=0)).max(axis=1, initial=0.0)
-    pieces = np.maximum(1, np.ceil(turn / (np.pi / 2)).astype(int))
-    index = np.concatenate([k + np.arange(p) / p for k, p in enumerate(pieces)] + [[len(times) - 1.0]])
-    columns = np.column_stack([times, table])
-    fine: Array = np.column_stack([_interpolated(index, c) for c in columns.T])
-    fine[:, -1] = table[np.ceil(index).astype(int), -1]
-    return fine
-
-
 def turn_quaternions(axis: Array, angles: Array) -> Array:
     """Return quaternions x, y, z, w (n, 4) of turns about a unit axis; continuous where the angles are."""
     half = np.asarray(angles)[:, None] / 2
@@ -147,9 +138,10 @@ def picture_of_plan(plan: Plan, clock: Array | None = None) -> Picture:
     some = slice(None, None, 1 + len(frames.times) // 300)
     camera = camera_for(world, robot_points(world.robot, frames.base[some], frames.joints[some]))
     moves = len(frames.times) > 1
+    counts = count_noun(len(plan.setpoints), "set-point"), count_noun(plan.lift_offs, "lift-off")
     return Picture(
         title=world.name,
-        facts=_facts(plan),
+        facts=(*counts, f"{plan.motion.time[-1]:.1f} s" if is_timed(plan.motion) else "not timed"),
         bodies=(*areas, *_parking_meshes(plan), *world_meshes(world, covered), *marks, *trace, *robot),
         poses=poses,
         camera=camera,
@@ -157,11 +149,6 @@ def picture_of_plan(plan: Plan, clock: Array | None = None) -> Picture:
         tracks=tuple(_extended(track, frames.duration) for track in tracks) if moves else (),
         timeline=timeline(plan, clock) if moves else None,
     )
-
-
-def _facts(plan: Plan) -> tuple[str, ...]:
-    counts = (count_noun(len(plan.setpoints), "set-point"), count_noun(plan.lift_offs, "lift-off"))
-    return (*counts, *((f"{plan.motion.time[-1]:.1f} s",) if is_timed(plan.motion) else ("not timed",)))
 
 
 def _areas(
@@ -237,13 +224,9 @@ def _robot_tracks(robot: Robot, frames: KeyFrames) -> list[KeyframeTrack]:
     ]
     for k, joint in enumerate(robot.chain.joints):
         values = robot.chain.joint_values(frames.joints)[:, k]
-        if joint.kind == "revolute":
-            turns = turn_quaternions(joint.axis, values)
-            tracks.append(KeyframeTrack(joint_node(k), "turn", frames.times, turns))
-        else:
-            tracks.append(
-                KeyframeTrack(joint_node(k), "position", frames.times, np.outer(values, joint.axis))
-            )
+        turns, node = joint.kind == "revolute", joint_node(k)
+        moved = turn_quaternions(joint.axis, values) if turns else np.outer(values, joint.axis)
+        tracks.append(KeyframeTrack(node, "turn" if turns else "position", frames.times, moved))
     tip = f"{joint_node(len(robot.chain.joints) - 1)}/{TOOL}"
     # A frame says how the motion to it went: the tool is lifted from the frame before.
     ahead = np.append(frames.lifted[1:], frames.lifted[-1:])

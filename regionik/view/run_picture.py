@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from regionik.simulation.run import SimulatedRun
 from regionik.values import Motion, Plan
@@ -18,14 +19,16 @@ _THIN = 0.003  # radius of the planned tool path [m]
 
 def picture_of_run(run: SimulatedRun) -> Picture:
     """Return the picture of a run, animated, with the tool path that was planned beside the one made."""
-    figures, moving = run.figures, picture_of_plan(_as_plan(run), run.time[_frames(len(run.time))])
+    rows = len(run.time)
+    frames = np.unique(np.linspace(0, rows - 1, min(rows, FRAMES)).astype(int))
+    figures, moving = run.figures, picture_of_plan(_as_plan(run, frames), run.time[frames])
     error = {key: 1000 * value for key, value in figures["tool_error"].items()}
     facts = (
         f"simulated, {figures['duration']:.1f} s",
         f"tool error: 95 % below {error['p95']:.2f} mm, worst {error['worst']:.2f} mm",
         *([run.failure] if run.failure else []),
     )
-    planned = tubes(run.reference.T_tool[_frames(len(run.time)), :3, 3], _THIN)
+    planned = tubes(run.reference.T_tool[frames, :3, 3], _THIN)
     shown = SceneMesh("tool/planned", planned, Color.AHEAD, lit=False, label="path of the tool as planned")
     assert moving.timeline is not None
     return replace(
@@ -36,14 +39,9 @@ def picture_of_run(run: SimulatedRun) -> Picture:
     )
 
 
-def _frames(rows: int) -> list[int]:
-    frames: list[int] = np.unique(np.linspace(0, rows - 1, min(rows, FRAMES)).astype(int)).tolist()
-    return frames
-
-
-def _as_plan(run: SimulatedRun) -> Plan:
+def _as_plan(run: SimulatedRun, frames: NDArray[np.intp]) -> Plan:
     """The plan with the motion that was made; each set-point is the frame nearest to its time."""
-    plan, frames = run.plan, np.array(_frames(len(run.time)))
+    plan = run.plan
     kind = np.where(run.reference.on_path[frames], "step", "transit").astype("<U8")
     setpoint = run.reference.setpoint[frames].copy()
     states = np.flatnonzero(plan.motion.kind == "setpoint")

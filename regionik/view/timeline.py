@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionik.timing.limits import tool_velocity
-from regionik.timing.trajectory import is_timed, trajectory
+from regionik.timing.trajectory import TrajectorySample, is_timed, trajectory
 from regionik.values import Motion, Plan
 from regionik.view.clearance import Clearances, clearances
 from regionik.worlds.arrays import Array
 from regionik.worlds.drives import unwrapped
+from regionik.worlds.robot import Robot
 
 SAMPLES = 600  # of a motion, at even times
 STRIDE = 2  # of samples, from one at which distances are measured to the next
@@ -47,8 +48,7 @@ def timeline(plan: Plan, clock: Array) -> Timeline:
     if is_timed(motion):
         sample = trajectory(plan).sample(times)
         poses = np.column_stack([sample.base, sample.joints])
-        tool = tool_velocity(robot, *sample.columns[:2])
-        speeds = {"tool": np.linalg.norm(tool, axis=1), "base": np.hypot(*sample.base_velocity[:, :2].T)}
+        speeds = tool_and_base_speeds(robot, sample)
     else:
         index = np.interp(times, clock, np.arange(len(clock)))
         base = robot.drive.sampled(unwrapped(motion.base), index)
@@ -67,6 +67,12 @@ def timeline(plan: Plan, clock: Array) -> Timeline:
         areas=np.array([[area.pruned.area, area.admissible.area] for area in plan.areas]).reshape(-1, 2),
         lifted=lifted_intervals(motion, clock),
     )
+
+
+def tool_and_base_speeds(robot: Robot, sample: TrajectorySample) -> dict[str, Array]:
+    """Speeds of the tool's and the base's origin at n samples, (n,) each [m/s]."""
+    tool = tool_velocity(robot, *sample.columns[:2])
+    return {"tool": np.linalg.norm(tool, axis=1), "base": np.hypot(*sample.base_velocity[:, :2].T)}
 
 
 def lifted_intervals(motion: Motion, clock: Array) -> Array:

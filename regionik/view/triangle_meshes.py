@@ -174,7 +174,7 @@ def link_mesh(body: LinkSolid) -> TriangleMesh:
 def shadow_polygon(body: Solid) -> BaseGeometry:
     """The shadow of a whole obstacle on the floor, circles as polygons."""
     shadow = body.shadow(np.inf)
-    return Polygon() if shadow is None else shadow.grown(quad_segs=_FACETS // 4)
+    return Polygon() if shadow is None else shadow.shape(quad_segs=_FACETS // 4)
 
 
 def _from_corners(corners: Array) -> TriangleMesh:

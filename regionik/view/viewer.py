@@ -186,8 +186,6 @@ def draw_message(visualizer: Any, text: str, camera: Camera, legend: Sequence[Le
 def text_image(text: str, legend: Sequence[LegendEntry] = ()) -> tuple[bytes, float]:
     """A PNG of a text, broken into lines, with a legend below it, and its width over its height.
 
-    Examples
-    --------
     >>> png, aspect = text_image("All is well.")
     >>> png[1:4], aspect > 10
     (b'PNG', True)

@@ -146,9 +146,8 @@ def _link_meshes(path: str, robot: Robot, link: int, color: int, name: str) -> I
     visuals = [one for one in robot.visuals if one.link == link]
     hidden = {name for one in visuals for name in one.stands_for}
     for k, one in enumerate(visuals):
-        mesh = triangle_meshes.split_vertices(
-            triangle_meshes.TriangleMesh(one.vertices, one.faces.astype(np.uint32))
-        )
+        whole = triangle_meshes.TriangleMesh(one.vertices, one.faces.astype(np.uint32))
+        mesh = triangle_meshes.split_vertices(whole)
         yield SceneMesh(f"{path}/visual {k}", mesh, one.color, name=name)
     solids = [solid for solid in robot.all_solids if solid.link == link and solid.name not in hidden]
     if solids:
@@ -253,33 +252,17 @@ def task_meshes(world: World, missing: NDArray[np.bool_] | None = None) -> list[
         ("task/ahead", ~missing, Color.AHEAD, 1.0, "set-points"),
         ("task/missing", missing, Color.MISSING, 1.6, "set-points that fail"),
     )
-    return [
-        SceneMesh("task/path", path, Color.PATH, lit=False, label="tool path asked for"),
-        *(
-            SceneMesh(
-                node,
-                triangle_meshes.spheres(points[rows], size * MARK_RADIUS),
-                color,
-                label=label,
-                name="set-point",
-                numbers=tuple(np.flatnonzero(rows).tolist()),
-            )
-            for node, rows, color, size, label in marks
-            if rows.any()
-        ),
-    ]
+    bodies = [SceneMesh("task/path", path, Color.PATH, lit=False, label="tool path asked for")]
+    for node, rows, color, size, label in marks:
+        if rows.any():
+            mesh = triangle_meshes.spheres(points[rows], size * MARK_RADIUS)
+            numbers = tuple(np.flatnonzero(rows).tolist())
+            bodies.append(SceneMesh(node, mesh, color, label=label, name="set-point", numbers=numbers))
+    return bodies
 
 
 def picture_of_explanation(world: World, explanation: Explanation, target: Target | None = None) -> Picture:
-    """The picture of why a target or a path is out of reach.
-
-    Parameters
-    ----------
-    world : World
-    explanation : Explanation
-    target : Target, optional
-        The one explained; by default the set-point that the explanation names.
-    """
+    """The picture of why a target, or the set-point that the explanation names, is out of reach."""
     i = 0 if target is not None or explanation.setpoint is None else explanation.setpoint
     scene = world if target is None else replace(world, task=(target,))
     before = picture_of_world(scene)

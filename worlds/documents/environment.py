@@ -14,7 +14,7 @@ from shapely.geometry import Polygon
 
 from regionik.worlds.chain import pose
 from regionik.worlds.documents.frames import FrameReference, Poses, frame_pose
-from regionik.worlds.errors import InputError, located
+from regionik.worlds.errors import InputError, located, read_each
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere, as_polygon
 from regionik.worlds.readers.meshes import read_mesh
 from regionik.worlds.readers.occupancy_map import load_map
@@ -172,11 +172,9 @@ def read_floor(part: PolygonFloor | MapFloor, where: str, folder: Path) -> Floor
             return load_map(folder / part.map, part.height, part.free_thresh)
     with located(where, "floor."):
         polygon = as_polygon(Polygon(part.polygon, part.holes), "polygon")
-    cells = []
-    for k, cell in enumerate(part.cells):
-        with located(where, f"floor.cells[{k}]."):
-            cells.append(cell.solid(cell.name, folder))
-    return Floor(polygon, tuple(cells))
+    return Floor(
+        polygon, read_each(where, "floor.cells", part.cells, lambda cell: cell.solid(cell.name, folder))
+    )
 
 
 def read_obstacle(part: _NamedObstacle, where: str, place: str, folder: Path, poses: Poses) -> Solid:

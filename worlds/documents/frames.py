@@ -74,13 +74,7 @@ def read_frames(part: FramesPart, where: str) -> tuple[FrameNames, Poses]:
 
 
 def frame_pose(reference: str | FramePart, poses: Poses) -> Array:
-    """Return the pose of a frame in the world, (4, 4).
-
-    Raises
-    ------
-    InputError
-        For a name that the file does not have.
-    """
+    """Return the pose of a frame in the world, (4, 4); an `InputError` lists the names that the file has."""
     if isinstance(reference, FramePart):
         return pose(reference.position, reference.rpy)
     if reference not in poses:

@@ -70,10 +70,9 @@ class ToolBox(_Box):
     """A box by the position of its middle and its roll, pitch, yaw in the flange's frame."""
 
 
-class FramedBox(_OnLink):
+class FramedBox(_Named, _OnLink):
     """A box as `regionik.worlds.documents.world_file.world_to_document` writes it, exact to the last bit."""
 
-    name: OneLine = Field(description="a name")
     size: Size3 = Field(description="three lengths [m]")
     frame: Matrix4 = Field(description="the box's frame in the link, as a 4 x 4 matrix")
 
@@ -81,16 +80,22 @@ class FramedBox(_OnLink):
         return LinkBox(self.link, self.name, matrix(self.frame, "frame"), np.array(self.size))
 
 
-class HullPart(_OnLink):
+class HullPart(_Named, _OnLink):
     """The convex hull of corners in the link's frame."""
 
-    name: OneLine = Field(description="a name")
     corners: Annotated[list[Vec3], Field(min_length=4, max_length=HULL_LIMIT)] = Field(
         description="corners x, y, z [m]"
     )
 
     def solid(self) -> LinkHull:
         return LinkHull(self.link, self.name, np.array(self.corners))
+
+
+_OWN_KEYS = {
+    "<capsule>": {"start", "end", "radius"},
+    "<posed>": {"size", "position", "rpy", "frame"},
+    "<hull>": {"corners"},
+}
 
 
 def _tool_solid_kind(value: Any) -> str | None:
@@ -100,14 +105,10 @@ def _tool_solid_kind(value: Any) -> str | None:
 
 def _solid_kind(value: Any) -> str | None:
     keys = set(value) if isinstance(value, dict) else set()
-    capsule, box = keys & {"start", "end", "radius"}, keys & {"size", "position", "rpy", "frame"}
-    if bool(capsule) + bool(box) + ("corners" in keys) != 1:
+    kinds = [kind for kind, own in _OWN_KEYS.items() if keys & own]
+    if len(kinds) != 1:
         return None
-    if "corners" in keys:
-        return "<hull>"
-    if capsule:
-        return "<capsule>"
-    return "<framed>" if "frame" in keys else "<posed>"
+    return "<framed>" if "frame" in keys else kinds[0]
 
 
 LinkSolidPart = Annotated[
@@ -167,13 +168,7 @@ def visual_document(surface: VisualSurface) -> dict[str, Any]:
 
 
 def matrix(rows: list[list[float]], what: str) -> Array:
-    """Return a homogeneous matrix from its rows, checked.
-
-    Raises
-    ------
-    InputError
-        For what is no rotation, or another last row.
-    """
+    """Return a homogeneous matrix from its rows, or raise an `InputError` where it is no rigid transform."""
     T = np.array(rows)
     with located("", what):
         check_rotation(T[:3, :3])

@@ -21,7 +21,7 @@ from regionik.worlds.documents.robot_solids import (
     visual_document,
 )
 from regionik.worlds.drives import BaseKind
-from regionik.worlds.errors import InputError, located
+from regionik.worlds.errors import InputError, located, read_each
 from regionik.worlds.joints import Joint, Mimic
 from regionik.worlds.links import BASE, LINK_RADIUS, LinkMass, LinkSolid, capsules_along
 from regionik.worlds.readers.text import join_names
@@ -40,7 +40,6 @@ from regionik.worlds.rest_posture import rest_posture
 from regionik.worlds.robot import BODY_HEIGHT, Robot, Tool, check_turning_radius, with_tool, without_limits
 from regionik.worlds.self_collision import base_name
 from regionik.worlds.urdf.loader import load_robot
-from regionik.worlds.visual_surfaces import VisualSurface
 
 DhRow = Annotated[
     list[float | None],
@@ -64,11 +63,8 @@ class ToolPart(Strict):
     solids: list[ToolSolidPart] = Field(default=[], description="what the tool consists of")
 
     def tool(self) -> Tool:
-        solids = []
-        for k, part in enumerate(self.solids):
-            with located("", f"solids[{k}]."):
-                solids.append(part.on(0))
-        return Tool(pose(self.position, self.rpy), tuple(solids))
+        solids = read_each("", "solids", self.solids, lambda part: part.on(0))
+        return Tool(pose(self.position, self.rpy), solids)
 
 
 class MassPart(Strict):
@@ -231,7 +227,10 @@ def read_robot(part: str | NamedRobot | DhRobot | ChainRobot | UrdfRobot, where:
             robot = _own_robot(part)
     with located(where, "robot."):
         masses = tuple(LinkMass(mass.link, mass.mass, np.array(mass.center)) for mass in part.masses)
-        robot = _with_tool(replace(robot, masses=masses, payload=part.payload), part.tool)
+        robot = replace(robot, masses=masses, payload=part.payload)
+        if part.tool is not None:
+            with located("", "tool."):
+                robot = with_tool(robot, part.tool.tool())
         if isinstance(part, DhRobot | ChainRobot):
             robot = _carried(_unchecked(robot, part.unchecked), part.carry)
     return without_limits(robot) if part.limits == "ignore" else robot
@@ -252,21 +251,8 @@ def _own_robot(part: DhRobot | ChainRobot) -> Robot:
         turning_radius=part.turning_radius,
         gauge=part.gauge,
         base_solids=tuple(solid for solid in solids if solid.link == BASE),
-        visuals=_visuals(part),
+        visuals=read_each("", "visuals", part.visuals, VisualPart.surface),
     )
-
-
-def _visuals(part: DhRobot | ChainRobot) -> tuple[VisualSurface, ...]:
-    found = []
-    for k, one in enumerate(part.visuals):
-        with located("", f"visuals[{k}]."):
-            found.append(one.surface())
-    return tuple(found)
-
-
-def _with_tool(robot: Robot, part: ToolPart | None) -> Robot:
-    with located("", "tool."):
-        return robot if part is None else with_tool(robot, part.tool())
 
 
 def _unchecked(robot: Robot, pairs: list[list[str]]) -> Robot:
@@ -292,14 +278,14 @@ def _carried(robot: Robot, carry: list[float] | None) -> Robot:
 def _solids(part: DhRobot | ChainRobot, chain: Chain) -> tuple[LinkSolid, ...]:
     if part.solids is None:
         return capsules_along(chain, part.link_radius)
-    solids: list[LinkSolid] = []
-    for k, solid in enumerate(part.solids):
-        with located("", f"solids[{k}]."):
-            if solid.link >= len(chain.joints):
-                expected = f"a link from {BASE} (the base) to {len(chain.joints) - 1}"
-                raise InputError(f"link: expected {expected}, got {solid.link}")
-            solids.append(solid.solid())
-    return tuple(solids)
+
+    def solid(part: LinkSolidPart) -> LinkSolid:
+        if part.link >= len(chain.joints):
+            expected = f"a link from {BASE} (the base) to {len(chain.joints) - 1}"
+            raise InputError(f"link: expected {expected}, got {part.link}")
+        return part.solid()
+
+    return read_each("", "solids", part.solids, solid)
 
 
 def _limits(lower: float | None, upper: float | None) -> tuple[float, float]:

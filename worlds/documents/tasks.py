@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
 from typing import Annotated, Any
@@ -32,7 +33,6 @@ from regionik.worlds.toolpath import (
     arc,
     line,
     rotation_from_quaternion,
-    scaled_path,
     sine,
     targets_along,
     transform_path,
@@ -142,9 +142,11 @@ class CsvPiece(ToolAim):
         if self.columns is None:
             if self.delimiter != "comma":
                 raise InputError("delimiter: goes with columns")
-            return scaled_path(read_csv(folder / self.csv), self.scale)
-        chosen = self.columns.model_dump(exclude_none=True)
-        return scaled_path(read_csv_columns(folder / self.csv, chosen, self.delimiter), self.scale)
+            path = read_csv(folder / self.csv)
+        else:
+            chosen = self.columns.model_dump(exclude_none=True)
+            path = read_csv_columns(folder / self.csv, chosen, self.delimiter)
+        return replace(path, points=path.points * self.scale)
 
 
 class GcodePiece(ToolAim):

@@ -35,7 +35,6 @@ from regionik.worlds.readers.validation import (
     Positive,
     Strict,
     Vec3,
-    check_magnitudes,
     validated,
 )
 from regionik.worlds.robot import Robot, check_criteria
@@ -206,25 +205,12 @@ def load_world(name_or_path: str | Path) -> World:
 
 
 def world_from_document(document: dict[str, Any], where: str = "world", folder: Path | None = None) -> World:
-    """Return the world of a document of plain values.
+    """Return the world of a document of plain values, as a world file has them.
 
-    Parameters
-    ----------
-    document : dict
-        Contents of a world file.
-    where : str
-        Name of the document in error messages; also the world's name, where it gives none.
-    folder : Path, optional
-        Folder that file names are relative to; the working directory by default.
-
-    Raises
-    ------
-    InputError
-        One line: ``where``, the place in the document, what was expected and the valid choices.
+    ``where`` is the name of the document in error messages, and the world's where it gives none. File names
+    are relative to a ``folder``, the working directory by default.
     """
-    plain = plain_mapping(document, where)
-    model = validated(WorldDocument, plain, where)
-    check_magnitudes(plain, where)
+    model = validated(WorldDocument, plain_mapping(document, where), where)
     folder = Path() if folder is None else folder
     robot = read_robot(model.robot, where, folder)
     floor = read_floor(model.floor, where, folder)

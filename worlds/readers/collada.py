@@ -16,8 +16,7 @@ from regionik.worlds.arrays import Array, Index, transform_points
 from regionik.worlds.chain import translation
 from regionik.worlds.errors import InputError, located
 from regionik.worlds.joints import Joint
-from regionik.worlds.readers.text import Element, clip, read_xml
-from regionik.worlds.readers.validation import LARGEST
+from regionik.worlds.readers.text import LARGEST, Element, clip, read_xml
 
 COLLADA = ".dae"
 COLLADA_LIMIT = 64 * 2**20  # [bytes]
@@ -41,13 +40,7 @@ class _Geometry(NamedTuple):
 
 
 def read_points(path: Path) -> Array:
-    """Return the vertices (n, 3) of all geometries of a COLLADA file as its scene places them [m].
-
-    Raises
-    ------
-    InputError
-        Names the file, the line and what was expected.
-    """
+    """Return the vertices (n, 3) of all geometries of a COLLADA file as its scene places them [m]."""
     root = _root(path)
     with located(str(path), ""):
         shown = [geometry.points for geometry in _shown(root)]
@@ -61,11 +54,6 @@ def read_surfaces(path: Path) -> list[Surface]:
     """Return the triangles of all geometries of a COLLADA file as its scene places them, by colour.
 
     Colours are the diffuse ones of materials; textures are not read.
-
-    Raises
-    ------
-    InputError
-        Names the file, the line and what was expected.
     """
     root = _root(path)
     with located(str(path), ""):
@@ -113,7 +101,8 @@ def _faces(geometry: _Geometry) -> Iterator[tuple[str, Index]]:
         for group in (child for child in mesh.children if child.tag in ("triangles", "polylist", "polygons")):
             inputs = list(group.all("input"))
             offsets = [_whole(one.attributes.get("offset", "0"), one) for one in inputs]
-            vertex = [k for one, k in zip(inputs, offsets, strict=True) if _semantic(one) == "VERTEX"]
+            semantics = [one.attributes.get("semantic") for one in inputs]
+            vertex = [k for what, k in zip(semantics, offsets, strict=True) if what == "VERTEX"]
             if not vertex:
                 raise group.error(f"{group.tag}: expected an input of vertices")
             lists = [_indices(element)[vertex[0] :: max(offsets) + 1] for element in group.all("p")]
@@ -160,10 +149,6 @@ def _material_colors(root: Element) -> dict[str, int]:
         for one in material.all("instance_effect")
         if one.attributes.get("url", "") in effects
     }
-
-
-def _semantic(element: Element) -> str:
-    return element.attributes.get("semantic", "")
 
 
 def _whole(text: str, element: Element) -> int:

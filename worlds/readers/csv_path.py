@@ -19,8 +19,7 @@ import numpy as np
 
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
-from regionik.worlds.readers.text import check_plain_file, clip, read_lines
-from regionik.worlds.readers.validation import LARGEST
+from regionik.worlds.readers.text import LARGEST, clip, read_lines, reading
 from regionik.worlds.toolpath import ToolPath, rotation_from_quaternion
 
 CSV_LIMIT = 64 * 2**20  # of a file that is read at once [bytes]
@@ -47,13 +46,7 @@ class CsvBlock:
     data: bytes
 
     def path(self) -> ToolPath:
-        """Return the points of these lines.
-
-        Raises
-        ------
-        InputError
-            Names the file, the line and what was expected.
-        """
+        """Return the points of these lines."""
         lines = _text(self.data, self.where).splitlines()
         _check_lengths(lines, self.where, self.number)
         return _path_of_lines(lines, self.where, self.row, self.columns, self.number)
@@ -76,23 +69,14 @@ class CsvTable:
     def block(self, k: int) -> CsvBlock:
         """Return block ``k``, read from the file."""
         start = self.ends[k - 1] if k else 0
-        try:
-            with open(self.file, "rb") as file:
-                file.seek(start)
-                data = file.read(self.ends[k] - start)
-        except OSError as error:
-            raise InputError(f"{self.file}: cannot be read: {error.strerror or error}") from None
+        with reading(self.file), open(self.file, "rb") as file:
+            file.seek(start)
+            data = file.read(self.ends[k] - start)
         return CsvBlock(str(self.file), self.row, self.columns, k * self.size + 1, data)
 
 
 def read_csv(path: Path) -> ToolPath:
-    """Return the tool path in a CSV file.
-
-    Raises
-    ------
-    InputError
-        Names the file, the line and what was expected.
-    """
+    """Return the tool path in a CSV file."""
     lines = read_lines(path, CSV_LIMIT)
     _check_lengths(lines, str(path), 1)
     row, columns = _first_row(lines, str(path))
@@ -100,30 +84,18 @@ def read_csv(path: Path) -> ToolPath:
 
 
 def index_csv(path: Path, size: int) -> CsvTable:
-    """Return the blocks of ``size`` lines of a CSV file; of its contents only the first row is checked.
-
-    Raises
-    ------
-    InputError
-        When the file cannot be read or has no points.
-    """
-    try:
-        check_plain_file(path)
-        with open(path, "rb") as file:
-            lines = iter(lambda: file.readline(LENGTH_LIMIT + 1), b"")
-            row, columns = _first_row((_text(line, str(path)) for line in lines), str(path))
-            file.seek(0)
-            digest, after, count, place = hashlib.sha256(), [0], 0, 0
-            while piece := file.read(_PIECE):
-                digest.update(piece)
-                found = np.flatnonzero(np.frombuffer(piece, dtype=np.uint8) == _NEWLINE)
-                whole = (count + np.arange(1, len(found) + 1)) % size == 0
-                after += (place + found[whole] + 1).tolist()
-                count, place = count + len(found), place + len(piece)
-    except FileNotFoundError:
-        raise InputError(f"{path}: there is no such file") from None
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
-        raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    """Return the blocks of ``size`` lines of a CSV file; of its contents only the first row is checked."""
+    with reading(path), open(path, "rb") as file:
+        lines = iter(lambda: file.readline(LENGTH_LIMIT + 1), b"")
+        row, columns = _first_row((_text(line, str(path)) for line in lines), str(path))
+        file.seek(0)
+        digest, after, count, place = hashlib.sha256(), [0], 0, 0
+        while piece := file.read(_PIECE):
+            digest.update(piece)
+            found = np.flatnonzero(np.frombuffer(piece, dtype=np.uint8) == _NEWLINE)
+            whole = (count + np.arange(1, len(found) + 1)) % size == 0
+            after += (place + found[whole] + 1).tolist()
+            count, place = count + len(found), place + len(piece)
     if place > after[-1]:
         after.append(place)
     return CsvTable(path, digest.hexdigest(), row, columns, size, tuple(after[1:]))
@@ -225,18 +197,8 @@ def _path_of_rows(rows: Array, where: str, numbers: Sequence[int]) -> ToolPath:
 def read_csv_columns(path: Path, columns: Mapping[str, str], delimiter: Delimiter) -> ToolPath:
     """Return the tool path in some columns of a CSV file.
 
-    Parameters
-    ----------
-    path : Path
-        Its first line that is neither empty nor begins with # holds the titles.
-    columns : mapping of str to str
-        Titles of the columns for x, y, z, and for nothing more, dx, dy, dz, or qx, qy, qz, qw.
-    delimiter : {"comma", "semicolon", "tab"}
-
-    Raises
-    ------
-    InputError
-        Names the file, the line and what was expected.
+    Its first line that is neither empty nor begins with # holds the titles. ``columns`` are the titles for
+    x, y, z, and for nothing more, dx, dy, dz, or qx, qy, qz, qw.
     """
     names = next((names for names in COLUMNS.values() if set(names) == set(columns)), None)
     if names is None:

@@ -17,8 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from regionik.worlds.errors import InputError
-from regionik.worlds.readers.text import clip, read_lines
-from regionik.worlds.readers.validation import LARGEST
+from regionik.worlds.readers.text import LARGEST, clip, read_lines
 from regionik.worlds.toolpath import ToolPath
 
 GCODE_LIMIT = 64 * 2**20  # [bytes]
@@ -39,15 +38,7 @@ _OFFSETS = dict(zip("XYZ", "IJK", strict=True))
 def read_gcode(path: Path, chord: float) -> ToolPath:
     """Return the tool path in a G-code file, its points in the frame of the program [m].
 
-    Parameters
-    ----------
-    chord : float
-        Largest distance of an arc from the chords it is cut into [m].
-
-    Raises
-    ------
-    InputError
-        Names the file, the line and what was expected.
+    ``chord`` is the largest distance of an arc from the chords it is cut into [m].
     """
     lines = read_lines(path, GCODE_LIMIT)
     program = _Program(chord)

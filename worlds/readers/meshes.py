@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import struct
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.errors import InputError
+from regionik.worlds.readers.text import reading
 
 SUFFIXES = (".stl", ".obj", ".ply", ".off")
 MESH_LIMIT = 256 * 2**20  # [bytes]
@@ -33,27 +35,20 @@ logging.getLogger("trimesh").addHandler(logging.NullHandler())
 
 
 def read_mesh(path: Path) -> tuple[Array, Index]:
-    """Return the vertices (n, 3) and triangles (m, 3) of a mesh file.
-
-    Raises
-    ------
-    InputError
-        Names the file and what was expected.
-    """
+    """Return the vertices (n, 3) and triangles (m, 3) of a mesh file."""
     kind = path.suffix.lower()
     if kind not in SUFFIXES:
         raise InputError(f"{path}: expected a mesh file that ends in {', '.join(SUFFIXES)}")
-    if not path.is_file():
-        raise InputError(f"{path}: there is no such file")
-    if path.stat().st_size > MESH_LIMIT:
-        raise InputError(f"{path}: expected at most {MESH_LIMIT / 2**20:g} MB")
+    with reading(path, MESH_LIMIT):
+        data = path.read_bytes()
+    lines = data.count(b"\n")
+    if kind in (".obj", ".off") and lines > LINES_LIMIT:
+        raise InputError(f"{path}: expected at most {LINES_LIMIT} lines, got {lines}; STL may hold more")
     try:
-        if kind in (".obj", ".off"):
-            _check_line_count(path)
-        with path.open("rb") as stream, np.errstate(all="ignore"):  # non-finite numbers are for the caller
-            import trimesh  # takes long to load
+        import trimesh  # takes long to load
 
-            mesh: Any = trimesh.load(stream, file_type=kind[1:], force="mesh", skip_materials=True)
+        with np.errstate(all="ignore"):  # non-finite numbers are for the caller
+            mesh: Any = trimesh.load(BytesIO(data), file_type=kind[1:], force="mesh", skip_materials=True)
     except _ENGINE_ERRORS as error:
         why = "it is not text" if isinstance(error, ImportError) else " ".join(str(error).split())[:80]
         raise InputError(
@@ -64,10 +59,3 @@ def read_mesh(path: Path) -> tuple[Array, Index]:
     if np.shape(mesh.vertices)[1:] != (3,):
         raise InputError(f"{path}: expected a mesh with x, y, z of each vertex")
     return np.array(mesh.vertices, dtype=np.float64), np.array(mesh.faces, dtype=np.int64)
-
-
-def _check_line_count(path: Path) -> None:
-    with path.open("rb") as stream:
-        count = sum(1 for _ in stream)
-    if count > LINES_LIMIT:
-        raise InputError(f"{path}: expected at most {LINES_LIMIT} lines, got {count}; STL may hold more")

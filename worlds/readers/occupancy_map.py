@@ -21,8 +21,8 @@ from shapely.geometry import Polygon, box
 from regionik.worlds.arrays import Array, Mask
 from regionik.worlds.errors import InputError, located
 from regionik.worlds.obstacles import Prism
-from regionik.worlds.readers.text import check_plain_file, read_document
-from regionik.worlds.readers.validation import Strict, check_magnitudes, validated
+from regionik.worlds.readers.text import read_document, reading
+from regionik.worlds.readers.validation import Strict, validated
 from regionik.worlds.scene import Floor
 
 CELL_LIMIT = 25_000_000
@@ -52,31 +52,14 @@ class MapDocument(Strict):
 def load_map(yaml_path: Path, height: float, free_thresh: float | None = None) -> Floor:
     """Return the floor of a map file.
 
-    Parameters
-    ----------
-    yaml_path : Path
-        Map file; its image (PGM or PNG) is relative to it.
-    height : float
-        Height of occupied and unknown cells [m].
-    free_thresh : float, optional
-        Replaces the map's own. Maps are often saved with unseen cells as grey 205 and a threshold of 0.25, by
-        which unseen cells (1 - 205/255 = 0.1961) count as free floor; 0.196 keeps them unknown.
+    Its polygon is the map's whole rectangle, its cells are one prism for each edge-connected blob of occupied
+    or unknown cells, of a height [m]. The image (PGM or PNG) is relative to the file.
 
-    Returns
-    -------
-    Floor
-        ``polygon`` is the map's whole rectangle, ``cells`` one prism for each edge-connected blob of
-        occupied or unknown cells.
-
-    Raises
-    ------
-    InputError
-        Names the file, the key and what was expected.
+    ``free_thresh`` replaces the map's own. Maps are often saved with unseen cells as grey 205 and a threshold
+    of 0.25, by which unseen cells (1 - 205/255 = 0.1961) count as free floor; 0.196 keeps them unknown.
     """
     where = str(yaml_path)
-    plain = read_document(yaml_path)
-    document = validated(MapDocument, plain, where)
-    check_magnitudes(plain, where)
+    document = validated(MapDocument, read_document(yaml_path), where)
     if not 0 < height < np.inf:
         raise InputError(f"height: must be above 0, got {height:g}")
     free = document.free_thresh if free_thresh is None else free_thresh
@@ -84,33 +67,30 @@ def load_map(yaml_path: Path, height: float, free_thresh: float | None = None) -
         raise InputError(
             f"{where}: free_thresh: must be below occupied_thresh {document.occupied_thresh:g}, got {free:g}"
         )
-    darkness, opaque = _read_image(yaml_path.parent / document.image, bool(document.negate))
-    blocked = ~((darkness < free) & opaque)
-    rows, columns = blocked.shape
     with located(where, "image"):
+        darkness, opaque = _read_image(yaml_path.parent / document.image, bool(document.negate))
+        blocked = ~((darkness < free) & opaque)
         blobs = _blobs(blocked)
+    rows, columns = blocked.shape
     cells = _prisms([_placed(part, document) for part in blobs], height)
     return Floor(_placed(box(0, 0, columns, rows), document), cells)
 
 
 def _read_image(path: Path, negate: bool) -> tuple[Array, Mask]:
     """Return occupancy from 0 (free) to 1, and a mask of opaque cells; row 0 is the lowest y."""
+    with reading(path, IMAGE_LIMIT):
+        data = path.read_bytes()
     try:
-        check_plain_file(path)
         with warnings.catch_warnings():
             warnings.simplefilter("error", Image.DecompressionBombWarning)
-            if path.stat().st_size > IMAGE_LIMIT:
-                raise InputError(f"{path}: expected an image of at most {IMAGE_LIMIT >> 20} MB")
             # Reading from memory, Pillow allocates no more than there is, whatever sizes the file claims.
-            with Image.open(BytesIO(path.read_bytes()), formats=["PPM", "PNG"]) as image:
+            with Image.open(BytesIO(data), formats=["PPM", "PNG"]) as image:
                 columns, rows = image.size
                 plain = any(tile[0] == "ppm_plain" for tile in image.tile)
                 most = TEXT_CELL_LIMIT if plain else CELL_LIMIT
                 if columns * rows > most:
                     raise InputError(f"{path}: expected at most {most} cells, got {columns} x {rows}")
                 grey, opaque = _channels(image)
-    except FileNotFoundError:
-        raise InputError(f"{path}: there is no such file (named by key image)") from None
     except (Image.DecompressionBombWarning, Image.DecompressionBombError):
         raise InputError(f"{path}: expected at most {CELL_LIMIT} cells") from None
     except (UnidentifiedImageError, OSError, ValueError, SyntaxError, EOFError):

@@ -8,9 +8,9 @@ defines entities, is refused.
 from __future__ import annotations
 
 import json
-import math
 import re
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -30,6 +30,7 @@ ELEMENT_LIMIT = 100_000  # of an XML file
 LINES_LIMIT = 1_000_000  # of a table or a program that is read at once
 ATTRIBUTE_LIMIT = 150_000  # as the parser's time grows with the square of their number in one element
 SUFFIXES = (".yaml", ".yml", ".json")
+LARGEST = 1e9  # any length, angle or count in a file is smaller: squares and sums must not overflow
 
 _Base: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -63,14 +64,19 @@ for _tag, _pattern, _first in (
     _Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(rf"^(?:{_pattern})$"), _first)
 
 
-def read_text(path: Path, limit: int) -> str:
-    """Return the text of a UTF-8 file of at most ``limit`` bytes."""
+@contextmanager
+def reading(path: Path, limit: int | None = None) -> Iterator[None]:
+    """Turn what keeps a file of at most ``limit`` bytes from being read into an `InputError`.
+
+    Folders, devices and pipes, which may have no end, are refused.
+    """
     try:
-        check_plain_file(path)
+        if path.exists() and not path.is_file():
+            raise InputError(f"{path}: cannot be read: expected a file, this is a folder, a device or a pipe")
         size = path.stat().st_size
-        if size > limit:
+        if limit is not None and size > limit:
             raise InputError(f"{path}: expected at most {limit / 2**20:g} MB, got {size / 2**20:.1f} MB")
-        return path.read_text(encoding="utf-8-sig")
+        yield
     except FileNotFoundError:
         raise InputError(f"{path}: there is no such file") from None
     except UnicodeDecodeError as error:
@@ -79,18 +85,18 @@ def read_text(path: Path, limit: int) -> str:
         raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
 
 
+def read_text(path: Path, limit: int) -> str:
+    """Return the text of a UTF-8 file of at most ``limit`` bytes."""
+    with reading(path, limit):
+        return path.read_text(encoding="utf-8-sig")
+
+
 def read_lines(path: Path, limit: int) -> list[str]:
     """Return the lines of a UTF-8 file of at most ``limit`` bytes and `LINES_LIMIT` lines."""
     lines = read_text(path, limit).splitlines()
     if len(lines) > LINES_LIMIT:
         raise InputError(f"{path}: expected at most {LINES_LIMIT} lines, got {len(lines)}")
     return lines
-
-
-def check_plain_file(path: Path) -> None:
-    """Refuse folders, devices and pipes, which may have no end; a missing file is left to its reader."""
-    if path.exists() and not path.is_file():
-        raise InputError(f"{path}: cannot be read: expected a file, this is a folder, a device or a pipe")
 
 
 def is_file_name(name_or_path: str | Path, suffixes: tuple[str, ...]) -> bool:
@@ -108,13 +114,7 @@ def check_count(text: str | bytes, limit: int, where: str) -> None:
 
 
 def read_document(path: Path) -> dict[str, Any]:
-    """Return the keys and plain values of a YAML or JSON file.
-
-    Raises
-    ------
-    InputError
-        One line: the file, the line where known, and what was expected.
-    """
+    """Return the keys and plain values of a YAML or JSON file."""
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise InputError(f"{path}: expected a file that ends in {', '.join(SUFFIXES)}")
@@ -127,7 +127,7 @@ def read_document(path: Path) -> dict[str, Any]:
 
 
 def plain_mapping(value: Any, where: str) -> dict[str, Any]:
-    """Return ``value`` itself, once it is known to be a mapping of plain, finite values."""
+    """Return ``value`` itself, once it is known to be a mapping of plain values, none beyond `LARGEST`."""
     if not isinstance(value, dict):
         raise InputError(f"{where}: expected a mapping of keys to values, got {clip(value)}")
     _plain(value, where, "", 0)
@@ -160,17 +160,12 @@ def _plain(value: Any, where: str, place: str, depth: int) -> None:
         for k, item in enumerate(value):
             _plain(item, where, f"{place}[{k}]", depth + 1)
     elif isinstance(value, int | float):
-        if not _finite(value):
-            raise InputError(f"{at}: expected a finite number, got {clip(value)}")
+        if not abs(value) <= LARGEST:
+            raise InputError(
+                f"{at}: expected a finite number of at most {LARGEST:g} in size, got {clip(value)}"
+            )
     elif value is not None and not isinstance(value, str):
         raise InputError(f"{at}: expected numbers, text, lists and mappings, got {type(value).__name__}")
-
-
-def _finite(value: float) -> bool:
-    try:
-        return math.isfinite(value)
-    except OverflowError:  # a whole number beyond every float
-        return False
 
 
 def _json_value(text: str, where: str) -> Any:
@@ -265,13 +260,7 @@ class Element:
 
 
 def read_xml(path: Path, limit: int = XML_LIMIT) -> Element:
-    """Return the root element of an XML file in UTF-8 of at most ``limit`` bytes.
-
-    Raises
-    ------
-    InputError
-        One line: the file, the line in it where known, and what was expected.
-    """
+    """Return the root element of an XML file in UTF-8 of at most ``limit`` bytes."""
     text = read_text(path, limit)
     with located(str(path), ""):
         if text.count("=") > ATTRIBUTE_LIMIT:

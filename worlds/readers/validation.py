@@ -10,8 +10,6 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 from regionik.worlds.errors import located_error
 from regionik.worlds.readers.text import clip
 
-LARGEST = 1e9  # any length, angle or count in a file is smaller
-
 Model = TypeVar("Model", bound=BaseModel)
 _Item = TypeVar("_Item")
 Many = Annotated[list[_Item], FailFast()]  # of a million wrong ones only the first is reported
@@ -73,20 +71,6 @@ def validated(model: type[Model], document: dict[str, Any], where: str) -> Model
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
     raise located_error(where, _place(first["loc"]), _expected(first))
-
-
-def check_magnitudes(value: Any, where: str, place: tuple[int | str, ...] = ()) -> None:
-    """Refuse numbers so large that squares and sums of them would overflow."""
-    if isinstance(value, dict):
-        for key, item in value.items():
-            check_magnitudes(item, where, (*place, key))
-    elif isinstance(value, list):
-        for k, item in enumerate(value):
-            check_magnitudes(item, where, (*place, k))
-    elif isinstance(value, int | float) and abs(value) > LARGEST:
-        raise located_error(
-            where, _place(place), f"expected a number of at most {LARGEST:g} in size, got {clip(value)}"
-        )
 
 
 def _place(loc: tuple[int | str, ...]) -> str:

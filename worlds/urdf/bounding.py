@@ -14,7 +14,7 @@ import shapely
 from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import rot_x, rot_y, rot_z
+from regionik.worlds.chain import rot_x, rot_y, rot_z, translation
 from regionik.worlds.links import LinkBox, LinkCapsule, LinkHull, LinkSolid
 
 _FLAT = 1e-4  # thickness [m], or share of the width where that is more than a metre
@@ -88,7 +88,8 @@ def fast_oriented_box(points: Array) -> tuple[Array, Array]:
     for step in _TURNS:
         for _ in range(_ROUNDS):
             before = float(np.prod(size + _FLAT))
-            T, size = _smallest_box(points, [T[:3, :3], *(T[:3, :3] @ turn for turn in _small_turns(step))])
+            turns = (turn(angle) for turn in (rot_x, rot_y, rot_z) for angle in (step, -step))
+            T, size = _smallest_box(points, [T[:3, :3], *(T[:3, :3] @ turn[:3, :3] for turn in turns)])
             if np.prod(size + _FLAT) >= before:
                 break
     return T, size
@@ -103,9 +104,7 @@ def cylinder_capsule(link: int, name: str, T_link: Array, radius: float, length:
 
 def sphere_capsule(link: int, name: str, center: Array, radius: float) -> LinkCapsule:
     """Return a sphere as a capsule of next to no length."""
-    T = np.eye(4)
-    T[:3, 3] = center
-    return _capsule(link, name, T, radius, 0.0, 0.0)
+    return _capsule(link, name, translation(*center), radius, 0.0, 0.0)
 
 
 def bounding_solid(link: int, name: str, points: Array) -> LinkSolid:
@@ -193,11 +192,6 @@ def _principal_axes(points: Array) -> tuple[Array, Array]:
 
 def _is_flat(widths: Array, limit: float = _FLAT) -> bool:
     return bool(widths[0] <= limit * max(widths[2], 1.0))
-
-
-def _small_turns(angle: float) -> list[Array]:
-    """Return turns about each axis, either way, (3, 3)."""
-    return [turn(sign * angle)[:3, :3] for turn in (rot_x, rot_y, rot_z) for sign in (1, -1)]
 
 
 def _smallest_box(points: Array, turns: list[Array]) -> tuple[Array, Array]:

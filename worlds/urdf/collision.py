@@ -62,11 +62,6 @@ def collision_model(
     length, a mesh a few boxes and capsules; where there are many, those of a link share some
     (`regionik.worlds.urdf.decomposition`). A mesh that is missing or unreadable is replaced by a capsule of
     radius `LINK_RADIUS` from its joint to the next, and noted.
-
-    Raises
-    ------
-    InputError
-        When the file names a mesh outside the folders that it may name.
     """
     meshes = MeshFiles(model.path)
     parts: list[CollisionPart] = []
@@ -177,15 +172,13 @@ def base_shape(parts: Sequence[CollisionPart], height: float | None) -> BaseShap
     """Return the base that contains all parts; cut at ``height``, or where that saves most [m]."""
     if not parts:
         return BaseShape(np.empty((0, 2)), 0.0)
-    surface = np.concatenate([_surface(part) for part in parts])
+    surface = np.concatenate(
+        [part.triangles if len(part.triangles) else hull_triangles(part.points) for part in parts]
+    )
     cut = _best_height(parts, surface) if height is None else height
     high = [_upper(part, cut) for part in parts if part.points[:, 2].max() > cut + _LEAST / 2]
     sources = frozenset().union(*(part.sources for part in parts))
     return BaseShape(convex_outline(_lower(surface, cut)), cut, decompose(high, MOST_SOLIDS), sources)
-
-
-def _surface(part: CollisionPart) -> Array:
-    return part.triangles if len(part.triangles) else hull_triangles(part.points)
 
 
 def _lower(surface: Array, cut: float) -> Array:

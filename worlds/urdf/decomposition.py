@@ -79,7 +79,7 @@ def _cut(parts: list[CollisionPart], most: int) -> list[CollisionPart]:
     spare = most - len(parts)
     while spare > 0:
         worth = {
-            (k, j): _saved(chosen[k], way) / (len(way) - len(chosen[k]))
+            (k, j): (_rough(chosen[k]) - _rough(way)) / (len(way) - len(chosen[k]))
             for k, ways in offers.items()
             for j, way in enumerate(ways)
             if 0 < len(way) - len(chosen[k]) <= spare
@@ -93,8 +93,8 @@ def _cut(parts: list[CollisionPart], most: int) -> list[CollisionPart]:
     return [part for pieces in chosen for part in _numbered(pieces)]
 
 
-def _saved(before: list[CollisionPart], after: list[CollisionPart]) -> float:
-    return sum(part.rough for part in before) - sum(part.rough for part in after)
+def _rough(parts: list[CollisionPart]) -> float:
+    return sum(part.rough for part in parts)
 
 
 def _numbered(pieces: list[CollisionPart]) -> list[CollisionPart]:

@@ -17,8 +17,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.chain import pose
 from regionik.worlds.errors import InputError, located, located_error
 from regionik.worlds.joints import Mimic
-from regionik.worlds.readers.text import Element, clip, join_names, read_xml
-from regionik.worlds.readers.validation import LARGEST
+from regionik.worlds.readers.text import LARGEST, Element, clip, join_names, read_xml
 
 SUFFIXES = (".urdf", ".xml")
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
@@ -87,13 +86,7 @@ class UrdfModel:
 
 
 def read_urdf(path: Path) -> UrdfModel:
-    """Return links, joints and shapes of a URDF file.
-
-    Raises
-    ------
-    InputError
-        One line: the file, the line in it, what was expected and the valid choices.
-    """
+    """Return links, joints and shapes of a URDF file."""
     if path.suffix.lower() == ".xacro":
         raise located_error(str(path), "", _expand_xacro(path))
     if path.suffix.lower() not in SUFFIXES:

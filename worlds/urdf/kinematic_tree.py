@@ -62,12 +62,7 @@ def kinematic_path(model: UrdfModel, root: str | None, tip: str | None) -> Kinem
     """Return the path from ``root`` (the file's by default) to ``tip`` (by default, of the longest arm).
 
     Joints by which a file moves its base over the floor are left out where no root is given: see
-    `_virtual_joints`.
-
-    Raises
-    ------
-    InputError
-        When the links are no tree, a name is unknown, or nothing moves between the two; lists valid names.
+    `_virtual_joints`. An `InputError` lists the valid names where one is unknown or nothing moves.
     """
     top = _root(model)
     above = {joint.child: joint for joint in model.joints}
@@ -99,15 +94,8 @@ def kinematic_path(model: UrdfModel, root: str | None, tip: str | None) -> Kinem
 def chain_along(model: UrdfModel, path: KinematicPath, limited: bool) -> Chain:
     """Return the moving joints of a path; fixed ones are folded into the frames. Its base is the root link.
 
-    Parameters
-    ----------
-    limited : bool
-        True where revolute and prismatic joints must have limits.
-
-    Raises
-    ------
-    InputError
-        For joints that are no single free motion, or lack their limits.
+    ``limited`` is True where revolute and prismatic joints must have limits. A joint that is no single free
+    motion is an `InputError`.
     """
     T = np.eye(4)
     joints = []
@@ -161,8 +149,11 @@ def place_links(model: UrdfModel, path: KinematicPath, T_base_root: Array) -> Li
         T = where[joint.parent].T_owner_link @ joint.T_parent_joint @ _at_rest(joint)
         where[joint.child] = PlacedLink(joint.child, BASE, T)
         seen.append(where[joint.child])
-    solid = [[j.name for j in joints if _has_shapes(model, j, below)] for joints in (left_out, copies)]
-    return LinkPlacement(tuple(placed), tuple(seen), tuple(solid[0]), tuple(solid[1]))
+    told = (
+        tuple(j.name for j in joints if any(model.links[part.child] for part in _subtree(j, below)))
+        for joints in (left_out, copies)
+    )
+    return LinkPlacement(tuple(placed), tuple(seen), *told)
 
 
 def link_masses(model: UrdfModel, placement: LinkPlacement) -> tuple[LinkMass, ...]:
@@ -334,10 +325,6 @@ def _subtree(joint: UrdfJoint, below: dict[str, list[UrdfJoint]]) -> Iterable[Ur
 
 def _is_wheel(joint: UrdfJoint, below: dict[str, list[UrdfJoint]]) -> bool:
     return all(part.kind in ("continuous", "fixed") for part in _subtree(joint, below))
-
-
-def _has_shapes(model: UrdfModel, joint: UrdfJoint, below: dict[str, list[UrdfJoint]]) -> bool:
-    return any(model.links[part.child] for part in _subtree(joint, below))
 
 
 def _at_rest(joint: UrdfJoint) -> Array:

@@ -33,8 +33,7 @@ from regionik.worlds.drives import BaseKind, drive_of
 from regionik.worlds.errors import InputError, RobotNote, located, located_error, suggestion
 from regionik.worlds.links import BASE, CUBE_CORNERS
 from regionik.worlds.readers.collada import Surface
-from regionik.worlds.readers.text import is_file_name, join_names
-from regionik.worlds.readers.validation import LARGEST
+from regionik.worlds.readers.text import LARGEST, is_file_name, join_names
 from regionik.worlds.rest_posture import rest_posture
 from regionik.worlds.robot import BODY_HEIGHT, Robot, Tool, check_turning_radius, with_tool, without_limits
 from regionik.worlds.self_collision import bodies_clear, disabled_pairs
@@ -167,7 +166,10 @@ class _Overrides:
                 object.__setattr__(self, key, _numbers(getattr(self, key), shape, key))
         for key in ("turning_radius", "body_height"):
             if getattr(self, key) is not None:
-                object.__setattr__(self, key, _above_zero(getattr(self, key), key))
+                number = float(_numbers(getattr(self, key), (), key))
+                if number <= 0:
+                    raise InputError(f"{key}: must be above 0, got {number:g}")
+                object.__setattr__(self, key, number)
 
     def applied(self, robot: Robot, where: str) -> Robot:
         """Return a robot with what is given here; its mount and tool, and named postures, are set before."""
@@ -318,13 +320,6 @@ def _bundled(name: str, refused: dict[str, Any], given: _Overrides) -> Robot:
     robot = robot_named(name)
     robot = robot if given.mount is None else replace(robot, mount=np.asarray(given.mount))
     return robot if given.tool is None else with_tool(robot, given.tool)
-
-
-def _above_zero(value: float, what: str) -> float:
-    number = float(_numbers(value, (), what))
-    if number <= 0:
-        raise InputError(f"{what}: must be above 0, got {number:g}")
-    return number
 
 
 def _numbers(values: ArrayLike, shape: tuple[int | None, ...], what: str) -> Array:

@@ -13,7 +13,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError, located_error
 from regionik.worlds.readers.collada import COLLADA, Surface, read_points, read_surfaces
 from regionik.worlds.readers.meshes import read_mesh
-from regionik.worlds.readers.validation import LARGEST
+from regionik.worlds.readers.text import LARGEST
 from regionik.worlds.urdf.bounding import convex_hull, hull_triangles, outer_hull
 from regionik.worlds.urdf.elements import CollisionShape
 
@@ -39,10 +39,7 @@ class MeshFiles:
     def surface(self, shape: CollisionShape) -> Array | str:
         """Return triangles (m, 3, 3) around a mesh, in the shape's frame [m], or why there are none.
 
-        Raises
-        ------
-        InputError
-            When the file lies outside the folders that may be named.
+        A file outside the folders that may be named is an `InputError`.
         """
         found = self._find(shape)
         if isinstance(found, str):
@@ -56,13 +53,7 @@ class MeshFiles:
         return scaled if np.abs(scaled).max() <= LARGEST else _TOO_LARGE
 
     def colored(self, shape: CollisionShape) -> list[Surface]:
-        """Return the triangles of a mesh by their colours, in the shape's frame [m].
-
-        Raises
-        ------
-        InputError
-            When there is no such file, or it cannot be read.
-        """
+        """Return the triangles of a mesh by their colours, in the shape's frame [m]."""
         found = self._find(shape)
         if isinstance(found, str):
             raise located_error(str(self.path), shape.place, found)
@@ -90,17 +81,10 @@ class MeshFiles:
         inside = [file for top, file in allowed if file.is_relative_to(top)]
         if not inside:
             raise self._refused(shape, f"expected a file below {allowed[0][0]}")
-        return next((file for file in inside if _is_file(file)), "there is no such file")
+        return next((file for file in inside if os.path.isfile(file)), "there is no such file")
 
     def _refused(self, shape: CollisionShape, text: str) -> InputError:
         return located_error(str(self.path), shape.place, f"mesh {shape.file!r}: {text}")
-
-
-def _is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except OSError:  # the name is too long
-        return False
 
 
 def _package_root(folder: Path) -> Path:

@@ -36,13 +36,7 @@ class SemanticModel:
     disabled: frozenset[LinkPair]  # links that need not keep apart
 
     def posture(self, name: str, chain: Chain) -> Array:
-        """Return the values (dof,) of a named posture; joints that it leaves out rest at zero or the nearest.
-
-        Raises
-        ------
-        InputError
-            For an unknown name, and for values beyond the limits.
-        """
+        """Return the values (dof,) of a named posture; joints it leaves out rest at zero or the nearest."""
         if name not in self.postures:
             known = join_names(self.postures, 20) or "none, as no SRDF file has a <group_state> of its joints"
             raise InputError(f"carry: unknown posture {clip(name)}, valid postures: {known}")
@@ -92,11 +86,6 @@ def read_srdf(path: Path, model: UrdfModel) -> SemanticModel:
     those of ``disable_collisions``, and of all links of ``disable_default_collisions`` with every other, less
     those of ``enable_collisions``. Where a name is given to several postures (of several groups) their joints
     are put together.
-
-    Raises
-    ------
-    InputError
-        One line: the file, the line in it, what was expected and the valid choices.
     """
     if path.suffix.lower() != SUFFIX:
         raise located_error(str(path), "", f"expected a file that ends in {SUFFIX}")
@@ -110,7 +99,7 @@ def read_srdf(path: Path, model: UrdfModel) -> SemanticModel:
 
 def _check_same_robot(root: Element, model: UrdfModel) -> None:
     """Refuse the file of another robot: one that names links or joints, of which the URDF file has none."""
-    named = {link for element in root.all("disable_collisions") for link in _links(element)}
+    named = {link for element in root.all("disable_collisions") for link in _pair(element)}
     named |= {name_of(joint, "joint") for joint in root.inside("group_state", "joint")}
     if named and not named & {*model.links, *(joint.name for joint in model.joints)}:
         text = f"it names {join_names(sorted(named), 4)}, none of which is in {model.path.name}"
@@ -144,11 +133,7 @@ def _disabled(root: Element, links: Iterable[str]) -> frozenset[LinkPair]:
 
 
 def _pair(element: Element) -> LinkPair:
-    return LinkPair(_links(element))
-
-
-def _links(element: Element) -> tuple[str, str]:
-    return _link(element, "link1"), _link(element, "link2")
+    return LinkPair((_link(element, "link1"), _link(element, "link2")))
 
 
 def _link(element: Element, key: str) -> str:
@@ -178,13 +163,7 @@ def semantic_pairs(robot: Robot, body: CollisionModel, disabled: frozenset[LinkP
 
 
 def named_pairs(robot: Robot, body: CollisionModel, named: Sequence[Sequence[str]]) -> list[NamePair]:
-    """Return pairs of names of solids for pairs of names, each of a solid or of a link with all its solids.
-
-    Raises
-    ------
-    InputError
-        For a name that is neither; lists the valid ones.
-    """
+    """Return pairs of names of solids for pairs of names, each of a solid or a link with all its solids."""
     sources = _sources(robot, body)
     links = sorted({link for some in sources.values() for link in some})
 
