@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import GUARD, Side, ground_of, united
+from regionik.areas.ground import Side, ground_of, united
 from regionik.areas.reachable import reach_rows
 from regionik.areas.standing import (
     LEAST_AREA,
@@ -249,8 +249,7 @@ def rejected_parts(world: World, target: Target) -> tuple[RejectedPart, ...]:
 def rejected_by_obstacles(world: World, reach: BaseGeometry) -> list[RejectedPart]:
     """Parts of a reach in which the base would come too near to obstacles, one for each of these."""
     ground = ground_of(world)
-    by = ground.clearance + ground.far + GUARD
-    near = ground.grown_about(reach, by, inner=True)
+    near = ground.grown_about(reach, ground.clearance)
     return [RejectedPart("obstacle", name, reach & shadow) for name, shadow in near]
 
 
@@ -264,8 +263,7 @@ def largest_clearance(world: World, target: Target) -> float | None:
         return None
 
     def open_at(clearance: float) -> bool:
-        by = clearance + ground.far + GUARD
-        grown = [shadow for _, shadow in ground.grown_about(reach, by, inner=True)]
+        grown = [shadow for _, shadow in ground.grown_about(reach, clearance)]
         return float((reach - shapely.union_all(grown)).area) > 1e-12
 
     low, high = 0.0, 1.0

@@ -280,8 +280,8 @@ FAULTS = (
     Fault(
         "areas: clearance halved",
         "regionik/areas/ground.py",
-        "grow(shadow, clearance + spare, inner)",
-        "grow(shadow, clearance / 2 + spare, inner)",
+        "self.clearance + GUARD + self.far",
+        "self.clearance / 2 + GUARD + self.far",
         ("tests/test_regions.py",),
     ),
     Fault(
@@ -294,8 +294,8 @@ FAULTS = (
     Fault(
         "areas: no margin at the ends of the reach",
         "regionik/areas/planar_reach.py",
-        "_ahead(family, spans, query)",
-        "_ahead(family, spans, query._replace(margin=query.margin and 0.0))",
+        "len(found), family, spans, query)",
+        "len(found), family, spans, query._replace(margin=query.margin and 0.0))",
         ("tests/test_regions.py", "tests/test_laws.py"),
     ),
     Fault(

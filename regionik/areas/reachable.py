@@ -46,6 +46,8 @@ from regionik.worlds.errors import InputError
 from regionik.worlds.robot import Robot, with_joint_margin
 from regionik.worlds.scene import Rules, Target, World
 
+FINE_ARC_POINTS = 768  # vertices of a full circle in `fine_reach`
+
 Bound = Callable[[Chain, float], Intervals]  # of R(z) [m]
 
 
@@ -118,14 +120,6 @@ def reach_rows(
     """Reach of targets as rings and ring sectors, before rejection, the base's heading within a span.
 
     See `ReachQuery` for ``coarse`` and ``proven``.
-
-    Returns
-    -------
-    target : (m,) array of int
-        Ascending.
-    family : tuple of Family
-        One for each row.
-    shape : (m,) array of geometry
     """
     margin = world.rules.reach_margin if inner else None
     which, kinds, shapes = rows_of(
@@ -157,25 +151,15 @@ def fine_reach(
     target: Target,
     kinds: Sequence[Family],
     span: tuple[float, float],
-    arcs: int,
     *,
     inner: bool,
 ) -> FineRows:
     """Reach of one target without the rules' ``reach_margin``, with finer circles: families and shapes.
 
-    Parameters
-    ----------
-    world : World
-    target : Target
-    kinds : sequence of Family
-    span : (low, high)
-        Headings of the base [rad].
-    arcs : int
-        Vertices of a full circle.
-    inner : bool
-        True for shapes within the true reach, False for shapes around it, by the layer of the height.
+    Shapes lie within the true reach, or around it by the layer of the height, with the base's heading within
+    a span.
     """
-    query = ReachQuery(world.rules, GUARD if inner else None, span, arcs=arcs, coarse=not inner)
+    query = ReachQuery(world.rules, GUARD if inner else None, span, arcs=FINE_ARC_POINTS, coarse=not inner)
     families, shapes = reach_model(world.robot, goal_of(target)).fine_rows(target, kinds, query)
     return families, _eroded(shapes, world.axis_error) if inner else shapes
 
@@ -327,14 +311,9 @@ class PosedReach(PivotedReach):
     Inner areas are sampled on a grid of places (`pose_reach`), and cut to the squares in which each place is
     proven to have a posture (`proven_poses`) where a query asks for that. Outer ones bound the tool's point
     and other points of the tool that the pose fixes (`fixed_points`).
-
-    Attributes
-    ----------
-    planar : bool
-        Whether the arm works in one plane and its tool points across the last link.
     """
 
-    planar: bool = False
+    planar: bool = False  # true of an arm in one plane whose tool points across the last link
 
     @property
     def exhaustible(self) -> bool:

@@ -30,7 +30,6 @@ from regionik.regions import reach_of, round_outer_areas
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target, World
 
-ARCS = 768  # vertices of a full circle
 SIDES, MOST_SIDES = 48, 384  # of the polygons for discs, in wide cells and in narrow ones
 NARROW = 0.02  # [rad]
 WIDER = 1.05  # polygons round a footprint's rotations than the circle round it, at the most
@@ -187,7 +186,7 @@ class _CloseAreas:
         """No place outside it works at any heading and pitch of the cell."""
         if cell not in self._outer:
             kinds = self._kinds(cell, inner=False)
-            _, shapes = fine_reach(self.world, self.target, kinds, cell.heading, ARCS, inner=False)
+            _, shapes = fine_reach(self.world, self.target, kinds, cell.heading, inner=False)
             free = self._free_at_some(cell.heading) if len(shapes) else Polygon()
             self._outer[cell] = shapely.intersection(shapely.union_all(shapes), free)
         return self._outer[cell]
@@ -221,7 +220,7 @@ class _CloseAreas:
     def _reach_inside(self, cell: HeadingCell) -> FineRows:
         if cell not in self._inside:
             kinds = self._kinds(cell, inner=True)
-            self._inside[cell] = fine_reach(self.world, self.target, kinds, cell.heading, ARCS, inner=True)
+            self._inside[cell] = fine_reach(self.world, self.target, kinds, cell.heading, inner=True)
         return self._inside[cell]
 
     def widest_side(self, cell: HeadingCell) -> int:
