@@ -141,13 +141,7 @@ def prune(ladder: Ladder, usable: Mask) -> Pruned:
     """Cut, run by run, every component that no full traversal of the run uses.
 
     Runs are made as long as they go, so that lift-offs are fewest: a run that could go on loses nothing by
-    going on.
-
-    Parameters
-    ----------
-    ladder : Ladder
-    usable : (m,) array of bool
-        Components that the base can get to at all.
+    going on. ``usable`` (m,) masks the components that the base can get to at all.
     """
     rungs = ladder.rungs
     keep = np.zeros(len(ladder.component), dtype=bool)
@@ -196,14 +190,8 @@ def choose_chain(pruned: Pruned, standing: Standing, start: Array | None) -> lis
     """One kept component for each set-point, connected within every run, with the least base travel.
 
     Travel is that of a base that moves to the nearest point of the next component, as in M-FABRIK, and turns
-    into its slab: a shortest path by dynamic programming.
-
-    Parameters
-    ----------
-    pruned : Pruned
-    standing : Standing
-    start : (3,) array or None
-        Where the arm axis stands at first, and the base's heading.
+    into its slab: a shortest path by dynamic programming. ``start`` (3,) is the first place of the arm axis
+    and heading of the base.
     """
     ladder = pruned.ladder
     before: list[int] = [-1] * len(ladder.component)
@@ -247,21 +235,13 @@ class _Trips(NamedTuple):
         return _Trips(self.component[some], self.cost[some], self.spot[some], self.yaw[some])
 
     def cheapest(self, component: FlatPolygon, span: tuple[float, float]) -> tuple[int, _Trip]:
-        """The way that goes on to the nearest point of a component, and into its slab, at the least cost.
-
-        Of ways that cost as much it is that from the first.
-        """
+        """The first that goes on to the nearest point of a component, into its slab, at the least cost."""
         yaw = into_spans(self.yaw, span)
-        turned = self.cost + TURN_WEIGHT * np.abs(yaw - self.yaw)
-        best = math.inf, -1
-        for m in np.argsort(turned, kind="stable").tolist():
-            if turned[m] > best[0]:
-                break
-            spot = clamp(component.vertices, component.starts, *self.spot[m])
-            best = min(best, (float(turned[m]) + math.dist(self.spot[m], spot), m))
-        m = best[1]
-        spot = clamp(component.vertices, component.starts, *self.spot[m])
-        return int(self.component[m]), _Trip(best[0], spot, float(yaw[m]))
+        spots = [clamp(component.vertices, component.starts, *spot) for spot in self.spot]
+        ways = np.array([math.dist(*pair) for pair in zip(self.spot, spots, strict=True)])
+        cost = self.cost + TURN_WEIGHT * np.abs(yaw - self.yaw) + ways
+        m = int(np.argmin(cost))
+        return int(self.component[m]), _Trip(float(cost[m]), spots[m], float(yaw[m]))
 
 
 def _first(ladder: Ladder, k: int, span: tuple[float, float], start: Array | None) -> _Trip:

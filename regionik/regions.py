@@ -161,19 +161,10 @@ def path_areas(
     *,
     coarse: bool = False,
 ) -> PathAreas:
-    """Inner areas of a whole path at once.
+    """Inner areas of a whole path, or of other targets, at once.
 
-    Parameters
-    ----------
-    world : World
-    targets : sequence of Target, optional
-        The world's task by default.
-    facings : sequence of int
-        Which of `FRONT` and `BACK` to take.
-    standing : Standing, optional
-        Free floor of the base; by default that of every heading.
-    coarse : bool
-        See `ReachQuery`: areas are likely then, not proven.
+    The free floor is by default that of every heading. With ``coarse`` areas are likely, not proven: see
+    `ReachQuery`.
     """
     asked = world.task if targets is None else targets
     sides = (standing or anywhere(world)).sides
