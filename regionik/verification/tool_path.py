@@ -221,8 +221,9 @@ def _within_cones(motion: _SphereMotion, names: StateNames, kind: str, what: str
         states[state] = max(states.get(state, found), found)
 
     def violation(state: int, where: str, angle: float, cone: float) -> Violation:
-        how = f"is {scale * angle:.4f} rad off" if angle > cone else ""
-        how = how or f"is not proven to stay, {scale * angle:.6f} rad off,"
+        how = f"is not proven to stay, {scale * angle:.6f} rad off,"
+        if angle > cone:
+            how = f"is {scale * angle:.4f} rad off"
         text = f"the tool's {what} {how} {where}; the cone allows {scale * cone:g} rad"
         return Violation(kind, state, names.owner(state), max(0.0, scale * (angle - cone)), text)
 
