@@ -44,20 +44,11 @@ KnownArea = tuple[Family, BaseGeometry]
 
 
 class Refinement(NamedTuple):
-    """Outcome of the finer areas of a target.
-
-    Attributes
-    ----------
-    found : Pose or None
-    left : geometry
-        Places neither found to work nor ruled out; empty where there is proven to be none.
-    tried : int
-        Inner areas searched for a configuration.
-    """
+    """Outcome of the finer areas of a target."""
 
     found: Pose | None
-    left: BaseGeometry
-    tried: int
+    left: BaseGeometry  # places neither found to work nor ruled out; empty where there is proven to be none
+    tried: int  # inner areas searched for a configuration
 
 
 class HeadingCell(NamedTuple):
@@ -70,13 +61,8 @@ class HeadingCell(NamedTuple):
 def refine(search: TargetSearch, likely: Sequence[KnownArea] = ()) -> Refinement:
     """Bisect cells until a configuration is found, or is ruled out, or only small areas are left.
 
-    Parameters
-    ----------
-    search : TargetSearch
-        Searches inner areas for a configuration; once it is exhausted no cell is looked at closer, as where
-        there is an inner area there is no proof.
-    likely : sequence of (Family, geometry)
-        Coarse inner areas at all headings.
+    Inner areas are searched, first those that are ``likely``, coarse ones at all headings. Once the search is
+    exhausted no cell is looked at closer, as where there is an inner area there is no proof.
     """
     close = _CloseAreas(search, tuple(likely))
     heading, pitch = close.whole
