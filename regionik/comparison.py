@@ -142,13 +142,8 @@ DEFAULT = (REFERENCE, *(kind.name for kind in _ARM_METHODS))
 def prepare_methods(world: World, names: Sequence[str]) -> dict[str, Methods]:
     """Prepare methods for a world, one for each set-point.
 
-    Raises
-    ------
-    InputError
-        For an unknown name, with the valid choices, a package that is not installed, and joints that mimic
-        others.
-    NoPlanFound
-        Where areas are asked for and the world has none.
+    Raises InputError for an unknown name, a package that is not installed, and joints that mimic others, and
+    NoPlanFound where areas are asked for and the world has none.
     """
     unknown = [repr(name) for name in names if name not in METHODS]
     if unknown or not names:

@@ -64,12 +64,8 @@ def whole_path(world: World) -> tuple[Standing, PathAreas, Pruned]:
     """Return the free floor of the base, the areas of the whole path, and their pruned ladder.
 
     The arm faces its targets and the base turns freely where that suffices. Postures over the arm's back, and
-    places for some headings only, are used where they save a lift-off or a target.
-
-    Raises
-    ------
-    NoPlanFound
-        Where none of them spans the path.
+    places for some headings only, are used where they save a lift-off or a target. Raises NoPlanFound where
+    none of them spans the path.
     """
     found: list[tuple[Standing, PathAreas, Pruned]] = []
     for standing, facings in ways_to_stand(world):

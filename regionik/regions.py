@@ -273,10 +273,7 @@ def largest_clearance(world: World, target: Target) -> float | None:
 def checked_targets(targets: ArrayLike | Sequence[Target]) -> Array | list[Target]:
     """Positions (n, 3) of bare targets, or the targets where any asks for more.
 
-    Raises
-    ------
-    InputError
-        For targets that are not n rows of three finite numbers.
+    Raises InputError for targets that are not n rows of three finite numbers.
     """
     if isinstance(targets, Sequence) and all(isinstance(target, Target) for target in targets):
         some = [target for target in targets if isinstance(target, Target)]

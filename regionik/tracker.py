@@ -8,8 +8,8 @@ nothing.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -73,78 +73,65 @@ def tracking_robot(robot: Robot) -> TrackingRobot | None:
 def plan_tracked(world: World, seed: int) -> Plan:
     """Plan a world that the tracker can plan (`can_track`).
 
-    Raises
-    ------
-    NoPlanFound
-        When a height is out of reach, or no heading of the base at the first set-point leads to a valid plan.
+    Raises NoPlanFound when a height is out of reach, or no heading of the base at the first set-point leads
+    to a valid plan.
     """
     robot = tracking_robot(with_joint_margin(world.robot, world.rules.criteria))
     assert robot is not None, "asked of a world that the tracker can plan"
     tell("tracker", 0, 0)
-    rejected = _Rejected(world)
-    joiner = _RunJoiner(world, seed)
+    reports, no_way = list[Report](), list[str]()
     try:
         for k, found in enumerate(tracked_paths(world, robot)):
             tell("tracker", k, 0)
             try:
-                motion = joiner.motion(found)
+                made = _plan_of(world, seed, robot, found)
             except NoPathError as error:
-                rejected.no_way.append(str(error))
+                no_way.append(str(error))
                 continue
-            made = _plan_of(world, seed, robot, motion, joiner.methods(found))
             report = verify(made)
             if report.ok:
                 return replace(made, stats={**made.stats, "margins": report.margins})
-            rejected.reports.append(report)
+            reports.append(report)
     except HeightError as error:
         raise NoPlanFound(_out_of_reach(world, error)) from None
-    raise NoPlanFound(rejected.explanation())
+    raise NoPlanFound(_none_holds(world, reports, no_way))
 
 
-@dataclass(frozen=True, eq=False)
-class _RunJoiner:
-    """Joins runs to one motion; between two the tool is lifted and the base driven."""
-
-    world: World
-    seed: int
-
-    def motion(self, found: TrackedPath) -> Motion:
-        """States of all runs and of the drives to them; raises NoPathError."""
-        start, rows, k = self.world.start, [], 0
-        here = None if start is None else Pose(start.base, start.joints)
+def _motion_of(world: World, seed: int, found: TrackedPath) -> Motion:
+    """States of all runs and of the drives to them, with the tool lifted; raises NoPathError."""
+    start, rows, k = world.start, list[Row](), 0
+    here = None if start is None else Pose(start.base, start.joints)
+    if here is not None:
+        rows.append(Row(here, "transit", -1))
+    for run in found.runs:
+        poses = [Pose(base, joints) for base, joints in zip(run.base, run.joints, strict=True)]
         if here is not None:
-            rows.append(Row(here, "transit", -1))
-        for run in found.runs:
-            poses = [Pose(base, joints) for base, joints in zip(run.base, run.joints, strict=True)]
-            if here is not None:
-                rows += [Row(pose, "transit", -1) for pose in self._between(here, poses[0])]
-            for pose in poses:
-                rows.append(Row(pose, "setpoint" if found.path.exact[k] else "step", found.path.owner[k]))
-                k += 1
-            here = poses[-1]
-        if start is not None and same(start.base, start.joints, rows[1].pose.base, rows[1].pose.joints):
-            del rows[0]
-        return columns(rows)
-
-    def methods(self, found: TrackedPath) -> dict[str, int]:
-        """Steps tracked and drives between runs."""
-        drives = len(found.runs) - (self.world.start is None)
-        return {"tracker": sum(len(run.base) - 1 for run in found.runs)} | (
-            {"drive": drives} if drives else {}
-        )
-
-    def _between(self, here: Pose, there: Pose) -> list[Pose]:
-        """States between two poses with the tool lifted: fold the arm, drive, and unfold it."""
-        if same(here.base, here.joints, there.base, there.joints):
-            return []
-        carry, room = self.world.robot.carry, room_for(self.world)
-        way = drive_differential(room, here.base, there.base, seed=self.seed)
-        driven = [Pose(base, carry) for base in way.sample(self.world.rules.step * 0.999)]
-        lifted = Pose(there.base, carry)
-        return [*arm_states(here, driven[0]), *driven[:-1], lifted, *arm_states(lifted, there)]
+            rows += [Row(pose, "transit", -1) for pose in _lifted(world, seed, here, poses[0])]
+        for pose in poses:
+            rows.append(Row(pose, "setpoint" if found.path.exact[k] else "step", found.path.owner[k]))
+            k += 1
+        here = poses[-1]
+    if start is not None and same(start.base, start.joints, rows[1].pose.base, rows[1].pose.joints):
+        del rows[0]
+    return columns(rows)
 
 
-def _plan_of(world: World, seed: int, robot: TrackingRobot, motion: Motion, methods: dict[str, int]) -> Plan:
+def _lifted(world: World, seed: int, here: Pose, there: Pose) -> list[Pose]:
+    """States between two poses with the tool lifted: fold the arm, drive, and unfold it."""
+    if same(here.base, here.joints, there.base, there.joints):
+        return []
+    carry = world.robot.carry
+    way = drive_differential(room_for(world), here.base, there.base, seed=seed)
+    driven = [Pose(base, carry) for base in way.sample(world.rules.step * 0.999)]
+    folded = Pose(there.base, carry)
+    return [*arm_states(here, driven[0]), *driven[:-1], folded, *arm_states(folded, there)]
+
+
+def _plan_of(world: World, seed: int, robot: TrackingRobot, path: TrackedPath) -> Plan:
+    motion = _motion_of(world, seed, path)
+    methods = {"tracker": sum(len(run.base) - 1 for run in path.runs)}
+    if drives := len(path.runs) - (world.start is None):
+        methods["drive"] = drives
     at = np.flatnonzero(motion.kind == "setpoint")
     tools = world.robot.tool(motion.base[at], motion.joints[at])[:, :3, 3]
     found = tuple(
@@ -203,30 +190,22 @@ def _out_of_reach(world: World, error: HeightError) -> Explanation:
     return Explanation("undecided", i, reason, (Cause("reach", world.robot.name, off),))
 
 
-@dataclass(frozen=True, eq=False)
-class _Rejected:
-    world: World
-    reports: list[Report] = field(default_factory=list)
-    no_way: list[str] = field(default_factory=list)
-
-    def explanation(self) -> Explanation:
-        """First violation of the plan that stays valid for longest, or the first drive without a path."""
-        tried = len(self.reports) + len(self.no_way)
-        many = (
-            f"{tried} ways to follow the set-points were tried, from all headings of the base and both elbows"
-        )
-        if self.reports:
-            first = [min(report.violations, key=lambda v: v.state or 0) for report in self.reports]
-            farthest = max(first, key=lambda violation: violation.state or 0)
-            told = invalid_plan(self.world, [farthest])
-            return replace(told, reason=f"{many}. Of the one that goes farthest: {farthest.text}.")
-        if self.no_way:
-            return Explanation("ladder-broken", 0, f"{many}. {self.no_way[0]}.", (Cause("floor", "floor"),))
-        reason = (
-            "No way was found to follow the set-points: from all headings of the base and both elbows that "
-            "were tried some joint leaves its limits."
-        )
-        return Explanation("no-posture", None, reason, (Cause("limits", self.world.robot.name),))
+def _none_holds(world: World, reports: Sequence[Report], no_way: Sequence[str]) -> Explanation:
+    """First violation of the plan that stays valid for longest, or the first drive without a path."""
+    tried = len(reports) + len(no_way)
+    many = f"{tried} ways to follow the set-points were tried, from all headings of the base and both elbows"
+    if reports:
+        first = [min(report.violations, key=lambda v: v.state or 0) for report in reports]
+        farthest = max(first, key=lambda violation: violation.state or 0)
+        told = invalid_plan(world, [farthest])
+        return replace(told, reason=f"{many}. Of the one that goes farthest: {farthest.text}.")
+    if no_way:
+        return Explanation("ladder-broken", 0, f"{many}. {no_way[0]}.", (Cause("floor", "floor"),))
+    reason = (
+        "No way was found to follow the set-points: from all headings of the base and both elbows that "
+        "were tried some joint leaves its limits."
+    )
+    return Explanation("no-posture", None, reason, (Cause("limits", world.robot.name),))
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,11 +229,7 @@ def tracked_paths(world: World, robot: TrackingRobot) -> Iterator[TrackedPath]:
     """Yield paths from all headings of the base and both elbows: fewest lift-offs first, then least travel.
 
     A new run begins where a joint would leave its limits; starts from which no runs follow are left out.
-
-    Raises
-    ------
-    HeightError
-        With the index of the set-point, or of the one before.
+    Raises HeightError with the index of the set-point, or of the one before.
     """
     given = () if world.start is None else (float(world.start.base[2]),)
     starts = [

@@ -147,10 +147,7 @@ class PlanarReach(ReachModel):
     def thresholds(self, criteria: Criteria | None) -> tuple[Thresholds, Thresholds] | None:
         """Thresholds that criteria set besides limits, for inner and for outer areas; None for none.
 
-        Raises
-        ------
-        InputError
-            For criteria that the arm cannot be held to.
+        Raises InputError for criteria that the arm cannot be held to.
         """
         if criteria is None or not criteria.beyond_limits:
             return None

@@ -105,10 +105,7 @@ class ReachModel(ABC):
     def meets(self, criteria: Criteria | None, joints: Array) -> bool:
         """True where a posture (dof,) meets criteria, of an arm in one plane at any roll.
 
-        Raises
-        ------
-        InputError
-            For criteria that the arm cannot be held to.
+        Raises InputError for criteria that the arm cannot be held to.
         """
         limits = with_joint_margin(self.robot, criteria).chain
         over = (joints < limits.lower - LIMIT_SLACK) | (joints > limits.upper + LIMIT_SLACK)

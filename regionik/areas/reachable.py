@@ -52,23 +52,11 @@ Bound = Callable[[Chain, float], Intervals]  # of R(z) [m]
 
 
 def reach_model(robot: Robot, goal: Goal) -> ReachModel:
-    """Return the model of an arm's reach that suits a kind of goal.
+    """Return the model of an arm's reach, within the robot's limits, that suits a kind of goal.
 
-    Parameters
-    ----------
-    robot : Robot
-        With the limits that postures must keep.
-    goal : {"point", "direction", "orientation"}
-
-    Returns
-    -------
-    PlanarReach
-        Of an arm in one vertical plane, its tool along the last link where more than a point is asked. One
-        model for all its goals.
-    PivotedReach
-        Of any other arm, for points.
-    PosedReach
-        Of any other arm, for directions and orientations.
+    It is one `PlanarReach` for all goals of an arm in one vertical plane, its tool along the last link where
+    more than a point is asked. Of any other arm it is `PivotedReach` for points, and `PosedReach` for
+    directions and orientations.
 
     Examples
     --------
@@ -92,13 +80,7 @@ def _models(robot: Robot) -> tuple[ReachModel, ReachModel]:
 
 @lru_cache(maxsize=256)
 def planar_reach(robot: Robot) -> PlanarReach:
-    """Return the reach of an arm in one vertical plane.
-
-    Raises
-    ------
-    InputError
-        When the arm does not work in one.
-    """
+    """Return the reach of an arm in one vertical plane; raises InputError when it does not work in one."""
     return PlanarReach(robot, planar_arm(robot.chain))
 
 
