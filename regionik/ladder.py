@@ -49,10 +49,7 @@ class Ladder:
     @cached_property
     def members(self) -> list[list[int]]:
         """For each component, those of its group, itself among them."""
-        table: list[list[int]] = [[] for _ in range(int(self.group.max(initial=-1)) + 1)]
-        for k, group in enumerate(self.group.tolist()):
-            table[group].append(k)
-        return [table[group] for group in self.group.tolist()]
+        return self._neighbours(np.column_stack([np.arange(len(self.group))] * 2))
 
     @cached_property
     def empty(self) -> list[int]:

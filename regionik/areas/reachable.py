@@ -129,12 +129,7 @@ def rows_of(world: World, targets: Sequence[Target], query: ReachQuery) -> Rows:
 
 
 def fine_reach(
-    world: World,
-    target: Target,
-    kinds: Sequence[Family],
-    span: tuple[float, float],
-    *,
-    inner: bool,
+    world: World, target: Target, kinds: Sequence[Family], span: tuple[float, float], *, inner: bool
 ) -> FineRows:
     """Reach of one target without the rules' ``reach_margin``, with finer circles: families and shapes.
 
@@ -144,12 +139,6 @@ def fine_reach(
     query = ReachQuery(world.rules, GUARD if inner else None, span, arcs=FINE_ARC_POINTS, coarse=not inner)
     families, shapes = reach_model(world.robot, goal_of(target)).fine_rows(target, kinds, query)
     return families, _eroded(shapes, world.axis_error) if inner else shapes
-
-
-def _inset(shape: BaseGeometry, by: float) -> BaseGeometry:
-    """Places that keep a distance from a shape's edge; the whole shape where none does."""
-    inner: BaseGeometry = shape.buffer(-by, join_style="mitre")
-    return shape if inner.is_empty else inner
 
 
 def _eroded(shapes: Geometries, error: float) -> Geometries:
@@ -209,8 +198,10 @@ class PivotedReach(ReachModel):
     def _sampled_area(self, aim: Aim, query: ReachQuery) -> BaseGeometry:
         bound, demand = not self._turns_all_round(query.rules), demand_of(self.robot, query.rules.criteria)
         heading = query.span[0] + float(self.robot.mount[3]) if bound else None
-        found = pose_reach(self.chain, self.height, aim, heading, demand)
-        area = _inset(found.area, query.rules.reach_margin)
+        found: BaseGeometry = pose_reach(self.chain, self.height, aim, heading, demand).area
+        area = found.buffer(-query.rules.reach_margin, join_style="mitre")
+        if area.is_empty:  # an area too small for the margin is left whole
+            area = found
         if query.proven and not area.is_empty:
             low, high = (angle + float(self.robot.mount[3]) for angle in query.span)
             chain = with_pivot_limits(self.chain, *self.pivot(query.rules))

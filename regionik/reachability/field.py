@@ -199,12 +199,7 @@ def _as_targets(targets: Array | list[Target]) -> list[Target]:
 
 
 def _count_areas(
-    world: World,
-    targets: list[Target],
-    side: Side,
-    free: NDArray[np.bool_],
-    x: Array,
-    y: Array,
+    world: World, targets: list[Target], side: Side, free: NDArray[np.bool_], x: Array, y: Array
 ) -> NDArray[np.int32]:
     """Count where headings or tool directions bound the reach: cells within its polygons."""
     count = np.zeros(free.shape, dtype=np.int32)

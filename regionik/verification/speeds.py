@@ -77,10 +77,7 @@ def _held_against(kind: str, shares: Iterable[tuple[str, Array, Indices]], names
 
 
 def _shares(
-    world: World,
-    segments: MotionSegments,
-    course: TimedSegments,
-    rates: Sequence[CoursePolynomials],
+    world: World, segments: MotionSegments, course: TimedSegments, rates: Sequence[CoursePolynomials]
 ) -> Iterator[tuple[str, Array, Indices]]:
     """Shares of limits that are used at the most, by segments, from derivatives by time."""
     robot, speeds, k = world.robot, world.speeds or Speeds(), course.moving

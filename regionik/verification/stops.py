@@ -15,7 +15,6 @@ from regionik.verification.led_postures import postures_led_to
 from regionik.verification.motion import wrap_angle
 from regionik.verification.proofs import Finding, StateNames, finding
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain
 from regionik.worlds.scene import Target, World
 
 EXACT = 1e-9  # [m] or [rad]
@@ -198,23 +197,19 @@ def verify_execution(plan: Plan, names: StateNames) -> Finding:
     targets = [target for target in plan.world.task for _ in offsets]
     led, missed = postures_led_to(plan.world, targets, poses.reshape(-1, 3), joints)
     excess = missed.reshape(-1, len(offsets))
-    violations = []
+    violations, chain = [], plan.world.robot.chain
     for i in np.flatnonzero(excess.max(axis=1) > 0).tolist():
         k, worst = int(excess[i].argmax()), float(excess[i].max())
-        off, joint = offsets[k], _at_limit(plan.world.robot.chain, led[i * len(offsets) + k])
+        off, posture = offsets[k], led[i * len(offsets) + k]
+        at_limit = np.flatnonzero((posture <= chain.lower) | (posture >= chain.upper))
         text = f"with the base {np.hypot(off[0], off[1]):.4f} m and {abs(off[2]):.4f} rad off its place, "
         text += f"no posture near the planned one reaches {names.setpoint(i)}; the nearest misses its "
         text += f"tolerance by {worst:.4f} m or rad"
-        if joint:
+        if len(at_limit):
+            joint = chain.names[at_limit[0]]
             text += f", {joint} at its limit, which criteria.joint_margin keeps it off"
         violations.append(Violation("execution", None, i, worst, text))
     return finding("execution", np.inf, violations)
-
-
-def _at_limit(chain: Chain, joints: Array) -> str | None:
-    """The first joint that is at one of its limits."""
-    near = np.flatnonzero((joints <= chain.lower) | (joints >= chain.upper))
-    return chain.names[near[0]] if len(near) else None
 
 
 def _rim(world: World) -> Array:
