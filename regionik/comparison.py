@@ -217,13 +217,11 @@ class Comparison:
     @property
     def beaten(self) -> tuple[str, ...]:
         """One line for each method that beats M-FABRIK in something, and in what."""
-        ours = [score for score in self.scores if score.method == REFERENCE]
-        if not ours:
+        ours = next((score for score in self.scores if score.method == REFERENCE), None)
+        if ours is None:
             return ()
-        found = (
-            (score.method, _advantages(score, ours[0])) for score in self.scores if score.method != REFERENCE
-        )
-        return tuple(f"{name} beats {REFERENCE} in {', '.join(what)}" for name, what in found if what)
+        found = {score.method: _advantages(score, ours) for score in self.scores if score is not ours}
+        return tuple(f"{name} beats {REFERENCE} in {', '.join(what)}" for name, what in found.items() if what)
 
 
 def compare(

@@ -64,10 +64,9 @@ def tracking_robot(robot: Robot) -> TrackingRobot | None:
     x, y, lift, yaw = robot.mount.tolist()
     if not isinstance(robot.drive, DifferentialDrive) or x <= 0 or y != 0 or yaw != 0:
         return None
-    arm, off = pitch_arm(robot.chain), OFF_LIMITS * (np.arange(robot.chain.dof) == 0)
-    return (
-        None if arm is None else TrackingRobot(arm, x, lift, robot.chain.lower + off, robot.chain.upper - off)
-    )
+    arm, chain = pitch_arm(robot.chain), robot.chain
+    off = OFF_LIMITS * (np.arange(chain.dof) == 0)
+    return None if arm is None else TrackingRobot(arm, x, lift, chain.lower + off, chain.upper - off)
 
 
 def plan_tracked(world: World, seed: int) -> Plan:
@@ -132,13 +131,12 @@ def _plan_of(world: World, seed: int, robot: TrackingRobot, path: TrackedPath) -
     methods = {"tracker": sum(len(run.base) - 1 for run in path.runs)}
     if drives := len(path.runs) - (world.start is None):
         methods["drive"] = drives
-    at = np.flatnonzero(motion.kind == "setpoint")
-    tools = world.robot.tool(motion.base[at], motion.joints[at])[:, :3, 3]
+    at = motion.kind == "setpoint"
+    bases, joints = motion.base[at], motion.joints[at]
+    misses = world.robot.tool(bases, joints)[:, :3, 3] - [target.position for target in world.task]
     found = tuple(
-        Configuration(
-            motion.base[k], motion.joints[k], float(np.linalg.norm(tool - target.position)), 0, True
-        )
-        for k, tool, target in zip(at.tolist(), tools, world.task, strict=True)
+        Configuration(base, q, float(np.linalg.norm(miss)), 0, True)
+        for base, q, miss in zip(bases, joints, misses, strict=True)
     )
     free = shapely.union_all(ground_of(world).inner.pieces)
     areas = tuple(
@@ -163,10 +161,8 @@ def _area(robot: TrackingRobot, target: Target, free: BaseGeometry, axis: Array)
             if not _holds(robot, share.joints):
                 continue
             if share.upright:
-                ring = Point(T[:2, 3])
-                curves.append(
-                    ring.buffer(abs(share.out) + DRAWN, 64) - ring.buffer(abs(share.out) - DRAWN, 64)
-                )
+                middle, out = Point(T[:2, 3]), abs(share.out)
+                curves.append(middle.buffer(out + DRAWN, 64) - middle.buffer(out - DRAWN, 64))
             else:
                 way = np.array([np.cos(share.turn), np.sin(share.turn)])
                 curves.append(Point(T[:2, 3] - share.out * way).buffer(DRAWN))
@@ -175,19 +171,16 @@ def _area(robot: TrackingRobot, target: Target, free: BaseGeometry, axis: Array)
 
 
 def _out_of_reach(world: World, error: HeightError) -> Explanation:
-    i = error.index
-    nearest = error.low if error.height < error.low else error.high
-    off, which = abs(nearest - error.height), "low" if error.height < error.low else "high"
-    low, high, asked, missing = (
-        f"{1000 * value:.2f}" for value in (error.low, error.high, error.height, off)
-    )
-    who = setpoint_at(world.task, i)
+    below = error.height < error.low
+    off = error.low - error.height if below else error.height - error.high
+    low, high, asked, missing = (1000 * value for value in (error.low, error.high, error.height, off))
     reason = (
-        f"{no_way_to(who)}: with this very tool direction and its last joint at zero, as the tracker "
-        f"keeps it, the arm attains heights of {low} to {high} mm, wherever the base stands; {asked} mm is "
-        f"asked for, {missing} mm too {which}. Other postures are not ruled out."
+        f"{no_way_to(setpoint_at(world.task, error.index))}: with this very tool direction and its last "
+        f"joint at zero, as the tracker keeps it, the arm attains heights of {low:.2f} to {high:.2f} mm, "
+        f"wherever the base stands; {asked:.2f} mm is asked for, {missing:.2f} mm too "
+        f"{'low' if below else 'high'}. Other postures are not ruled out."
     )
-    return Explanation("undecided", i, reason, (Cause("reach", world.robot.name, off),))
+    return Explanation("undecided", error.index, reason, (Cause("reach", world.robot.name, off),))
 
 
 def _none_holds(world: World, reports: Sequence[Report], no_way: Sequence[str]) -> Explanation:

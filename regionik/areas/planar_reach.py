@@ -57,10 +57,9 @@ class PlanarReach(ReachModel):
     @cached_property
     def plane(self) -> PlanarLinkage:
         """The arm for kernels, heights counted from the floor; its arrays are writable, as they expect."""
-        lengths, lower, upper = (
-            np.array(part, order="C") for part in (self.arm.lengths, self.arm.lower, self.arm.upper)
-        )
-        return PlanarLinkage(float(self.arm.shoulder[0]), self._shoulder, lengths, lower, upper)
+        arm = self.arm
+        lengths, lower, upper = (np.array(part, order="C") for part in (arm.lengths, arm.lower, arm.upper))
+        return PlanarLinkage(float(arm.shoulder[0]), self._shoulder, lengths, lower, upper)
 
     @property
     def _shoulder(self) -> float:

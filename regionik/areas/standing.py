@@ -196,9 +196,8 @@ def stands_about(world: World, base: Array, by: float) -> bool:
 @lru_cache(maxsize=8)
 def _inner_slabs(outline: Corners, floor: Polygon, shadows: Shadows, clearance: float) -> Standing:
     """Cached by its inputs: worlds that differ in task or height of the mount share it."""
-    return Standing(
-        _slab_sides(outline, floor, shadows, clearance, _bounds(outline, floor, shadows, clearance))
-    )
+    bounds = _bounds(outline, floor, shadows, clearance)
+    return Standing(_slab_sides(outline, floor, shadows, clearance, bounds))
 
 
 @lru_cache(maxsize=8)

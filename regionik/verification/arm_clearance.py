@@ -178,13 +178,11 @@ class _ArmProof:
         found = [self._violation(key, self.names.state(key[0]), *near) for key, near in too_close.items()]
         found += self._violations_between(pairs, unproven)
         free = min(MARGIN_RANGE, float(distance[~may_touch].min(initial=np.inf)) - self.limit)
-        deep = min(MARGIN_RANGE, float(distance[may_touch].min(initial=np.inf)) + self.contact.depth)
-        return [
-            finding("arm", free, [v for v in found if v.kind == "arm"]),
-            finding(
-                "contact", deep if may_touch.any() else np.inf, [v for v in found if v.kind == "contact"]
-            ),
-        ]
+        deep = np.inf
+        if may_touch.any():
+            deep = min(MARGIN_RANGE, float(distance[may_touch].min()) + self.contact.depth)
+        margins = {"arm": free, "contact": deep}
+        return [finding(kind, least, [v for v in found if v.kind == kind]) for kind, least in margins.items()]
 
     def _close_pairs(self, points: Array, bulge: Array) -> _ClosePairs:
         """Pairs whose bounding boxes come within the clearance.
@@ -323,9 +321,8 @@ class _ArmProof:
         depth, reach = self.contact.depth, self.contact.reach
         deeper = -distance - depth
         if deeper > TOUCH:
-            text = (
-                f"{what}, {-distance:z.4f} m deep; it may sink in {depth:.4g} m (contact_depth and tolerance)"
-            )
+            text = f"{what}, {-distance:z.4f} m deep; "
+            text += f"it may sink in {depth:.4g} m (contact_depth and tolerance)"
         else:
             text = f"{what} with parts that are not proven to lie within {reach:g} m of the tool point"
             text += f" (tool_contact), or to keep the arm's clearance of {self.limit:g} m from it"

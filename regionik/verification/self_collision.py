@@ -138,9 +138,8 @@ class _PairProof:
         violations = [self._violation(k, self.names.state(k), d) for k, d in hits.items()]
         for item, s in unproven.items():
             k, T = int(segment[item]), self._poses_at(segment[item : item + 1], np.array([s]))
-            violations.append(
-                self._violation(k, self.names.segment(k), float(self._signed_distances(T).distance[0]))
-            )
+            found = float(self._signed_distances(T).distance[0])
+            violations.append(self._violation(k, self.names.segment(k), found))
         return min(MARGIN_RANGE, float(distance.min(initial=np.inf))), violations
 
     @cached_property
