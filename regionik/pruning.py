@@ -10,7 +10,6 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -19,7 +18,7 @@ from shapely.geometry.base import BaseGeometry
 from regionik.areas.ground import united
 from regionik.areas.standing import PathAreas, Standing, into_span, into_spans
 from regionik.explain.failures import cut_off, no_places, too_many_lifts
-from regionik.ladder import Index, Ladder, Mask, build_ladder
+from regionik.ladder import Ladder, Mask, build_ladder
 from regionik.mfabrik import Solver, solver_for
 from regionik.planners.geometry.polygons import FlatPolygon, clamp
 from regionik.postures.poses import axis_of
@@ -189,60 +188,40 @@ def choose_chain(pruned: Pruned, standing: Standing, start: Array | None) -> lis
     into its slab: a shortest path by dynamic programming. ``start`` (3,) is the first place of the arm axis
     and heading of the base.
     """
-    ladder = pruned.ladder
-    before: list[int] = [-1] * len(ladder.component)
-    spans = [standing.sides[s].span for s in ladder.side.tolist()]
-    trips = _Trips(np.empty(0, np.intp), np.empty(0), np.empty((0, 2)), np.empty(0))
+    ladder, size = pruned.ladder, len(pruned.keep)
+    # Of the cheapest way to each component: the one before, cost, place and heading there.
+    before, cost, spot, yaw = [-1] * size, np.zeros(size), np.zeros((size, 2)), np.zeros(size)
     for i in range(ladder.count):
-        found = list[_Trip]()
         for k in pruned.kept(i):
-            if i == 0:
-                found.append(_first(ladder, k, spans[k], start))
-                continue
-            options = trips if i in pruned.breaks else trips.take(np.isin(trips.component, ladder.back[k]))
-            before[k], trip = options.cheapest(ladder.flat(k), spans[k])
-            found.append(trip)
-        trips = _Trips(np.array(pruned.kept(i)), *(np.array(column) for column in zip(*found, strict=True)))
-    k = int(trips.component[np.argmin(trips.cost)])
-    chain = [k]
-    while before[k] >= 0:
-        k = before[k]
-        chain.append(k)
+            component, span = ladder.flat(k), standing.sides[ladder.side[k]].span
+            if i > 0:
+                every = pruned.kept(i - 1)
+                last = every if i in pruned.breaks else [j for j in ladder.back[k] if pruned.keep[j]]
+                n, cost[k], spot[k], yaw[k] = _cheapest(component, span, cost[last], spot[last], yaw[last])
+                before[k] = last[n]
+            elif start is not None:
+                here = np.zeros(1), start[None, :2], start[2:]
+                _, cost[k], spot[k], yaw[k] = _cheapest(component, span, *here)
+            else:
+                middle = ladder.component[k].representative_point()
+                spot[k], yaw[k] = (middle.x, middle.y), into_span(0.0, span)
+    chain = [min(pruned.kept(ladder.count - 1), key=cost.__getitem__)]
+    while before[chain[-1]] >= 0:
+        chain.append(before[chain[-1]])
     return chain[::-1]
 
 
-class _Trip(NamedTuple):
-    """Cost of the base's way to a spot, and its heading there."""
+def _cheapest(
+    component: FlatPolygon, span: tuple[float, float], cost: Array, spot: Array, yaw: Array
+) -> tuple[int, float, tuple[float, float], float]:
+    """The first way that goes on to the nearest point of a component, into its slab, at the least cost.
 
-    cost: float
-    spot: tuple[float, float]
-    yaw: float
-
-
-class _Trips(NamedTuple):
-    """The cheapest ways to components of one set-point, ascending; see `_Trip`."""
-
-    component: Index  # (n,)
-    cost: Array  # (n,)
-    spot: Array  # (n, 2)
-    yaw: Array  # (n,)
-
-    def take(self, some: Mask) -> _Trips:
-        return _Trips(self.component[some], self.cost[some], self.spot[some], self.yaw[some])
-
-    def cheapest(self, component: FlatPolygon, span: tuple[float, float]) -> tuple[int, _Trip]:
-        """The first that goes on to the nearest point of a component, into its slab, at the least cost."""
-        yaw = into_spans(self.yaw, span)
-        spots = [clamp(component.vertices, component.starts, *spot) for spot in self.spot]
-        ways = np.array([math.dist(*pair) for pair in zip(self.spot, spots, strict=True)])
-        cost = self.cost + TURN_WEIGHT * np.abs(yaw - self.yaw) + ways
-        m = int(np.argmin(cost))
-        return int(self.component[m]), _Trip(float(cost[m]), spots[m], float(yaw[m]))
-
-
-def _first(ladder: Ladder, k: int, span: tuple[float, float], start: Array | None) -> _Trip:
-    if start is None:
-        middle = ladder.component[k].representative_point()
-        return _Trip(0.0, (middle.x, middle.y), into_span(0.0, span))
-    here = _Trips(np.array([k]), np.zeros(1), start[None, :2], start[2:])
-    return here.cheapest(ladder.flat(k), span)[1]
+    Ways to spots (n, 2) with headings (n,) have cost so much (n,). Returned is which it is, and what it costs
+    then, its spot and heading.
+    """
+    turned = into_spans(yaw, span)
+    spots = [clamp(component.vertices, component.starts, *one) for one in spot]
+    ways = np.array([math.dist(*pair) for pair in zip(spot, spots, strict=True)])
+    total = cost + TURN_WEIGHT * np.abs(turned - yaw) + ways
+    n = int(np.argmin(total))
+    return n, float(total[n]), spots[n], float(turned[n])

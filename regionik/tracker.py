@@ -131,12 +131,12 @@ def _plan_of(world: World, seed: int, robot: TrackingRobot, path: TrackedPath) -
     methods = {"tracker": sum(len(run.base) - 1 for run in path.runs)}
     if drives := len(path.runs) - (world.start is None):
         methods["drive"] = drives
-    at = motion.kind == "setpoint"
-    bases, joints = motion.base[at], motion.joints[at]
-    misses = world.robot.tool(bases, joints)[:, :3, 3] - [target.position for target in world.task]
+    at = np.flatnonzero(motion.kind == "setpoint")
+    tools = world.robot.tool(motion.base[at], motion.joints[at])[:, :3, 3]
+    misses = tools - [target.position for target in world.task]
     found = tuple(
-        Configuration(base, q, float(np.linalg.norm(miss)), 0, True)
-        for base, q, miss in zip(bases, joints, misses, strict=True)
+        Configuration(motion.base[k], motion.joints[k], float(np.linalg.norm(miss)), 0, True)
+        for k, miss in zip(at.tolist(), misses, strict=True)
     )
     free = shapely.union_all(ground_of(world).inner.pieces)
     areas = tuple(
