@@ -107,7 +107,8 @@ def _motion_of(world: World, seed: int, found: TrackedPath) -> Motion:
         if here is not None:
             rows += [Row(pose, "transit", -1) for pose in _lifted(world, seed, here, poses[0])]
         for pose in poses:
-            rows.append(Row(pose, "setpoint" if found.path.exact[k] else "step", found.path.owner[k]))
+            reached = k == 0 or found.owner[k] != found.owner[k - 1]
+            rows.append(Row(pose, "setpoint" if reached else "step", found.owner[k]))
             k += 1
         here = poses[-1]
     if start is not None and same(start.base, start.joints, rows[1].pose.base, rows[1].pose.joints):
@@ -202,19 +203,10 @@ def _none_holds(world: World, reports: Sequence[Report], no_way: Sequence[str]) 
 
 
 @dataclass(frozen=True, eq=False)
-class PosePath:
-    """Poses of the tool: all set-points, and some between."""
-
-    poses: list[Array]  # (4, 4) each
-    owner: list[int]  # the set-point, or the one before a pose between
-    exact: list[bool]  # true for a set-point
-
-
-@dataclass(frozen=True, eq=False)
 class TrackedPath:
-    """Runs that follow the poses of a path, the tool lifted between them; empty where none can."""
+    """Runs through set-points and poses between, the tool lifted between runs; empty where none can."""
 
-    path: PosePath
+    owner: list[int]  # of each pose: the set-point, or the one before a pose between
     runs: tuple[TrackedRun, ...]
 
 
@@ -272,27 +264,26 @@ def _tracked(
     """Runs along a path whose segments are halved until the motion between poses keeps the rules."""
     parts = [1] * len(world.task)
     for _ in range(FINEST):
-        path = _path(world.task, parts)
+        poses, owner = _path(world.task, parts)
         try:
-            runs = track_runs(robot, path.poses, heading=heading, elbow=elbow, most=most)
+            runs = track_runs(robot, poses, heading=heading, elbow=elbow, most=most)
         except HeightError as error:  # between two set-points: named by the one before
-            raise HeightError(path.owner[error.index], error.height, error.low, error.high) from None
-        coarse = {path.owner[k] for k in _coarse_poses(world, path, runs)} if runs else set()
+            raise HeightError(owner[error.index], error.height, error.low, error.high) from None
+        coarse = {owner[k] for k in _coarse_poses(world, np.array(poses), runs)} if runs else set()
         if not coarse:
             break
         parts = [2 * n if i in coarse else n for i, n in enumerate(parts)]
-    return TrackedPath(path, runs)
+    return TrackedPath(owner, runs)
 
 
-def _path(task: tuple[Target, ...], parts: list[int]) -> PosePath:
-    """Path with the segment after each set-point in a number of parts, turned evenly."""
+def _path(task: tuple[Target, ...], parts: list[int]) -> tuple[list[Array], list[int]]:
+    """Poses with the segment after each set-point in a number of parts, turned evenly, and their owners."""
     poses, owner = [tool_frame(task[0])], [0]
     for i, (a, b) in enumerate(pairwise(task)):
         between = goals_between(a, b, np.arange(1, parts[i]) / parts[i])
         poses += [tool_frame(target) for target in (*between, b)]
         owner += [i] * (parts[i] - 1) + [i + 1]
-    exact = [k == 0 or i != owner[k - 1] for k, i in enumerate(owner)]
-    return PosePath(poses, owner, exact)
+    return poses, owner
 
 
 def tool_frame(target: Target) -> Array:
@@ -303,11 +294,10 @@ def tool_frame(target: Target) -> Array:
     return T
 
 
-def _coarse_poses(world: World, path: PosePath, runs: tuple[TrackedRun, ...]) -> list[int]:
+def _coarse_poses(world: World, poses: Array, runs: tuple[TrackedRun, ...]) -> list[int]:
     """Indices of poses up to whose next the robot moves too far, or the tool leaves its path."""
     rules, robot = world.rules, world.robot
     base, joints = (np.concatenate([getattr(run, part) for run in runs]) for part in ("base", "joints"))
-    poses = np.array(path.poses)
     bend, move = np.diff(joints, axis=0), np.diff(poses, axis=0)
     cone = min(target.cone for target in world.task)
     lifted = np.cumsum([len(run.base) for run in runs])[:-1] - 1  # steps from one run to the next

@@ -67,7 +67,6 @@ class PlanarReach(ReachModel):
         return float(self.arm.shoulder[1] + self.robot.mount[2])
 
     def rows(self, targets: Sequence[Target], query: ReachQuery) -> Rows:
-        """Exact but for the chords of circles; see `ReachModel`."""
         self.thresholds(query.rules.criteria)
         positions = np.array([target.position for target in targets]).reshape(-1, 3)
         alike: dict[tuple[Family, ...], list[int]] = {}
@@ -90,7 +89,6 @@ class PlanarReach(ReachModel):
         return which, tuple(found[k] for k in kind.tolist()), sector_polygons(rings, query)
 
     def fine_rows(self, target: Target, kinds: Sequence[Family], query: ReachQuery) -> FineRows:
-        """Exact but for the chords of circles; see `ReachModel`."""
         parts = [np.empty((0, 4))]
         for k, family in enumerate(kinds):
             spans = reach_intervals(self.arm, self._shoulder, target.position[2:], family.pitches)[0]
@@ -133,7 +131,6 @@ class PlanarReach(ReachModel):
         return np.split(np.sort(np.abs(reach), axis=1), np.searchsorted(owner, np.arange(1, len(heights))))
 
     def families(self, target: Target, facings: tuple[int, ...], *, inner: bool) -> tuple[Family, ...]:
-        """Those of `postures.families`; see `ReachModel`."""
         return families_of(self.arm, target, facings, inner=inner)
 
     def solver(
@@ -154,7 +151,6 @@ class PlanarReach(ReachModel):
         return thresholds_of(self.arm, self.robot, criteria)
 
     def meets(self, criteria: Criteria | None, joints: Array) -> bool:
-        """See `ReachModel`."""
         asked = self.thresholds(criteria)
         if not super().meets(criteria, joints):
             return False

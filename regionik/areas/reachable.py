@@ -170,8 +170,7 @@ class PivotedReach(ReachModel):
         return self._sampled(targets, query) if self._is_sampled(query) else self._rings(targets, query)
 
     def fine_rows(self, target: Target, kinds: Sequence[Family], query: ReachQuery) -> FineRows:
-        """See `ReachModel`; of one family only."""
-        return (self._sampled if self._is_sampled(query) else self._rings)([target], query)[1:]
+        return self.rows([target], query)[1:]  # of the one family
 
     def is_proven(self, rules: Rules) -> bool:
         """True where base or pivot turn all round, see below, and limits are all that postures keep."""
@@ -240,7 +239,6 @@ class PivotedReach(ReachModel):
         return united(sector_polygons(Sectors(*(part[real] for part in rings)), query))
 
     def distances(self, criteria: Criteria | None, heights: Array, *, inner: bool) -> list[Array]:
-        """R(z) at each height; see `ReachModel`."""
         demand = demand_of(self.robot, criteria)
         if inner and demand is not None:
             return self._distances(partial(proven_distances, demand=demand), heights)
@@ -270,7 +268,6 @@ class PivotedReach(ReachModel):
         return serial_solver(self.robot.chain, self.height, tolerance, turns=turns, demand=demand)
 
     def meets(self, criteria: Criteria | None, joints: Array) -> bool:
-        """See `ReachModel`."""
         if not super().meets(criteria, joints):
             return False
         demand = demand_of(self.robot, criteria)
