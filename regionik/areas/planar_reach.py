@@ -50,10 +50,6 @@ class PlanarReach(ReachModel):
     exact: ClassVar[bool] = True
     shows_all_postures: ClassVar[bool] = True
 
-    @property
-    def exhaustible(self) -> bool:
-        return True
-
     @cached_property
     def plane(self) -> PlanarLinkage:
         """The arm for kernels, heights counted from the floor; its arrays are writable, as they expect."""

@@ -72,11 +72,6 @@ class ReachModel(ABC):
     # The self-motion of the solver shows postures of every kind.
     shows_all_postures: ClassVar[bool] = False
 
-    @property
-    @abstractmethod
-    def exhaustible(self) -> bool:
-        """True where all postures from all places can be searched for a clear one, or proven to hold none."""
-
     @abstractmethod
     def rows(self, targets: Sequence[Target], query: ReachQuery) -> Rows:
         """Reach of targets of the model's goal: a row for each target, family and interval of distance."""

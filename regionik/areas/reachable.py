@@ -75,7 +75,7 @@ def _models(robot: Robot) -> tuple[ReachModel, ReachModel]:
         planar = planar_reach(robot)
     except InputError:
         return PivotedReach(robot), PosedReach(robot)
-    return planar, planar if planar.arm.tool_along_link else PosedReach(robot, planar=True)
+    return planar, planar if planar.arm.tool_along_link else PosedReach(robot)
 
 
 @lru_cache(maxsize=256)
@@ -157,10 +157,6 @@ class PivotedReach(ReachModel):
     Under criteria besides limits they are places from which postures that meet them were found, or are proven
     where a query asks for that; outer ones leave these criteria aside.
     """
-
-    @property
-    def exhaustible(self) -> bool:
-        return False
 
     def rows(self, targets: Sequence[Target], query: ReachQuery) -> Rows:
         """Whole rings, or sectors of headings that the pivot cannot make up for; see `ReachModel`.
@@ -282,12 +278,6 @@ class PosedReach(PivotedReach):
     proven to have a posture (`proven_poses`) where a query asks for that. Outer ones bound the tool's point
     and other points of the tool that the pose fixes (`fixed_points`).
     """
-
-    planar: bool = False  # true of an arm in one plane whose tool points across the last link
-
-    @property
-    def exhaustible(self) -> bool:
-        return self.planar  # a proof for the tool's point is one for its poses
 
     def is_proven(self, rules: Rules) -> bool:
         return False

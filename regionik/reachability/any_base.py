@@ -40,8 +40,11 @@ class AnyBaseResult(NamedTuple):
 
 
 def can_search(world: World) -> bool:
-    """Return True where `search_any_base` applies: to an arm in one plane that avoids obstacles."""
-    return world.rules.avoidance and reach_model(world.robot, "point").exhaustible
+    """Return True where `search_any_base` applies: to an arm in one plane that avoids obstacles.
+
+    Only such an arm's reach of points is exact; a proof for these is one for poses.
+    """
+    return world.rules.avoidance and reach_model(world.robot, "point").exact
 
 
 def search_any_base(world: World, target: Target, most: int) -> AnyBaseResult:
