@@ -47,11 +47,6 @@ class Ladder:
         return np.searchsorted(self.target, np.arange(self.count + 1))
 
     @cached_property
-    def members(self) -> list[list[int]]:
-        """For each component, those of its group, itself among them."""
-        return self._neighbours(np.column_stack([np.arange(len(self.group))] * 2))
-
-    @cached_property
     def empty(self) -> list[int]:
         """Set-points without any component."""
         return np.flatnonzero(np.diff(self.rungs) == 0).tolist()
