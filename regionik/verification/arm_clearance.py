@@ -215,7 +215,7 @@ class _ArmProof:
         return self.contact.near_setpoint(solid, tools, bulge)
 
     def _measured(self, pairs: _ClosePairs, hulls: Array, tools: Array) -> tuple[Array, Mask, Mask]:
-        """Distances by corners (m, k, 3) and tools (m, 3), where the tool may touch, and where it may so."""
+        """Distances of corners (m, k, 3), where the tools (m, 3) may touch, and contacts that are allowed."""
         rows = range(len(pairs.row))
         found = [self._separation(pairs.link[m], pairs.piece[m], hulls[m]).distance for m in rows]
         distance = np.array(found) - self.links.radii[pairs.link]
