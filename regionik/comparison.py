@@ -11,6 +11,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -44,33 +45,23 @@ TIE_RATIO = 1.05  # of iterations, times or errors below which no method is call
 TIE_ERROR = 1e-6  # difference of errors below which no method is called better [m]
 
 
-@dataclass(frozen=True, eq=False)
-class SlidingBase:
-    """A method for a chain whose first two joints are x and y of the base."""
-
-    robot: Robot
-    method: ArmMethod
-
-    def __call__(self, target: Target, base: Array, joints: Array) -> Configuration:
-        aim = _aim(self.robot, base, target)
-        found = self.method.search(aim, np.concatenate([np.zeros(BASE_JOINTS), joints]))
-        shift, arm = found.joints[:BASE_JOINTS], found.joints[BASE_JOINTS:]
-        return _shifted(self.robot, base, shift, arm, found, self.method)
+def by_sliding_base(
+    robot: Robot, method: ArmMethod, target: Target, base: Array, joints: Array
+) -> Configuration:
+    """Solve by a method for a chain whose first two joints are x and y of the base."""
+    found = method.search(_aim(robot, base, target), np.concatenate([np.zeros(BASE_JOINTS), joints]))
+    return _shifted(robot, base, found.joints[:BASE_JOINTS], found.joints[BASE_JOINTS:], found, method)
 
 
-@dataclass(frozen=True, eq=False)
-class DrivenBase:
-    """A network whose base first drives straight until the target is at the nearest learnt position."""
-
-    robot: Robot
-    method: Network
-
-    def __call__(self, target: Target, base: Array, joints: Array) -> Configuration:
-        aim = _aim(self.robot, base, target)
-        shift = (aim.position - self.method.nearest_learnt(aim.position))[:BASE_JOINTS]
-        aim.position[:BASE_JOINTS] -= shift
-        found = self.method.search(aim, joints)
-        return _shifted(self.robot, base, shift, found.joints, found, self.method)
+def _by_driven_base(
+    robot: Robot, method: Network, target: Target, base: Array, joints: Array
+) -> Configuration:
+    """Solve by a network, the base driven straight until the target is at the nearest learnt position."""
+    aim = _aim(robot, base, target)
+    shift = (aim.position - method.nearest_learnt(aim.position))[:BASE_JOINTS]
+    aim.position[:BASE_JOINTS] -= shift
+    found = method.search(aim, joints)
+    return _shifted(robot, base, shift, found.joints, found, method)
 
 
 def _aim(robot: Robot, base: Array, target: Target) -> Aim:
@@ -113,7 +104,7 @@ def _mfabrik_in_areas(world: World) -> Methods:
 def _with_sliding_base(kind: type[ArmMethod]) -> Callable[[World], Methods]:
     def make(world: World) -> Methods:
         method = kind(sliding_chain(world.robot.chain), world.rules.tolerance)  # type: ignore[call-arg]
-        return [SlidingBase(world.robot, method)] * len(world.task)
+        return [partial(by_sliding_base, world.robot, method)] * len(world.task)
 
     return make
 
@@ -124,7 +115,8 @@ def _network(world: World) -> Methods:
             f"network: takes positions alone, and {world.name} has set-points that ask for a direction, "
             f"valid choices: {', '.join(name for name in METHODS if name != Network.name)}"
         )
-    return [DrivenBase(world.robot, Network(world.robot.chain, world.rules.tolerance))] * len(world.task)
+    method = Network(world.robot.chain, world.rules.tolerance)
+    return [partial(_by_driven_base, world.robot, method)] * len(world.task)
 
 
 _ARM_METHODS = (Fabrik, FabrikPolished, PseudoInverse, DampedLeastSquares, Transpose, CyclicDescent)
@@ -142,13 +134,8 @@ DEFAULT = (REFERENCE, *(kind.name for kind in _ARM_METHODS))
 def prepare_methods(world: World, names: Sequence[str]) -> dict[str, Methods]:
     """Prepare methods for a world, one for each set-point.
 
-    Raises
-    ------
-    InputError
-        For an unknown name, with the valid choices, a package that is not installed, and joints that mimic
-        others.
-    NoPlanFound
-        Where areas are asked for and the world has none.
+    Raises InputError for an unknown name, a package that is not installed, and joints that mimic others, and
+    NoPlanFound where areas are asked for and the world has none.
     """
     unknown = [repr(name) for name in names if name not in METHODS]
     if unknown or not names:
@@ -222,13 +209,11 @@ class Comparison:
     @property
     def beaten(self) -> tuple[str, ...]:
         """One line for each method that beats M-FABRIK in something, and in what."""
-        ours = [score for score in self.scores if score.method == REFERENCE]
-        if not ours:
+        ours = next((score for score in self.scores if score.method == REFERENCE), None)
+        if ours is None:
             return ()
-        found = (
-            (score.method, _advantages(score, ours[0])) for score in self.scores if score.method != REFERENCE
-        )
-        return tuple(f"{name} beats {REFERENCE} in {', '.join(what)}" for name, what in found if what)
+        found = {score.method: _advantages(score, ours) for score in self.scores if score is not ours}
+        return tuple(f"{name} beats {REFERENCE} in {', '.join(what)}" for name, what in found.items() if what)
 
 
 def compare(

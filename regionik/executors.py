@@ -62,26 +62,11 @@ def map_unordered(
     executor: Pool | None = None,
     ahead: int = AHEAD,
 ) -> Iterator[tuple[int, Result]]:
-    """Return results of ``work(world, item)``, each once, as they are done.
+    """Return numbers and results of ``work(world, item)``, each once, as they are done.
 
-    Parameters
-    ----------
-    world : World
-        Sent to each worker once.
-    work : callable
-        A function of a module, so that other processes find it.
-    items : iterable of (number, item)
-        Taken one by one, at most ``ahead`` of them before their results are back.
-    executor : Executor or function that makes one, optional
-
-    Returns
-    -------
-    iterator of (number, result)
-
-    Raises
-    ------
-    EngineError
-        When workers are lost again and again.
+    The world is sent to each worker once; ``work`` is a function of a module, so that other processes find
+    it. Numbered items are taken one by one, at most ``ahead`` of them before their results are back. Raises
+    EngineError when workers are lost again and again.
     """
     if executor is None:
         return ((k, work(world, item)) for k, item in items)
@@ -251,19 +236,9 @@ def dask_executor(address: str) -> Iterator[tuple[Executor, int]]:
     """Yield the workers of a Dask scheduler as an executor, and how many chunks to hand out ahead.
 
     The scheduler hands to others what a lost worker had not given back. Threads of one worker take turns:
-    workers want one thread each (``dask worker ADDRESS --nworkers auto --nthreads 1``).
-
-    Parameters
-    ----------
-    address : str
-        As ``tcp://host:8786``.
-
-    Raises
-    ------
-    InputError
-        When distributed is not installed, or there is no scheduler at the address.
-    EngineError
-        When a chunk ended worker after worker, or the scheduler is lost.
+    workers want one thread each (``dask worker ADDRESS --nworkers auto --nthreads 1``). Raises InputError
+    when distributed is not installed or there is no scheduler at the address (as ``tcp://host:8786``), and
+    EngineError when a chunk ended worker after worker or the scheduler is lost.
     """
     try:
         from distributed import Client, KilledWorker

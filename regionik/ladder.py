@@ -47,14 +47,6 @@ class Ladder:
         return np.searchsorted(self.target, np.arange(self.count + 1))
 
     @cached_property
-    def members(self) -> list[list[int]]:
-        """For each component, those of its group, itself among them."""
-        table: list[list[int]] = [[] for _ in range(int(self.group.max(initial=-1)) + 1)]
-        for k, group in enumerate(self.group.tolist()):
-            table[group].append(k)
-        return [table[group] for group in self.group.tolist()]
-
-    @cached_property
     def empty(self) -> list[int]:
         """Set-points without any component."""
         return np.flatnonzero(np.diff(self.rungs) == 0).tolist()
@@ -86,16 +78,7 @@ class Ladder:
 
 
 def build_ladder(areas: PathAreas, count: int, standing: Standing) -> Ladder:
-    """Split areas into components and join those of neighbouring set-points that overlap.
-
-    Parameters
-    ----------
-    areas : PathAreas
-    count : int
-        Number of set-points.
-    standing : Standing
-        Free floor that the areas lie on.
-    """
+    """Split areas of ``count`` set-points into components, and join those of neighbours that overlap."""
     parts, row = shapely.get_parts(areas.inner, return_index=True)
     whole = shapely.get_type_id(areas.inner)[row] == shapely.GeometryType.POLYGON
     parts[whole] = areas.inner[row[whole]]  # not its copy: for very long paths, memory is mostly areas
@@ -135,24 +118,18 @@ def _overlaps(
     """Pairs of overlapping components of like posture, ``ahead`` set-points apart."""
     if len(standing.sides) == 1 and not ahead:  # components of one area are apart
         return np.empty((0, 2), dtype=np.intp)
-    rungs = np.searchsorted(target, np.arange(count + 1))
     facing = np.array([kind.facing for kind in kinds])
     pitch = np.array([kind.pitch for kind in kinds])
-    first = second = np.empty(0, dtype=np.intp)
-    sizes = np.diff(rungs)
-    if count > ahead and len(parts):
-        inner = target < count - ahead
-        repeat = np.where(inner, sizes[np.minimum(target + ahead, count - 1)], 0)
-        here = np.repeat(np.arange(len(parts)), repeat)
-        offset = np.arange(len(here)) - np.repeat(np.cumsum(repeat) - repeat, repeat)
-        there = rungs[np.minimum(target[here] + ahead, count)] + offset
-        turn = np.abs(np.nan_to_num(pitch[here] - pitch[there], nan=0.0))
-        alike = (facing[here] == facing[there]) & (np.isnan(pitch[here]) == np.isnan(pitch[there]))
-        alike &= (turn < np.pi / 2) & standing.beside(side[here], side[there])
-        here, there = here[alike], there[alike]
-        shared = _shared(parts[here], parts[there], spots[here])
-        first, second = here[shared], there[shared]
-    return np.column_stack([first, second]).astype(np.intp).reshape(-1, 2)
+    rungs = np.searchsorted(target, np.arange(count + ahead + 1))
+    repeat = np.diff(rungs)[target + ahead]
+    here = np.repeat(np.arange(len(parts)), repeat)
+    there = np.repeat(rungs[target + ahead] - np.cumsum(repeat) + repeat, repeat) + np.arange(len(here))
+    turn = np.abs(np.nan_to_num(pitch[here] - pitch[there], nan=0.0))
+    alike = (facing[here] == facing[there]) & (np.isnan(pitch[here]) == np.isnan(pitch[there]))
+    alike &= (turn < np.pi / 2) & standing.beside(side[here], side[there])
+    here, there = here[alike], there[alike]
+    shared = _shared(parts[here], parts[there], spots[here])
+    return np.column_stack([here[shared], there[shared]])
 
 
 def _shared(one: Geometries, other: Geometries, spots: Geometries) -> Mask:

@@ -193,10 +193,8 @@ class Solver:
             rows = [self(*row) for row in zip(targets, np.asarray(bases), np.asarray(joints), strict=True)]
             return _batch(rows, dof)
         points = frozen(np.asarray(targets), (None, 3), "targets").copy()  # writable, as kernels take them
-        here, now = (
-            frozen(bases, (len(points), 3), "bases").copy(),
-            frozen(joints, (len(points), dof), "joints").copy(),
-        )
+        here = frozen(bases, (len(points), 3), "bases").copy()
+        now = frozen(joints, (len(points), dof), "joints").copy()
         if self._setup is None:
             return _batch([self(*row) for row in zip(points, here, now, strict=True)], dof)
         area = BaseArea(self._flat.vertices, self._flat.starts, mobile=True)

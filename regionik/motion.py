@@ -149,11 +149,10 @@ class _Connection:
         if i + 1 >= len(self.nominal):
             return iter(())
         ladder = self.pruned.ladder  # a base may turn into another component where it has come to
-        after = {m for k in ladder.ahead[here.component] for m in ladder.members[k]}
-        components = [k for k in self._kept(i + 1) if k in after]
-        found = self.search.sampler.options(
-            i + 1, components, here.pose, self.nominal[i + 1], together=bool(here.way)
-        )
+        after = set(ladder.group[ladder.ahead[here.component]].tolist())
+        components = [k for k in self._kept(i + 1) if int(ladder.group[k]) in after]
+        goal, sampler = self.nominal[i + 1], self.search.sampler
+        found = sampler.options(i + 1, components, here.pose, goal, together=bool(here.way))
         return islice(found, TRIES)
 
     def _together(self, turning: float, i: int, here: Candidate) -> Iterator[Candidate]:

@@ -179,9 +179,8 @@ def _explained(world: World, quick: Explanation, seed: int, say: Say) -> Explana
     if quick.verdict == "ladder-broken" and not spans(world):
         question = PathQuestion(world, i, spans, lambda changed: _can_be_planned(changed, seed))
         return explained(question, quick, say)
-    if quick.verdict in ("unreachable", "undecided") and has_no_known_place(
-        replace(world, task=(world.task[i],))
-    ):
+    alone = replace(world, task=(world.task[i],))
+    if quick.verdict in ("unreachable", "undecided") and has_no_known_place(alone):
         return explained_target(world, i, quick, ORACLES, say)  # otherwise there is no room to park
     return _explained_arm(world, i, quick, say) if quick.verdict == "no-posture" else quick
 

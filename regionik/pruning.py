@@ -10,7 +10,6 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -19,7 +18,7 @@ from shapely.geometry.base import BaseGeometry
 from regionik.areas.ground import united
 from regionik.areas.standing import PathAreas, Standing, into_span, into_spans
 from regionik.explain.failures import cut_off, no_places, too_many_lifts
-from regionik.ladder import Index, Ladder, Mask, build_ladder
+from regionik.ladder import Ladder, Mask, build_ladder
 from regionik.mfabrik import Solver, solver_for
 from regionik.planners.geometry.polygons import FlatPolygon, clamp
 from regionik.postures.poses import axis_of
@@ -64,12 +63,8 @@ def whole_path(world: World) -> tuple[Standing, PathAreas, Pruned]:
     """Return the free floor of the base, the areas of the whole path, and their pruned ladder.
 
     The arm faces its targets and the base turns freely where that suffices. Postures over the arm's back, and
-    places for some headings only, are used where they save a lift-off or a target.
-
-    Raises
-    ------
-    NoPlanFound
-        Where none of them spans the path.
+    places for some headings only, are used where they save a lift-off or a target. Raises NoPlanFound where
+    none of them spans the path.
     """
     found: list[tuple[Standing, PathAreas, Pruned]] = []
     for standing, facings in ways_to_stand(world):
@@ -141,13 +136,7 @@ def prune(ladder: Ladder, usable: Mask) -> Pruned:
     """Cut, run by run, every component that no full traversal of the run uses.
 
     Runs are made as long as they go, so that lift-offs are fewest: a run that could go on loses nothing by
-    going on.
-
-    Parameters
-    ----------
-    ladder : Ladder
-    usable : (m,) array of bool
-        Components that the base can get to at all.
+    going on. ``usable`` (m,) masks the components that the base can get to at all.
     """
     rungs = ladder.rungs
     keep = np.zeros(len(ladder.component), dtype=bool)
@@ -196,77 +185,43 @@ def choose_chain(pruned: Pruned, standing: Standing, start: Array | None) -> lis
     """One kept component for each set-point, connected within every run, with the least base travel.
 
     Travel is that of a base that moves to the nearest point of the next component, as in M-FABRIK, and turns
-    into its slab: a shortest path by dynamic programming.
-
-    Parameters
-    ----------
-    pruned : Pruned
-    standing : Standing
-    start : (3,) array or None
-        Where the arm axis stands at first, and the base's heading.
+    into its slab: a shortest path by dynamic programming. ``start`` (3,) is the first place of the arm axis
+    and heading of the base.
     """
-    ladder = pruned.ladder
-    before: list[int] = [-1] * len(ladder.component)
-    spans = [standing.sides[s].span for s in ladder.side.tolist()]
-    trips = _Trips(np.empty(0, np.intp), np.empty(0), np.empty((0, 2)), np.empty(0))
+    ladder, size = pruned.ladder, len(pruned.keep)
+    # Of the cheapest way to each component: the one before, cost, place and heading there.
+    before, cost, spot, yaw = [-1] * size, np.zeros(size), np.zeros((size, 2)), np.zeros(size)
     for i in range(ladder.count):
-        found = list[_Trip]()
         for k in pruned.kept(i):
-            if i == 0:
-                found.append(_first(ladder, k, spans[k], start))
-                continue
-            options = trips if i in pruned.breaks else trips.take(np.isin(trips.component, ladder.back[k]))
-            before[k], trip = options.cheapest(ladder.flat(k), spans[k])
-            found.append(trip)
-        trips = _Trips(np.array(pruned.kept(i)), *(np.array(column) for column in zip(*found, strict=True)))
-    k = int(trips.component[np.argmin(trips.cost)])
-    chain = [k]
-    while before[k] >= 0:
-        k = before[k]
-        chain.append(k)
+            component, span = ladder.flat(k), standing.sides[ladder.side[k]].span
+            if i > 0:
+                every = pruned.kept(i - 1)
+                last = every if i in pruned.breaks else [j for j in ladder.back[k] if pruned.keep[j]]
+                n, cost[k], spot[k], yaw[k] = _cheapest(component, span, cost[last], spot[last], yaw[last])
+                before[k] = last[n]
+            elif start is not None:
+                here = np.zeros(1), start[None, :2], start[2:]
+                _, cost[k], spot[k], yaw[k] = _cheapest(component, span, *here)
+            else:
+                middle = ladder.component[k].representative_point()
+                spot[k], yaw[k] = (middle.x, middle.y), into_span(0.0, span)
+    chain = [min(pruned.kept(ladder.count - 1), key=cost.__getitem__)]
+    while before[chain[-1]] >= 0:
+        chain.append(before[chain[-1]])
     return chain[::-1]
 
 
-class _Trip(NamedTuple):
-    """Cost of the base's way to a spot, and its heading there."""
+def _cheapest(
+    component: FlatPolygon, span: tuple[float, float], cost: Array, spot: Array, yaw: Array
+) -> tuple[int, float, tuple[float, float], float]:
+    """The first way that goes on to the nearest point of a component, into its slab, at the least cost.
 
-    cost: float
-    spot: tuple[float, float]
-    yaw: float
-
-
-class _Trips(NamedTuple):
-    """The cheapest ways to components of one set-point, ascending; see `_Trip`."""
-
-    component: Index  # (n,)
-    cost: Array  # (n,)
-    spot: Array  # (n, 2)
-    yaw: Array  # (n,)
-
-    def take(self, some: Mask) -> _Trips:
-        return _Trips(self.component[some], self.cost[some], self.spot[some], self.yaw[some])
-
-    def cheapest(self, component: FlatPolygon, span: tuple[float, float]) -> tuple[int, _Trip]:
-        """The way that goes on to the nearest point of a component, and into its slab, at the least cost.
-
-        Of ways that cost as much it is that from the first.
-        """
-        yaw = into_spans(self.yaw, span)
-        turned = self.cost + TURN_WEIGHT * np.abs(yaw - self.yaw)
-        best = math.inf, -1
-        for m in np.argsort(turned, kind="stable").tolist():
-            if turned[m] > best[0]:
-                break
-            spot = clamp(component.vertices, component.starts, *self.spot[m])
-            best = min(best, (float(turned[m]) + math.dist(self.spot[m], spot), m))
-        m = best[1]
-        spot = clamp(component.vertices, component.starts, *self.spot[m])
-        return int(self.component[m]), _Trip(best[0], spot, float(yaw[m]))
-
-
-def _first(ladder: Ladder, k: int, span: tuple[float, float], start: Array | None) -> _Trip:
-    if start is None:
-        middle = ladder.component[k].representative_point()
-        return _Trip(0.0, (middle.x, middle.y), into_span(0.0, span))
-    here = _Trips(np.array([k]), np.zeros(1), start[None, :2], start[2:])
-    return here.cheapest(ladder.flat(k), span)[1]
+    Ways to spots (n, 2) with headings (n,) have cost so much (n,). Returned is which it is, and what it costs
+    then, its spot and heading.
+    """
+    turned = into_spans(yaw, span)
+    spots = [clamp(component.vertices, component.starts, *one) for one in spot]
+    ways = np.array([math.dist(*pair) for pair in zip(spot, spots, strict=True)])
+    total = cost + TURN_WEIGHT * np.abs(turned - yaw) + ways
+    n = int(np.argmin(total))
+    return n, float(total[n]), spots[n], float(turned[n])

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import GUARD, Side, ground_of, united
+from regionik.areas.ground import Side, ground_of, united
 from regionik.areas.reachable import reach_rows
 from regionik.areas.standing import (
     LEAST_AREA,
@@ -161,19 +161,10 @@ def path_areas(
     *,
     coarse: bool = False,
 ) -> PathAreas:
-    """Inner areas of a whole path at once.
+    """Inner areas of a whole path, or of other targets, at once.
 
-    Parameters
-    ----------
-    world : World
-    targets : sequence of Target, optional
-        The world's task by default.
-    facings : sequence of int
-        Which of `FRONT` and `BACK` to take.
-    standing : Standing, optional
-        Free floor of the base; by default that of every heading.
-    coarse : bool
-        See `ReachQuery`: areas are likely then, not proven.
+    The free floor is by default that of every heading. With ``coarse`` areas are likely, not proven: see
+    `ReachQuery`.
     """
     asked = world.task if targets is None else targets
     sides = (standing or anywhere(world)).sides
@@ -249,8 +240,7 @@ def rejected_parts(world: World, target: Target) -> tuple[RejectedPart, ...]:
 def rejected_by_obstacles(world: World, reach: BaseGeometry) -> list[RejectedPart]:
     """Parts of a reach in which the base would come too near to obstacles, one for each of these."""
     ground = ground_of(world)
-    by = ground.clearance + ground.far + GUARD
-    near = ground.grown_about(reach, by, inner=True)
+    near = ground.grown_about(reach, ground.clearance)
     return [RejectedPart("obstacle", name, reach & shadow) for name, shadow in near]
 
 
@@ -264,8 +254,7 @@ def largest_clearance(world: World, target: Target) -> float | None:
         return None
 
     def open_at(clearance: float) -> bool:
-        by = clearance + ground.far + GUARD
-        grown = [shadow for _, shadow in ground.grown_about(reach, by, inner=True)]
+        grown = [shadow for _, shadow in ground.grown_about(reach, clearance)]
         return float((reach - shapely.union_all(grown)).area) > 1e-12
 
     low, high = 0.0, 1.0
@@ -284,10 +273,7 @@ def largest_clearance(world: World, target: Target) -> float | None:
 def checked_targets(targets: ArrayLike | Sequence[Target]) -> Array | list[Target]:
     """Positions (n, 3) of bare targets, or the targets where any asks for more.
 
-    Raises
-    ------
-    InputError
-        For targets that are not n rows of three finite numbers.
+    Raises InputError for targets that are not n rows of three finite numbers.
     """
     if isinstance(targets, Sequence) and all(isinstance(target, Target) for target in targets):
         some = [target for target in targets if isinstance(target, Target)]

@@ -8,8 +8,8 @@ nothing.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -64,94 +64,80 @@ def tracking_robot(robot: Robot) -> TrackingRobot | None:
     x, y, lift, yaw = robot.mount.tolist()
     if not isinstance(robot.drive, DifferentialDrive) or x <= 0 or y != 0 or yaw != 0:
         return None
-    arm, off = pitch_arm(robot.chain), OFF_LIMITS * (np.arange(robot.chain.dof) == 0)
-    return (
-        None if arm is None else TrackingRobot(arm, x, lift, robot.chain.lower + off, robot.chain.upper - off)
-    )
+    arm, chain = pitch_arm(robot.chain), robot.chain
+    off = OFF_LIMITS * (np.arange(chain.dof) == 0)
+    return None if arm is None else TrackingRobot(arm, x, lift, chain.lower + off, chain.upper - off)
 
 
 def plan_tracked(world: World, seed: int) -> Plan:
     """Plan a world that the tracker can plan (`can_track`).
 
-    Raises
-    ------
-    NoPlanFound
-        When a height is out of reach, or no heading of the base at the first set-point leads to a valid plan.
+    Raises NoPlanFound when a height is out of reach, or no heading of the base at the first set-point leads
+    to a valid plan.
     """
     robot = tracking_robot(with_joint_margin(world.robot, world.rules.criteria))
     assert robot is not None, "asked of a world that the tracker can plan"
     tell("tracker", 0, 0)
-    rejected = _Rejected(world)
-    joiner = _RunJoiner(world, seed)
+    reports, no_way = list[Report](), list[str]()
     try:
         for k, found in enumerate(tracked_paths(world, robot)):
             tell("tracker", k, 0)
             try:
-                motion = joiner.motion(found)
+                made = _plan_of(world, seed, robot, found)
             except NoPathError as error:
-                rejected.no_way.append(str(error))
+                no_way.append(str(error))
                 continue
-            made = _plan_of(world, seed, robot, motion, joiner.methods(found))
             report = verify(made)
             if report.ok:
                 return replace(made, stats={**made.stats, "margins": report.margins})
-            rejected.reports.append(report)
+            reports.append(report)
     except HeightError as error:
         raise NoPlanFound(_out_of_reach(world, error)) from None
-    raise NoPlanFound(rejected.explanation())
+    raise NoPlanFound(_none_holds(world, reports, no_way))
 
 
-@dataclass(frozen=True, eq=False)
-class _RunJoiner:
-    """Joins runs to one motion; between two the tool is lifted and the base driven."""
-
-    world: World
-    seed: int
-
-    def motion(self, found: TrackedPath) -> Motion:
-        """States of all runs and of the drives to them; raises NoPathError."""
-        start, rows, k = self.world.start, [], 0
-        here = None if start is None else Pose(start.base, start.joints)
+def _motion_of(world: World, seed: int, found: TrackedPath) -> Motion:
+    """States of all runs and of the drives to them, with the tool lifted; raises NoPathError."""
+    start, rows, k = world.start, list[Row](), 0
+    here = None if start is None else Pose(start.base, start.joints)
+    if here is not None:
+        rows.append(Row(here, "transit", -1))
+    for run in found.runs:
+        poses = [Pose(base, joints) for base, joints in zip(run.base, run.joints, strict=True)]
         if here is not None:
-            rows.append(Row(here, "transit", -1))
-        for run in found.runs:
-            poses = [Pose(base, joints) for base, joints in zip(run.base, run.joints, strict=True)]
-            if here is not None:
-                rows += [Row(pose, "transit", -1) for pose in self._between(here, poses[0])]
-            for pose in poses:
-                rows.append(Row(pose, "setpoint" if found.path.exact[k] else "step", found.path.owner[k]))
-                k += 1
-            here = poses[-1]
-        if start is not None and same(start.base, start.joints, rows[1].pose.base, rows[1].pose.joints):
-            del rows[0]
-        return columns(rows)
-
-    def methods(self, found: TrackedPath) -> dict[str, int]:
-        """Steps tracked and drives between runs."""
-        drives = len(found.runs) - (self.world.start is None)
-        return {"tracker": sum(len(run.base) - 1 for run in found.runs)} | (
-            {"drive": drives} if drives else {}
-        )
-
-    def _between(self, here: Pose, there: Pose) -> list[Pose]:
-        """States between two poses with the tool lifted: fold the arm, drive, and unfold it."""
-        if same(here.base, here.joints, there.base, there.joints):
-            return []
-        carry, room = self.world.robot.carry, room_for(self.world)
-        way = drive_differential(room, here.base, there.base, seed=self.seed)
-        driven = [Pose(base, carry) for base in way.sample(self.world.rules.step * 0.999)]
-        lifted = Pose(there.base, carry)
-        return [*arm_states(here, driven[0]), *driven[:-1], lifted, *arm_states(lifted, there)]
+            rows += [Row(pose, "transit", -1) for pose in _lifted(world, seed, here, poses[0])]
+        for pose in poses:
+            reached = k == 0 or found.owner[k] != found.owner[k - 1]
+            rows.append(Row(pose, "setpoint" if reached else "step", found.owner[k]))
+            k += 1
+        here = poses[-1]
+    if start is not None and same(start.base, start.joints, rows[1].pose.base, rows[1].pose.joints):
+        del rows[0]
+    return columns(rows)
 
 
-def _plan_of(world: World, seed: int, robot: TrackingRobot, motion: Motion, methods: dict[str, int]) -> Plan:
+def _lifted(world: World, seed: int, here: Pose, there: Pose) -> list[Pose]:
+    """States between two poses with the tool lifted: fold the arm, drive, and unfold it."""
+    if same(here.base, here.joints, there.base, there.joints):
+        return []
+    carry = world.robot.carry
+    way = drive_differential(room_for(world), here.base, there.base, seed=seed)
+    driven = [Pose(base, carry) for base in way.sample(world.rules.step * 0.999)]
+    folded = Pose(there.base, carry)
+    return [*arm_states(here, driven[0]), *driven[:-1], folded, *arm_states(folded, there)]
+
+
+def _plan_of(world: World, seed: int, robot: TrackingRobot, path: TrackedPath) -> Plan:
+    motion = _motion_of(world, seed, path)
+    methods = {"tracker": sum(len(run.base) - 1 for run in path.runs)}
+    if drives := len(path.runs) - (world.start is None):
+        methods["drive"] = drives
     at = np.flatnonzero(motion.kind == "setpoint")
     tools = world.robot.tool(motion.base[at], motion.joints[at])[:, :3, 3]
+    misses = tools - [target.position for target in world.task]
     found = tuple(
-        Configuration(
-            motion.base[k], motion.joints[k], float(np.linalg.norm(tool - target.position)), 0, True
-        )
-        for k, tool, target in zip(at.tolist(), tools, world.task, strict=True)
+        Configuration(motion.base[k], motion.joints[k], float(np.linalg.norm(miss)), 0, True)
+        for k, miss in zip(at.tolist(), misses, strict=True)
     )
     free = shapely.union_all(ground_of(world).inner.pieces)
     areas = tuple(
@@ -176,10 +162,8 @@ def _area(robot: TrackingRobot, target: Target, free: BaseGeometry, axis: Array)
             if not _holds(robot, share.joints):
                 continue
             if share.upright:
-                ring = Point(T[:2, 3])
-                curves.append(
-                    ring.buffer(abs(share.out) + DRAWN, 64) - ring.buffer(abs(share.out) - DRAWN, 64)
-                )
+                middle, out = Point(T[:2, 3]), abs(share.out)
+                curves.append(middle.buffer(out + DRAWN, 64) - middle.buffer(out - DRAWN, 64))
             else:
                 way = np.array([np.cos(share.turn), np.sin(share.turn)])
                 curves.append(Point(T[:2, 3] - share.out * way).buffer(DRAWN))
@@ -188,61 +172,41 @@ def _area(robot: TrackingRobot, target: Target, free: BaseGeometry, axis: Array)
 
 
 def _out_of_reach(world: World, error: HeightError) -> Explanation:
-    i = error.index
-    nearest = error.low if error.height < error.low else error.high
-    off, which = abs(nearest - error.height), "low" if error.height < error.low else "high"
-    low, high, asked, missing = (
-        f"{1000 * value:.2f}" for value in (error.low, error.high, error.height, off)
-    )
-    who = setpoint_at(world.task, i)
+    below = error.height < error.low
+    off = error.low - error.height if below else error.height - error.high
+    low, high, asked, missing = (1000 * value for value in (error.low, error.high, error.height, off))
     reason = (
-        f"{no_way_to(who)}: with this very tool direction and its last joint at zero, as the tracker "
-        f"keeps it, the arm attains heights of {low} to {high} mm, wherever the base stands; {asked} mm is "
-        f"asked for, {missing} mm too {which}. Other postures are not ruled out."
+        f"{no_way_to(setpoint_at(world.task, error.index))}: with this very tool direction and its last "
+        f"joint at zero, as the tracker keeps it, the arm attains heights of {low:.2f} to {high:.2f} mm, "
+        f"wherever the base stands; {asked:.2f} mm is asked for, {missing:.2f} mm too "
+        f"{'low' if below else 'high'}. Other postures are not ruled out."
     )
-    return Explanation("undecided", i, reason, (Cause("reach", world.robot.name, off),))
+    return Explanation("undecided", error.index, reason, (Cause("reach", world.robot.name, off),))
 
 
-@dataclass(frozen=True, eq=False)
-class _Rejected:
-    world: World
-    reports: list[Report] = field(default_factory=list)
-    no_way: list[str] = field(default_factory=list)
-
-    def explanation(self) -> Explanation:
-        """First violation of the plan that stays valid for longest, or the first drive without a path."""
-        tried = len(self.reports) + len(self.no_way)
-        many = (
-            f"{tried} ways to follow the set-points were tried, from all headings of the base and both elbows"
-        )
-        if self.reports:
-            first = [min(report.violations, key=lambda v: v.state or 0) for report in self.reports]
-            farthest = max(first, key=lambda violation: violation.state or 0)
-            told = invalid_plan(self.world, [farthest])
-            return replace(told, reason=f"{many}. Of the one that goes farthest: {farthest.text}.")
-        if self.no_way:
-            return Explanation("ladder-broken", 0, f"{many}. {self.no_way[0]}.", (Cause("floor", "floor"),))
-        reason = (
-            "No way was found to follow the set-points: from all headings of the base and both elbows that "
-            "were tried some joint leaves its limits."
-        )
-        return Explanation("no-posture", None, reason, (Cause("limits", self.world.robot.name),))
-
-
-@dataclass(frozen=True, eq=False)
-class PosePath:
-    """Poses of the tool: all set-points, and some between."""
-
-    poses: list[Array]  # (4, 4) each
-    owner: list[int]  # the set-point, or the one before a pose between
-    exact: list[bool]  # true for a set-point
+def _none_holds(world: World, reports: Sequence[Report], no_way: Sequence[str]) -> Explanation:
+    """First violation of the plan that stays valid for longest, or the first drive without a path."""
+    tried = len(reports) + len(no_way)
+    many = f"{tried} ways to follow the set-points were tried, from all headings of the base and both elbows"
+    if reports:
+        first = [min(report.violations, key=lambda v: v.state or 0) for report in reports]
+        farthest = max(first, key=lambda violation: violation.state or 0)
+        told = invalid_plan(world, [farthest])
+        return replace(told, reason=f"{many}. Of the one that goes farthest: {farthest.text}.")
+    if no_way:
+        return Explanation("ladder-broken", 0, f"{many}. {no_way[0]}.", (Cause("floor", "floor"),))
+    reason = (
+        "No way was found to follow the set-points: from all headings of the base and both elbows that "
+        "were tried some joint leaves its limits."
+    )
+    return Explanation("no-posture", None, reason, (Cause("limits", world.robot.name),))
 
 
 @dataclass(frozen=True, eq=False)
 class TrackedPath:
-    """Runs that follow the poses of a path, the tool lifted between them; empty where none can."""
+    """Runs through set-points and poses between, the tool lifted between runs; empty where none can."""
 
-    path: PosePath
+    owner: list[int]  # of each pose: the set-point, or the one before a pose between
     runs: tuple[TrackedRun, ...]
 
 
@@ -250,11 +214,7 @@ def tracked_paths(world: World, robot: TrackingRobot) -> Iterator[TrackedPath]:
     """Yield paths from all headings of the base and both elbows: fewest lift-offs first, then least travel.
 
     A new run begins where a joint would leave its limits; starts from which no runs follow are left out.
-
-    Raises
-    ------
-    HeightError
-        With the index of the set-point, or of the one before.
+    Raises HeightError with the index of the set-point, or of the one before.
     """
     given = () if world.start is None else (float(world.start.base[2]),)
     starts = [
@@ -304,27 +264,26 @@ def _tracked(
     """Runs along a path whose segments are halved until the motion between poses keeps the rules."""
     parts = [1] * len(world.task)
     for _ in range(FINEST):
-        path = _path(world.task, parts)
+        poses, owner = _path(world.task, parts)
         try:
-            runs = track_runs(robot, path.poses, heading=heading, elbow=elbow, most=most)
+            runs = track_runs(robot, poses, heading=heading, elbow=elbow, most=most)
         except HeightError as error:  # between two set-points: named by the one before
-            raise HeightError(path.owner[error.index], error.height, error.low, error.high) from None
-        coarse = {path.owner[k] for k in _coarse_poses(world, path, runs)} if runs else set()
+            raise HeightError(owner[error.index], error.height, error.low, error.high) from None
+        coarse = {owner[k] for k in _coarse_poses(world, np.array(poses), runs)} if runs else set()
         if not coarse:
             break
         parts = [2 * n if i in coarse else n for i, n in enumerate(parts)]
-    return TrackedPath(path, runs)
+    return TrackedPath(owner, runs)
 
 
-def _path(task: tuple[Target, ...], parts: list[int]) -> PosePath:
-    """Path with the segment after each set-point in a number of parts, turned evenly."""
+def _path(task: tuple[Target, ...], parts: list[int]) -> tuple[list[Array], list[int]]:
+    """Poses with the segment after each set-point in a number of parts, turned evenly, and their owners."""
     poses, owner = [tool_frame(task[0])], [0]
     for i, (a, b) in enumerate(pairwise(task)):
         between = goals_between(a, b, np.arange(1, parts[i]) / parts[i])
         poses += [tool_frame(target) for target in (*between, b)]
         owner += [i] * (parts[i] - 1) + [i + 1]
-    exact = [k == 0 or i != owner[k - 1] for k, i in enumerate(owner)]
-    return PosePath(poses, owner, exact)
+    return poses, owner
 
 
 def tool_frame(target: Target) -> Array:
@@ -335,11 +294,10 @@ def tool_frame(target: Target) -> Array:
     return T
 
 
-def _coarse_poses(world: World, path: PosePath, runs: tuple[TrackedRun, ...]) -> list[int]:
+def _coarse_poses(world: World, poses: Array, runs: tuple[TrackedRun, ...]) -> list[int]:
     """Indices of poses up to whose next the robot moves too far, or the tool leaves its path."""
     rules, robot = world.rules, world.robot
     base, joints = (np.concatenate([getattr(run, part) for run in runs]) for part in ("base", "joints"))
-    poses = np.array(path.poses)
     bend, move = np.diff(joints, axis=0), np.diff(poses, axis=0)
     cone = min(target.cone for target in world.task)
     lifted = np.cumsum([len(run.base) for run in runs])[:-1] - 1  # steps from one run to the next

@@ -115,10 +115,7 @@ class Motion:
 
     def part(self, first: int, end: int) -> Motion:
         """States from one to before another."""
-        rows = slice(first, end)
-        return Motion(
-            self.base[rows], self.joints[rows], self.kind[rows], self.setpoint[rows], self.time[rows]
-        )
+        return Motion(*(getattr(self, key)[first:end] for key in COLUMNS))
 
     @staticmethod
     def joined(parts: Sequence[Motion]) -> Motion:
@@ -139,9 +136,8 @@ class PlannedArea:
     rejected: BaseGeometry
 
     def __repr__(self) -> str:
-        return (
-            f"PlannedArea({self.admissible.area:.3g} m2 admissible, {self.pruned.area:.3g} m2 of it pruned)"
-        )
+        admissible, pruned = self.admissible.area, self.pruned.area
+        return f"PlannedArea({admissible:.3g} m2 admissible, {pruned:.3g} m2 of it pruned)"
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from regionik.timing.trajectory import trajectory
 from regionik.values import Plan, Stop
 from regionik.verification.base_clearance import footprint_hulls
 from regionik.verification.motion import MotionSegments
-from regionik.verification.timed_deviation import deviations
+from regionik.verification.speeds import deviations
 from regionik.verification.timed_segments import timed_segments
 from regionik.verification.verifier import verify, verify_answers
 from regionik.worlds.arrays import Array

@@ -25,6 +25,7 @@ from regionik.postures.families import BACK, FRONT, Family
 from regionik.postures.planar_solver import PlanarSolver
 from regionik.postures.poses import axis_of, pose_of
 from regionik.postures.serial_solver import SerialSolver
+from regionik.reachability.any_base import can_search
 from regionik.regions import admissible_area
 from regionik.verification.verifier import verify
 from regionik.worlds.bundled import robot_named
@@ -49,7 +50,7 @@ def bounded(robot: Robot, half: float) -> Robot:
 
 
 def traits(model: ReachModel) -> set[str]:
-    found = {name for name in ("exact", "exhaustible", "shows_all_postures") if getattr(model, name)}
+    found = {name for name in ("exact", "shows_all_postures") if getattr(model, name)}
     return found | ({"proven"} if model.is_proven(Rules()) else set())
 
 
@@ -71,17 +72,18 @@ def test_an_arm_in_a_plane_has_one_model() -> None:
     robot = robot_named("youbot")
     (model,) = {reach_model(robot, goal) for goal in GOALS}
     assert isinstance(model, PlanarReach)
-    assert traits(model) == {"exact", "proven", "exhaustible", "shows_all_postures"}
+    assert traits(model) == {"exact", "proven", "shows_all_postures"}
     assert isinstance(model.solver(Family(FRONT), 1e-3), PlanarSolver)
 
 
 def test_a_tool_across_the_plane_is_posed_but_can_be_exhausted() -> None:
     robot = across(robot_named("youbot"))
     assert isinstance(reach_model(robot, "point"), PlanarReach)
+    assert can_search(World("test", robot, FLOOR))
     for goal in GOALS[1:]:
         model = reach_model(robot, goal)
         assert isinstance(model, PosedReach)
-        assert traits(model) == {"exhaustible"}
+        assert traits(model) == set()
         assert isinstance(model.solver(Family(FRONT), 1e-3), SerialSolver)
 
 
@@ -89,6 +91,7 @@ def test_any_other_arm_is_pivoted_for_points_and_posed_for_more() -> None:
     robot = robot_named("pioneer7")
     point = reach_model(robot, "point")
     assert type(point) is PivotedReach
+    assert not can_search(World("test", robot, FLOOR))
     assert traits(point) == {"proven"}
     for goal in GOALS[1:]:
         assert isinstance(reach_model(robot, goal), PosedReach)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from benchmarks.tables.batch import solve_batch
-from regionik.comparison import BASE_JOINTS, SlidingBase
+from regionik.comparison import BASE_JOINTS, by_sliding_base
 from regionik.mfabrik import Batch
 from regionik.planners.rivals.iterative import IterativeMethod
 from regionik.values import Configuration
@@ -40,7 +40,7 @@ class SlidingRival:
 
     def __call__(self, target: ArrayLike, base: ArrayLike, joints: ArrayLike) -> Configuration:
         asked = Target(np.asarray(target, dtype=np.float64))
-        return SlidingBase(self.robot, self.method)(asked, np.asarray(base), np.asarray(joints))
+        return by_sliding_base(self.robot, self.method, asked, np.asarray(base), np.asarray(joints))
 
     def batch(self, targets: ArrayLike, bases: ArrayLike, joints: ArrayLike) -> Batch:
         """All in one compiled call; bases stand at the origin, as those of the tables do."""

@@ -35,21 +35,11 @@ Geometries = NDArray[np.object_]
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """Floor and rejected parts, inner or outer, within a span of headings; ready for bulk booleans.
+    """Floor and rejected parts, inner or outer, within a span of headings; ready for bulk booleans."""
 
-    Attributes
-    ----------
-    floor : BaseGeometry
-        Of the axis, without obstacles.
-    parts : array of Polygon
-        Rejected, disjoint.
-    span : (low, high)
-        Headings of the base [rad].
-    """
-
-    floor: BaseGeometry
-    parts: Geometries
-    span: tuple[float, float] = EVERY
+    floor: BaseGeometry  # of the axis, without obstacles
+    parts: Geometries  # rejected, disjoint polygons
+    span: tuple[float, float] = EVERY  # headings of the base [rad]
 
     @cached_property
     def tree(self) -> STRtree:
@@ -81,15 +71,9 @@ class Side:
         pieces, piece = shapely.get_parts(self._local(left, which, part), return_index=True)
         solid = shapely.get_type_id(pieces) == shapely.GeometryType.POLYGON
         pieces, which = pieces[solid], which[piece[solid]]
-        rows, first, group, count = np.unique(
-            which, return_index=True, return_inverse=True, return_counts=True
-        )
+        rows, group = np.unique(which, return_inverse=True)
         # Disjoint pieces make a valid multipolygon as they are: no union is needed.
-        taken, several = pieces[first], count > 1
-        place = np.cumsum(several) - 1
-        together = several[group]
-        taken[several] = shapely.multipolygons(pieces[together], indices=place[group[together]])
-        left[rows] = shapely.difference(left[rows], taken)
+        left[rows] = shapely.difference(left[rows], shapely.multipolygons(pieces, indices=group))
         return left
 
     def _local(self, shapes: Geometries, which: NDArray[np.intp], part: NDArray[np.intp]) -> Geometries:
@@ -103,43 +87,31 @@ class Side:
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """Floor of a world and shadows of its solids, and what they leave of it.
-
-    Attributes
-    ----------
-    floor : Polygon or MultiPolygon
-    names : tuple of str
-    shadows : tuple of Shadow
-    clearance : float
-        [m]
-    far, near : float
-        Largest and smallest distance of the footprint's edge from the arm axis; the latter below zero for an
-        axis beside the footprint [m].
-    """
+    """Floor of a world and shadows of its solids, and what they leave of it."""
 
     floor: Polygon | MultiPolygon
     names: tuple[str, ...]
     shadows: tuple[Shadow, ...]
-    clearance: float
-    far: float
-    near: float
+    clearance: float  # [m]
+    far: float  # largest distance of the footprint's edge from the arm axis [m]
+    near: float  # smallest one, below zero for an axis beside the footprint [m]
 
     @cached_property
     def inner(self) -> Side:
-        taken = self.taken(self.clearance + GUARD, inner=True)
-        return Side(shrunk(self.floor, self.far + GUARD, outside=False), disjoint(taken))
+        floor = shrunk(self.floor, self.far + GUARD, outside=False)
+        return Side(floor, self._taken(self.clearance + GUARD + self.far, inner=True))
 
     @cached_property
     def outer(self) -> Side:
-        taken = self.taken(self.clearance, inner=False)
         if self.near < 0:  # the axis may lie off the floor
-            return Side(grown(self.floor, -self.near, outside=True), disjoint(taken))
-        return Side(shrunk(self.floor, self.near, outside=True), disjoint(taken))
+            floor = grown(self.floor, -self.near, outside=True)
+        else:
+            floor = shrunk(self.floor, self.near, outside=True)
+        return Side(floor, self._taken(self.clearance + self.near, inner=False))
 
-    def taken(self, clearance: float, *, inner: bool) -> Geometries:
-        """Every shadow grown by clearance and footprint: circumscribed for inner areas, else inscribed."""
-        spare = self.far if inner else self.near
-        return np.array([grow(shadow, clearance + spare, inner) for shadow in self.shadows], dtype=object)
+    def _taken(self, by: float, *, inner: bool) -> Geometries:
+        """Shadows grown by clearance and footprint: circumscribed for inner areas, else inscribed."""
+        return disjoint(np.array([grow(shadow, by, inner) for shadow in self.shadows], dtype=object))
 
     def cut_to(self, region: BaseGeometry) -> Ground:
         """The ground cut to what matters to a footprint within a region: floor and shadows."""
@@ -156,8 +128,9 @@ class Ground:
         floor = MultiPolygon([part for part in parts if part.area > 0])
         return replace(self, floor=floor, names=tuple(names), shadows=tuple(shadows))
 
-    def grown_about(self, shape: BaseGeometry, by: float, *, inner: bool) -> list[tuple[str, BaseGeometry]]:
-        """Shadows that meet a shape once grown by ``by`` [m]: names, and what of them is about the shape."""
+    def grown_about(self, shape: BaseGeometry, clearance: float) -> list[tuple[str, BaseGeometry]]:
+        """Shadows that reject some of an inner area at a clearance: names, and what of them is about it."""
+        by = clearance + self.far + GUARD
         x0, y0, x1, y1 = shape.bounds
         found = []
         for k in self.within(shape, by):
@@ -165,10 +138,8 @@ class Ground:
             if shapely.get_num_coordinates(shadow.core) > LARGE:
                 wide = 2 * (by + shadow.radius) + GUARD
                 around = shapely.box(x0 - wide, y0 - wide, x1 + wide, y1 + wide)
-                cut = shapely.intersection(shadow.core, around)
-                found.append((self.names[k], grown(cut, shadow.radius + by, outside=inner)))
-            else:
-                found.append((self.names[k], grow(shadow, by, inner)))
+                shadow = replace(shadow, core=shapely.intersection(shadow.core, around))
+            found.append((self.names[k], grow(shadow, by, inner=True)))
         return found
 
     @cached_property
@@ -180,7 +151,7 @@ class Ground:
         """Shadows that may meet a shape once grown by ``by`` [m], in order."""
         widest = max((shadow.radius for shadow in self.shadows), default=0.0)
         found = self.cores.query(shape, predicate="dwithin", distance=(by + widest) * 1.01)
-        return [int(k) for k in np.sort(found)]
+        return np.sort(found).tolist()
 
     def nearest(self, shape: BaseGeometry) -> tuple[str, float] | None:
         """Name and distance of the shadow nearest to a shape on the floor."""
@@ -239,9 +210,6 @@ def united(shapes: Geometries) -> BaseGeometry:
 
 def disjoint(shapes: Geometries) -> Geometries:
     """Union as disjoint polygons."""
-    solid = shapes[~shapely.is_empty(shapes)] if len(shapes) else shapes
-    if not len(solid):
-        return np.empty(0, dtype=object)
-    parts: Geometries = shapely.get_parts(shapely.disjoint_subset_union_all(solid))
+    parts: Geometries = shapely.get_parts(shapely.disjoint_subset_union_all(shapes))
     real: Geometries = parts[shapely.area(parts) > 0]
     return real

@@ -27,25 +27,13 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class HeldReach:
-    """Cells of space, seen from the base, to which some posture within limits brings the tool.
+    """Cells of space, seen from the base, to which some posture within limits brings the tool."""
 
-    Attributes
-    ----------
-    cell : float
-        Width of a cell [m].
-    corner : (3,) array of int
-        Cell with the index 0, 0, 0.
-    taken : (nx, ny, nz) array of bool
-    tools : (n, 3) array
-        Positions of the tool in the postures drawn [m].
-    joints : (n, dof) array
-    """
-
-    cell: float
-    corner: Index
-    taken: Mask
-    tools: Array
-    joints: Array
+    cell: float  # width of a cell [m]
+    corner: Index  # (3,) cell with the index 0, 0, 0
+    taken: Mask  # (nx, ny, nz)
+    tools: Array  # (n, 3) positions of the tool in the postures drawn [m]
+    joints: Array  # (n, dof)
 
     def holds(self, base: Array, position: Array) -> Mask:
         """Mask of the base poses (n, 3) from which the tool comes to a position (3,) [m]."""

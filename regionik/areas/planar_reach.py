@@ -43,30 +43,19 @@ Arc = tuple[float, float]  # middle and half width [rad]
 
 @dataclass(frozen=True, eq=False)
 class PlanarReach(ReachModel):
-    """Reach of an arm in one vertical plane, its tool along the last link where a direction is asked.
+    """Reach of an arm in one vertical plane, its tool along the last link where a direction is asked."""
 
-    Attributes
-    ----------
-    arm : PlanarArm
-        The robot's chain in the plane.
-    """
-
-    arm: PlanarArm
+    arm: PlanarArm  # the robot's chain in the plane
 
     exact: ClassVar[bool] = True
     shows_all_postures: ClassVar[bool] = True
 
-    @property
-    def exhaustible(self) -> bool:
-        return True
-
     @cached_property
     def plane(self) -> PlanarLinkage:
         """The arm for kernels, heights counted from the floor; its arrays are writable, as they expect."""
-        lengths, lower, upper = (
-            np.array(part, order="C") for part in (self.arm.lengths, self.arm.lower, self.arm.upper)
-        )
-        return PlanarLinkage(float(self.arm.shoulder[0]), self._shoulder, lengths, lower, upper)
+        arm = self.arm
+        lengths, lower, upper = (np.array(part, order="C") for part in (arm.lengths, arm.lower, arm.upper))
+        return PlanarLinkage(float(arm.shoulder[0]), self._shoulder, lengths, lower, upper)
 
     @property
     def _shoulder(self) -> float:
@@ -74,17 +63,6 @@ class PlanarReach(ReachModel):
         return float(self.arm.shoulder[1] + self.robot.mount[2])
 
     def rows(self, targets: Sequence[Target], query: ReachQuery) -> Rows:
-        """Exact but for the chords of circles; see `ReachModel`."""
-        which, families, rings = self.rings(targets, query)
-        return which, families, sector_polygons(rings, query)
-
-    def rings(
-        self, targets: Sequence[Target], query: ReachQuery
-    ) -> tuple[Index, tuple[Family, ...], Sectors]:
-        """Return `rows` as rings and ring sectors.
-
-        Inner ones are wide enough for the rules' margin on both sides, which is not taken off yet.
-        """
         self.thresholds(query.rules.criteria)
         positions = np.array([target.position for target in targets]).reshape(-1, 3)
         alike: dict[tuple[Family, ...], list[int]] = {}
@@ -94,35 +72,23 @@ class PlanarReach(ReachModel):
         parts = [np.empty((0, 4))]
         for kinds, members in alike.items():
             for pitches in sorted({family.pitches for family in kinds}):
-                some = [family for family in kinds if family.pitches == pitches]
-                rows = self._table(positions[members, 2], some, query)
-                rows[:, 0] = np.array(members)[rows[:, 0].astype(np.intp)]
-                rows[:, 1] += len(found)
-                parts.append(rows)
-                found += some
+                owner, spans = self.intervals(
+                    query.rules.criteria, positions[members, 2], pitches, query.facings, inner=query.inner
+                )
+                for family in (one for one in kinds if one.pitches == pitches):
+                    parts.append(_ahead(np.array(members)[owner], len(found), family, spans, query))
+                    found.append(family)
         table = np.concatenate(parts)
         table = table[np.argsort(table[:, 0], kind="stable")]
         arcs = [self._arcs(family, query) for family in found]
         which, kind, rings = _sectors(positions[:, :2], found, table, arcs)
-        return which, tuple(found[k] for k in kind.tolist()), rings
-
-    def _table(self, heights: Array, kinds: Sequence[Family], query: ReachQuery) -> Array:
-        """Distances that families of one range of pitches reach: rows of height, family, low, high [m]."""
-        criteria, pitches = query.rules.criteria, kinds[0].pitches
-        owner, spans = self.intervals(criteria, heights, pitches, query.facings, inner=query.inner)
-        parts = []
-        for k, family in enumerate(kinds):
-            ahead, low, high = _ahead(family, spans, query)
-            parts.append(np.column_stack([owner[ahead], np.full(len(ahead), k), low, high]))
-        return np.concatenate(parts)
+        return which, tuple(found[k] for k in kind.tolist()), sector_polygons(rings, query)
 
     def fine_rows(self, target: Target, kinds: Sequence[Family], query: ReachQuery) -> FineRows:
-        """Exact but for the chords of circles; see `ReachModel`."""
         parts = [np.empty((0, 4))]
         for k, family in enumerate(kinds):
-            reach = reach_intervals(self.arm, self._shoulder, target.position[2:], family.pitches)[0]
-            ahead, low, high = _ahead(family, reach, query)
-            parts.append(np.column_stack([np.zeros(len(ahead)), np.full(len(ahead), k), low, high]))
+            spans = reach_intervals(self.arm, self._shoulder, target.position[2:], family.pitches)[0]
+            parts.append(_ahead(np.zeros(len(spans)), k, family, spans, query))
         turns = [[arc for arc in self._arcs(one, query) if arc[1] > 0] for one in kinds]
         _, kind, rings = _sectors(target.position[None, :2], kinds, np.concatenate(parts), turns)
         return tuple(kinds[k] for k in kind.tolist()), sector_polygons(rings, query)
@@ -136,25 +102,11 @@ class PlanarReach(ReachModel):
         *,
         inner: bool,
     ) -> tuple[Index, Array]:
-        """Intervals of signed distance r at each height with a posture that meets all criteria together.
+        """Intervals of signed distance r with a posture that meets all criteria together.
 
-        Parameters
-        ----------
-        criteria : Criteria or None
-        heights : (n,) array
-            Of the tool over the floor [m].
-        pitches : (low, high)
-            Angles that the last link may take in the plane [rad].
-        facings : sequence of int
-        inner : bool
-            Whether to give what is proven, or what is not ruled out.
-
-        Returns
-        -------
-        owner : (m,) array of int
-            Height of each, ascending.
-        reach : (m, 2) array
-            Ascending at each height; none crosses 0 [m].
+        Heights (n,) are those of the tool over the floor [m]; ``pitches`` bounds the angle of the last link
+        in the plane [rad]. ``inner`` ones are proven, others not ruled out. Returned are the height of each
+        interval, (m,) ascending, and its ends, (m, 2), ascending at each height; none crosses 0 [m].
         """
         front, back = FRONT in facings, BACK in facings
         owner, reach = reach_spans(self.arm, self._shoulder, heights, pitches, front=front, back=back)
@@ -175,7 +127,6 @@ class PlanarReach(ReachModel):
         return np.split(np.sort(np.abs(reach), axis=1), np.searchsorted(owner, np.arange(1, len(heights))))
 
     def families(self, target: Target, facings: tuple[int, ...], *, inner: bool) -> tuple[Family, ...]:
-        """Those of `postures.families`; see `ReachModel`."""
         return families_of(self.arm, target, facings, inner=inner)
 
     def solver(
@@ -188,10 +139,7 @@ class PlanarReach(ReachModel):
     def thresholds(self, criteria: Criteria | None) -> tuple[Thresholds, Thresholds] | None:
         """Thresholds that criteria set besides limits, for inner and for outer areas; None for none.
 
-        Raises
-        ------
-        InputError
-            For criteria that the arm cannot be held to.
+        Raises InputError for criteria that the arm cannot be held to.
         """
         if criteria is None or not criteria.beyond_limits:
             return None
@@ -199,7 +147,6 @@ class PlanarReach(ReachModel):
         return thresholds_of(self.arm, self.robot, criteria)
 
     def meets(self, criteria: Criteria | None, joints: Array) -> bool:
-        """See `ReachModel`."""
         asked = self.thresholds(criteria)
         if not super().meets(criteria, joints):
             return False
@@ -242,13 +189,13 @@ def _split(spans: Array) -> Array:
     return both[np.argsort(both[:, 0], kind="stable")]
 
 
-def _ahead(family: Family, spans: Array, query: ReachQuery) -> tuple[Index, Array, Array]:
-    """Rows of the spans (m, 2) of signed distance that a family reaches, and their distances."""
+def _ahead(owner: Array | Index, k: int, family: Family, spans: Array, query: ReachQuery) -> Array:
+    """Rows of owner, number k, low and high of what a family reaches of signed distances (m, 2)."""
     low, high = spans.T
     front = low >= 0
     a, b = np.where(front, low, -high), np.where(front, high, -low)
-    reached = ((low + high) * family.facing > 0) & wide_enough(a, b, query)
-    return np.flatnonzero(reached), a[reached], b[reached]
+    rows = np.column_stack([owner, np.full(len(owner), k), a, b])
+    return rows[((low + high) * family.facing > 0) & wide_enough(a, b, query)]
 
 
 def _sectors(
@@ -256,15 +203,8 @@ def _sectors(
 ) -> tuple[Index, Index, Sectors]:
     """Rings cut to the directions of their families: target and family of each sector, and the sectors.
 
-    Parameters
-    ----------
-    centers : (n, 2) array
-        Of the targets [m].
-    kinds : sequence of Family
-    table : (m, 4) array
-        Rows of target, family, low, high.
-    arcs : sequence of sequences of (middle, half)
-        Directions that the plane may take, of each family [rad].
+    Targets are at ``centers`` (n, 2) [m]; the table (m, 4) has rows of target, family, low and high; ``arcs``
+    are the directions that the plane may take, of each family.
     """
     which, kind = table[:, :2].astype(np.intp).T
     counts = np.array([len(several) for several in arcs], dtype=np.intp)

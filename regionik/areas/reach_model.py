@@ -32,29 +32,16 @@ FineRows = tuple[tuple[Family, ...], Geometries]  # family and shape of each row
 class ReachQuery(NamedTuple):
     """Conditions under which a reach is asked for.
 
-    Attributes
-    ----------
-    rules : Rules
-    margin : float or None
-        What rings within the true reach keep from both its ends [m]; None for rings around it.
-    span : (low, high)
-        Headings of the base [rad].
-    facings : tuple of int
-        Which of `FRONT` and `BACK` to take.
-    arcs : int
-        Vertices of a full circle.
-    coarse : bool
-        Whether heights near to each other may share a reach where that saves work: outer rings are larger
-        then, and inner ones likely, not proven.
-    proven : bool
-        Whether inner areas that are sampled otherwise are cut to what is proven, which takes a second each.
+    With ``coarse``, heights near to each other may share a reach where that saves work: outer rings are
+    larger then, and inner ones likely, not proven. With ``proven``, inner areas that are sampled otherwise
+    are cut to what is proven, which takes a second each.
     """
 
     rules: Rules
-    margin: float | None
-    span: tuple[float, float]
+    margin: float | None  # that rings within the true reach keep from its ends [m]; None for rings around it
+    span: tuple[float, float]  # headings of the base [rad]
     facings: tuple[int, ...] = (FRONT, BACK)
-    arcs: int = ARC_POINTS
+    arcs: int = ARC_POINTS  # vertices of a full circle
     coarse: bool = False
     proven: bool = False
 
@@ -76,28 +63,14 @@ class ReachModel(ABC):
     The reach of a target is the set of places of the arm axis on the floor, the pivot axis of the arm, from
     which some posture within limits meets the target. An inner area holds places that work, an outer one all
     that may.
-
-    Attributes
-    ----------
-    robot : Robot
-        With the limits that postures must keep.
-    exact : bool
-        Inner and outer areas are the true reach at every height and cone, but for the chords of circles.
-    shows_all_postures : bool
-        The self-motion of the solver shows postures of every kind.
-    exhaustible : bool
-        All postures from all places can be searched for a clear one, or proven to hold none.
     """
 
-    robot: Robot
+    robot: Robot  # with the limits that postures must keep
 
+    # Inner and outer areas are the true reach at every height and cone, but for the chords of circles.
     exact: ClassVar[bool] = False
+    # The self-motion of the solver shows postures of every kind.
     shows_all_postures: ClassVar[bool] = False
-
-    @property
-    @abstractmethod
-    def exhaustible(self) -> bool:
-        """See the attributes."""
 
     @abstractmethod
     def rows(self, targets: Sequence[Target], query: ReachQuery) -> Rows:
@@ -119,26 +92,15 @@ class ReachModel(ABC):
     def solver(
         self, family: Family, tolerance: float, *, turns: bool = True, criteria: Criteria | None = None
     ) -> Arm:
-        """The arm as M-FABRIK moves it, in a family of postures.
+        """The arm as M-FABRIK moves it, in a family of postures, to a tolerance [m].
 
-        Parameters
-        ----------
-        family : Family
-        tolerance : float
-            [m]
-        turns : bool
-            Whether the base turns for the arm.
-        criteria : Criteria, optional
-            Thresholds of manipulability and effort that postures must meet.
+        ``turns`` tells whether the base turns for the arm; of criteria, manipulability and effort are met.
         """
 
     def meets(self, criteria: Criteria | None, joints: Array) -> bool:
         """True where a posture (dof,) meets criteria, of an arm in one plane at any roll.
 
-        Raises
-        ------
-        InputError
-            For criteria that the arm cannot be held to.
+        Raises InputError for criteria that the arm cannot be held to.
         """
         limits = with_joint_margin(self.robot, criteria).chain
         over = (joints < limits.lower - LIMIT_SLACK) | (joints > limits.upper + LIMIT_SLACK)
@@ -173,22 +135,13 @@ class ReachModel(ABC):
 
 
 class Sectors(NamedTuple):
-    """Rings and ring sectors.
+    """Rings and ring sectors."""
 
-    Attributes
-    ----------
-    center : (n, 2) array
-    low, high : (n,) array
-        Radii, 0 <= low < high [m].
-    azimuth, half : (n,) array
-        Middle and half of each sector; whole rings where half a turn or more [rad].
-    """
-
-    center: Array
-    low: Array
-    high: Array
-    azimuth: Array
-    half: Array
+    center: Array  # (n, 2) [m]
+    low: Array  # (n,) inner radius, from 0 on [m]
+    high: Array  # (n,) outer radius, above the inner one [m]
+    azimuth: Array  # (n,) middle of each sector [rad]
+    half: Array  # (n,) half of each sector; half a turn or more for whole rings [rad]
 
 
 def sector_polygons(sectors: Sectors, query: ReachQuery) -> Geometries:

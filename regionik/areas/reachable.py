@@ -46,27 +46,17 @@ from regionik.worlds.errors import InputError
 from regionik.worlds.robot import Robot, with_joint_margin
 from regionik.worlds.scene import Rules, Target, World
 
+FINE_ARC_POINTS = 768  # vertices of a full circle in `fine_reach`
+
 Bound = Callable[[Chain, float], Intervals]  # of R(z) [m]
 
 
 def reach_model(robot: Robot, goal: Goal) -> ReachModel:
-    """Return the model of an arm's reach that suits a kind of goal.
+    """Return the model of an arm's reach, within the robot's limits, that suits a kind of goal.
 
-    Parameters
-    ----------
-    robot : Robot
-        With the limits that postures must keep.
-    goal : {"point", "direction", "orientation"}
-
-    Returns
-    -------
-    PlanarReach
-        Of an arm in one vertical plane, its tool along the last link where more than a point is asked. One
-        model for all its goals.
-    PivotedReach
-        Of any other arm, for points.
-    PosedReach
-        Of any other arm, for directions and orientations.
+    It is one `PlanarReach` for all goals of an arm in one vertical plane, its tool along the last link where
+    more than a point is asked. Of any other arm it is `PivotedReach` for points, and `PosedReach` for
+    directions and orientations.
 
     Examples
     --------
@@ -85,18 +75,12 @@ def _models(robot: Robot) -> tuple[ReachModel, ReachModel]:
         planar = planar_reach(robot)
     except InputError:
         return PivotedReach(robot), PosedReach(robot)
-    return planar, planar if planar.arm.tool_along_link else PosedReach(robot, planar=True)
+    return planar, planar if planar.arm.tool_along_link else PosedReach(robot)
 
 
 @lru_cache(maxsize=256)
 def planar_reach(robot: Robot) -> PlanarReach:
-    """Return the reach of an arm in one vertical plane.
-
-    Raises
-    ------
-    InputError
-        When the arm does not work in one.
-    """
+    """Return the reach of an arm in one vertical plane; raises InputError when it does not work in one."""
     return PlanarReach(robot, planar_arm(robot.chain))
 
 
@@ -118,14 +102,6 @@ def reach_rows(
     """Reach of targets as rings and ring sectors, before rejection, the base's heading within a span.
 
     See `ReachQuery` for ``coarse`` and ``proven``.
-
-    Returns
-    -------
-    target : (m,) array of int
-        Ascending.
-    family : tuple of Family
-        One for each row.
-    shape : (m,) array of geometry
     """
     margin = world.rules.reach_margin if inner else None
     which, kinds, shapes = rows_of(
@@ -153,37 +129,16 @@ def rows_of(world: World, targets: Sequence[Target], query: ReachQuery) -> Rows:
 
 
 def fine_reach(
-    world: World,
-    target: Target,
-    kinds: Sequence[Family],
-    span: tuple[float, float],
-    arcs: int,
-    *,
-    inner: bool,
+    world: World, target: Target, kinds: Sequence[Family], span: tuple[float, float], *, inner: bool
 ) -> FineRows:
     """Reach of one target without the rules' ``reach_margin``, with finer circles: families and shapes.
 
-    Parameters
-    ----------
-    world : World
-    target : Target
-    kinds : sequence of Family
-    span : (low, high)
-        Headings of the base [rad].
-    arcs : int
-        Vertices of a full circle.
-    inner : bool
-        True for shapes within the true reach, False for shapes around it, by the layer of the height.
+    Shapes lie within the true reach, or around it by the layer of the height, with the base's heading within
+    a span.
     """
-    query = ReachQuery(world.rules, GUARD if inner else None, span, arcs=arcs, coarse=not inner)
+    query = ReachQuery(world.rules, GUARD if inner else None, span, arcs=FINE_ARC_POINTS, coarse=not inner)
     families, shapes = reach_model(world.robot, goal_of(target)).fine_rows(target, kinds, query)
     return families, _eroded(shapes, world.axis_error) if inner else shapes
-
-
-def _inset(shape: BaseGeometry, by: float) -> BaseGeometry:
-    """Places that keep a distance from a shape's edge; the whole shape where none does."""
-    inner: BaseGeometry = shape.buffer(-by, join_style="mitre")
-    return shape if inner.is_empty else inner
 
 
 def _eroded(shapes: Geometries, error: float) -> Geometries:
@@ -203,10 +158,6 @@ class PivotedReach(ReachModel):
     where a query asks for that; outer ones leave these criteria aside.
     """
 
-    @property
-    def exhaustible(self) -> bool:
-        return False
-
     def rows(self, targets: Sequence[Target], query: ReachQuery) -> Rows:
         """Whole rings, or sectors of headings that the pivot cannot make up for; see `ReachModel`.
 
@@ -215,8 +166,7 @@ class PivotedReach(ReachModel):
         return self._sampled(targets, query) if self._is_sampled(query) else self._rings(targets, query)
 
     def fine_rows(self, target: Target, kinds: Sequence[Family], query: ReachQuery) -> FineRows:
-        """See `ReachModel`; of one family only."""
-        return (self._sampled if self._is_sampled(query) else self._rings)([target], query)[1:]
+        return self.rows([target], query)[1:]  # of the one family
 
     def is_proven(self, rules: Rules) -> bool:
         """True where base or pivot turn all round, see below, and limits are all that postures keep."""
@@ -243,8 +193,10 @@ class PivotedReach(ReachModel):
     def _sampled_area(self, aim: Aim, query: ReachQuery) -> BaseGeometry:
         bound, demand = not self._turns_all_round(query.rules), demand_of(self.robot, query.rules.criteria)
         heading = query.span[0] + float(self.robot.mount[3]) if bound else None
-        found = pose_reach(self.chain, self.height, aim, heading, demand)
-        area = _inset(found.area, query.rules.reach_margin)
+        found: BaseGeometry = pose_reach(self.chain, self.height, aim, heading, demand).area
+        area = found.buffer(-query.rules.reach_margin, join_style="mitre")
+        if area.is_empty:  # an area too small for the margin is left whole
+            area = found
         if query.proven and not area.is_empty:
             low, high = (angle + float(self.robot.mount[3]) for angle in query.span)
             chain = with_pivot_limits(self.chain, *self.pivot(query.rules))
@@ -283,7 +235,6 @@ class PivotedReach(ReachModel):
         return united(sector_polygons(Sectors(*(part[real] for part in rings)), query))
 
     def distances(self, criteria: Criteria | None, heights: Array, *, inner: bool) -> list[Array]:
-        """R(z) at each height; see `ReachModel`."""
         demand = demand_of(self.robot, criteria)
         if inner and demand is not None:
             return self._distances(partial(proven_distances, demand=demand), heights)
@@ -313,7 +264,6 @@ class PivotedReach(ReachModel):
         return serial_solver(self.robot.chain, self.height, tolerance, turns=turns, demand=demand)
 
     def meets(self, criteria: Criteria | None, joints: Array) -> bool:
-        """See `ReachModel`."""
         if not super().meets(criteria, joints):
             return False
         demand = demand_of(self.robot, criteria)
@@ -327,18 +277,7 @@ class PosedReach(PivotedReach):
     Inner areas are sampled on a grid of places (`pose_reach`), and cut to the squares in which each place is
     proven to have a posture (`proven_poses`) where a query asks for that. Outer ones bound the tool's point
     and other points of the tool that the pose fixes (`fixed_points`).
-
-    Attributes
-    ----------
-    planar : bool
-        Whether the arm works in one plane and its tool points across the last link.
     """
-
-    planar: bool = False
-
-    @property
-    def exhaustible(self) -> bool:
-        return self.planar  # a proof for the tool's point is one for its poses
 
     def is_proven(self, rules: Rules) -> bool:
         return False

@@ -40,40 +40,21 @@ Mask = NDArray[np.bool_]
 
 
 class Pieces(NamedTuple):
-    """Connected parts of the free floor of every side, labelled by those the base can go between.
+    """Connected parts of the free floor of every side."""
 
-    Attributes
-    ----------
-    polygon : (n,) array of Polygon
-    side : (n,) array of int
-    label : (n,) array of int
-        The same for parts that driving and turning connect.
-    """
-
-    polygon: Geometries
-    side: Index
-    label: Index
+    polygon: Geometries  # (n,)
+    side: Index  # (n,)
+    label: Index  # (n,) the same for parts that driving and turning connect
 
 
 @dataclass(frozen=True, eq=False)
 class PathAreas:
-    """Admissible inner areas of many targets, one row for each target, side, family and reach interval.
+    """Admissible inner areas of many targets, one row for each target, side, family and reach interval."""
 
-    Attributes
-    ----------
-    target : (m,) array of int
-        Ascending.
-    family : tuple of Family
-        One for each row.
-    side : (m,) array of int
-        Side of the standing that the row is about.
-    inner : (m,) array of geometry
-    """
-
-    target: NDArray[np.intp]
+    target: Index  # (m,) ascending
     family: tuple[Family, ...]
-    side: NDArray[np.intp]
-    inner: Geometries
+    side: Index  # (m,) of the standing
+    inner: Geometries  # (m,)
 
     def sorted_by(self, target: Index) -> PathAreas:
         """Return the rows in the order of other numbers of their targets, (m,)."""
@@ -96,11 +77,10 @@ class Standing:
         polygon: Geometries = np.concatenate(found)
         if len(found) == 1:  # pieces of one side are apart
             return Pieces(polygon, side, np.arange(len(polygon)))
-        return Pieces(
-            polygon,
-            side,
-            component_labels(len(polygon), overlapping_pairs(self, polygon, polygon, side, side)),
-        )
+        pairs = shapely.STRtree(polygon).query(polygon, predicate="intersects")
+        a, b = pairs[:, self.beside(*side[pairs])]
+        real = shapely.area(shapely.intersection(polygon[a], polygon[b])) > LEAST_AREA
+        return Pieces(polygon, side, component_labels(len(polygon), np.column_stack([a[real], b[real]])))
 
     def whole(self, label: int) -> Geometries:
         """Return all parts with one label."""
@@ -109,9 +89,8 @@ class Standing:
 
     def beside(self, a: Index, b: Index) -> Mask:
         """Mask of the pairs of sides that are the same, or neighbours in heading."""
-        count = len(self.sides)
         apart = np.abs(a - b)
-        near: Mask = (apart <= 1) | (apart == count - 1)
+        near: Mask = (apart <= 1) | (apart == len(self.sides) - 1)
         return near
 
     def piece_at(self, axis: Array, yaw: float) -> int | None:
@@ -148,19 +127,6 @@ def into_spans(yaw: Array, span: tuple[float, float]) -> Array:
     middle, half = (low + high) / 2, (high - low) / 2
     off = np.remainder(yaw - middle + np.pi, 2 * np.pi) - np.pi
     return yaw - (off - np.clip(off, -half, half))
-
-
-def overlapping_pairs(
-    standing: Standing, one: Geometries, other: Geometries, first: Index, second: Index
-) -> Index:
-    """Pairs of overlapping areas, of the same side or of neighbouring ones, (k, 2)."""
-    if not len(one) or not len(other):
-        return np.empty((0, 2), dtype=np.intp)
-    a, b = shapely.STRtree(other).query(one, predicate="intersects")
-    near = standing.beside(first[a], second[b])
-    a, b = a[near], b[near]
-    real = shapely.area(shapely.intersection(one[a], other[b])) > LEAST_AREA
-    return np.column_stack([a[real], b[real]]).astype(np.intp)
 
 
 def component_labels(count: int, pairs: Index) -> Index:
@@ -230,9 +196,8 @@ def stands_about(world: World, base: Array, by: float) -> bool:
 @lru_cache(maxsize=8)
 def _inner_slabs(outline: Corners, floor: Polygon, shadows: Shadows, clearance: float) -> Standing:
     """Cached by its inputs: worlds that differ in task or height of the mount share it."""
-    return Standing(
-        _slab_sides(outline, floor, shadows, clearance, _bounds(outline, floor, shadows, clearance))
-    )
+    bounds = _bounds(outline, floor, shadows, clearance)
+    return Standing(_slab_sides(outline, floor, shadows, clearance, bounds))
 
 
 @lru_cache(maxsize=8)

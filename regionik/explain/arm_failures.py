@@ -45,9 +45,9 @@ def target_in_solid(world: World) -> Explanation | None:
         missing = need + rules.tolerance - gap
         place = f"{gap:z.4f} m from {name}" if gap >= 0 else f"{-gap:z.4f} m deep in {name}"
         reason = (
-            f"{setpoint_at(world.task, i)} lies {place}: no posture keeps the "
-            f"last link, {tip:g} m round about the tool, at the arm's clearance of {world.arm_clearance:g} m "
-            f"from it. The tool point would have to be {missing:.4f} m farther away."
+            f"{setpoint_at(world.task, i)} lies {place}: no posture keeps the last link, {tip:g} m round "
+            f"about the tool, at the arm's clearance of {world.arm_clearance:g} m from it. The tool point "
+            f"would have to be {missing:.4f} m farther away."
         )
         repair = Repair("move-target", f"set-point {i + 1}", missing, f"move it {missing:.4f} m from {name}")
         return Explanation("no-posture", i, reason, (_cause(world, name, missing),), (repair,))
@@ -81,10 +81,10 @@ def _too_deep(world: World, i: int, name: str, tip: float, need: float) -> Expla
     """Explain that the tool cannot touch a solid, as its link would sink in too deep."""
     missing, rules = need - world.rules.contact_depth, world.rules
     reason = (
-        f"{setpoint_at(world.task, i)} cannot be touched: the last link, "
-        f"{tip:g} m round about the tool, would sink at least {need:.4f} m into {name}, and the rules allow "
-        f"{rules.contact_depth:g} m (contact_depth). That rule would have to allow {missing:.4f} m more, or "
-        f"the link to end at the tool point."
+        f"{setpoint_at(world.task, i)} cannot be touched: the last link, {tip:g} m round about the tool, "
+        f"would sink at least {need:.4f} m into {name}, and the rules allow {rules.contact_depth:g} m "
+        f"(contact_depth). That rule would have to allow {missing:.4f} m more, or the link to end at the "
+        f"tool point."
     )
     return Explanation("no-posture", i, reason, (_cause(world, name, missing),))
 
@@ -143,6 +143,5 @@ def arm_must_lift(world: World, i: int, obstruction: str, cause: Cause | None) -
         f"both, but no way on was found for the arm: {obstruction}; the tool would have to be lifted here, "
         f"and the rules allow {world.rules.max_lift_offs} lift-offs."
     )
-    return Explanation(
-        "ladder-broken", i, reason, (cause or Cause("limits", world.robot.name),), (one_lift_off(world, i),)
-    )
+    cause = cause or Cause("limits", world.robot.name)
+    return Explanation("ladder-broken", i, reason, (cause,), (one_lift_off(world, i),))

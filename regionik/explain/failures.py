@@ -102,11 +102,8 @@ def _out_of_reach(
             f"{world.robot.name} reaches (heights from {shoulder - length:.3f} to {shoulder + length:.3f} m)."
         )
         text = f"{'raise the arm or lower' if way == 'above' else 'raise'} the target by {over:.3f} m"
-        return (
-            reason,
-            (Cause("reach", world.robot.name, over),),
-            (Repair("move-target", "target", over, text),),
-        )
+        repair = Repair("move-target", "target", over, text)
+        return reason, (Cause("reach", world.robot.name, over),), (repair,)
     ground, places = ground_of(world), _places(world, reach, proven=proven)
     if places.is_empty:
         room = "room" if proven else "known room"
@@ -167,9 +164,7 @@ def _crowded_out(
         f"{rounded_down(open_clearance, 3):.3f} m, {missing:.3f} m less."
     )
     causes = tuple(Cause("obstacle", name, missing) for name in names)
-    left = rounded_down(
-        open_clearance - world.base_allowance, 3
-    )  # for the rule, as executions take their part
+    left = rounded_down(open_clearance - world.base_allowance, 3)  # for the rule: executions take their part
     text = f"a clearance of {left:.3f} m lets it be reached"
     repairs = (Repair("clearance", "rules.clearance", left, text),) if left >= 0 else ()
     return reason, causes, repairs
@@ -224,9 +219,8 @@ def too_many_lifts(world: World, breaks: Sequence[int], bridges: Sequence[BaseGe
         f"{allowed}."
     )
     causes = tuple(Cause("obstacle", name, float(bridge.length)) for name in blockers)
-    return Explanation(
-        "ladder-broken", i, reason, causes or (Cause("reach", names, None),), (one_lift_off(world, i),)
-    )
+    causes = causes or (Cause("reach", names, None),)
+    return Explanation("ladder-broken", i, reason, causes, (one_lift_off(world, i),))
 
 
 def blocked_start(world: World) -> Explanation | None:
@@ -290,8 +284,8 @@ def no_drive(world: World, i: int, refusal: NoPathError) -> Explanation:
     """Explain why the base does not get to any place that was looked at for set-point i."""
     kind = world.robot.drive.words
     reason = (
-        f"{setpoint_at(world.task, i)} has admissible places for the "
-        f"base, but {kind} was not found a way to the places that were looked at: {refusal}."
+        f"{setpoint_at(world.task, i)} has admissible places for the base, but {kind} was not found a way to "
+        f"the places that were looked at: {refusal}."
     )
     missing = refusal.across - refusal.passage if isinstance(refusal, NarrowPassageError) else None
     return Explanation("ladder-broken", i, reason, (Cause("base", world.robot.name, missing),))

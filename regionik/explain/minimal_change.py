@@ -22,7 +22,7 @@ _TURNS = (0.4, 0.2, 0.1, 0.05, 0.02)  # of the best direction, to find a better 
 _LEVELS, _LOOKS = 6, 8  # lengths at which expensive tests are made, and how many at each
 _GROWTH = (1.0, 1.01, 1.03, 1.06, 1.12, 1.25, 1.5, 2.0)
 
-Opens = Callable[[Array], NDArray[np.bool_]]  # mask of the amounts (n,) that help
+Opens = Callable[[Array], NDArray[np.bool_]]  # mask of the amounts (n,), or steps (n, d), that help
 Holds = Callable[[float], bool]  # True for an amount that helps
 
 
@@ -98,24 +98,12 @@ GRID = Scan(_COARSE, 1.5 * FINE, _CLOSE, grid_above)
 
 
 def confirmed(holds: Holds, amount: float, most: float, seen: Holds | None = None) -> float | None:
-    """Least amount near to a given one that holds, as far as ``holds`` can tell.
+    """Least amount near to a given one that holds, on the grid of `FINE` but for ``most`` itself.
 
-    Parameters
-    ----------
-    holds : callable
-        The deciding test, more expensive than the one ``amount`` was found by, above all where it fails; may
-        be stricter or laxer.
-    amount, most : float
-        One that should hold, and the most that is tried.
-    seen : callable, optional
-        A faster and stricter test, which leads to an amount: ``holds`` is asked for that one and for a little
-        less. By default ``holds`` itself leads.
-
-    Returns
-    -------
-    float or None
-        On the grid of `FINE`, but for ``most`` itself. A few hundredths less do not hold. None where up to
-        twice the amount nothing does.
+    ``holds`` decides; it is more expensive than the test that the amount was found by, above all where it
+    fails, and may be stricter or laxer. Where ``seen`` is given, a faster and stricter test, that leads to an
+    amount, and ``holds`` is asked for that one and for a little less. A few hundredths less than what is
+    found do not hold. None where up to twice the amount, or the most that is tried, nothing does.
     """
     tried = sorted({min(grid_above(amount * factor), most) for factor in _GROWTH})
     if seen is not None:
@@ -140,21 +128,10 @@ def _led(seen: Holds, tried: list[float]) -> list[float]:
 
 
 def shortest_step(opens: Opens, directions: Array, most: float) -> tuple[float, Array] | None:
-    """A short step that helps: along each of some directions, then along those beside the best.
+    """Length and direction of a short step that helps: along one of some, or beside the best of them.
 
-    Parameters
-    ----------
-    opens : callable
-        Of steps (n, d): whether each helps.
-    directions : (m, d) array
-        Of length 1; d is 2 or 3.
-    most : float
-        Longest step.
-
-    Returns
-    -------
-    (length, direction) or None
-        The length is least along its direction, as `least_open` has it. No direction is proven to be best.
+    Directions (m, d) have length 1, d is 2 or 3, and ``most`` bounds the step. The length is least along its
+    direction, as `least_open` has it; no direction is proven to be best.
     """
     low, high = 0.0, most
     first = _coarse(opens, directions, low, high)
@@ -179,22 +156,9 @@ def shortest_step(opens: Opens, directions: Array, most: float) -> tuple[float, 
 def first_seen(
     opens: Opens, sees: Callable[[Array], bool], directions: Array, low: float, high: float
 ) -> tuple[float, Array] | None:
-    """A step between two lengths that passes an expensive test, among those that pass a cheap one.
+    """Length and direction of a step between two lengths that passes an expensive test, if one does.
 
-    Parameters
-    ----------
-    opens : callable
-        Mask of the steps (n, d) that may help.
-    sees : callable
-        True for a step (d,) that helps; asked of a few evenly chosen ones of each length that open.
-    directions : (m, d) array
-        Of length 1.
-    low, high : float
-        Themselves not tried.
-
-    Returns
-    -------
-    (length, direction) or None
+    ``sees`` is asked of a few steps (d,) of each length, evenly chosen among those (n, d) that ``opens``.
     """
     for length in np.geomspace(low, high, _LEVELS + 2)[1:-1].tolist():
         ways = directions[opens(length * directions)]

@@ -31,41 +31,26 @@ FEWEST = 64  # cells that a search has at least: those that it may begin with
 
 
 class AnyBaseResult(NamedTuple):
-    """Outcome of a search of all postures from all places.
+    """Outcome of a search of all postures from all places."""
 
-    Attributes
-    ----------
-    verdict : Verdict
-        PROVEN by a posture.
-    pose : Pose or None
-        The posture found; it is clear, the base is on the floor.
-    gap : float
-        Diagonal of a box round the places of the arm axis that are left open, 0 where none are [m].
-    around : tuple of str
-        Names of the obstacles that an arm at the target might touch.
-    """
-
-    verdict: Verdict
-    pose: Pose | None
-    gap: float
-    around: tuple[str, ...]
+    verdict: Verdict  # PROVEN by a posture
+    pose: Pose | None  # the posture found; it is clear, the base is on the floor
+    gap: float  # diagonal of a box round the places of the arm axis that are left open, 0 where none are [m]
+    around: tuple[str, ...]  # names of the obstacles that an arm at the target might touch
 
 
 def can_search(world: World) -> bool:
-    """Return True where `search_any_base` applies: to an arm in one plane that avoids obstacles."""
-    return world.rules.avoidance and reach_model(world.robot, "point").exhaustible
+    """Return True where `search_any_base` applies: to an arm in one plane that avoids obstacles.
+
+    Only such an arm's reach of points is exact; a proof for these is one for poses.
+    """
+    return world.rules.avoidance and reach_model(world.robot, "point").exact
 
 
 def search_any_base(world: World, target: Target, most: int) -> AnyBaseResult:
     """Search for a clear posture of an arm in one plane, from every place of the floor at every heading.
 
-    Parameters
-    ----------
-    world : World
-        One of which `can_search` holds.
-    target : Target
-    most : int
-        Budget of cells of postures.
+    Only where `can_search` holds; ``most`` is the budget of cells of postures.
     """
     bodies, contact = guard_of(world).bodies, contact_for(world, [target])
     if name := solid_at_target(bodies, target.position, world.rules.tolerance, 0.0, contact):

@@ -212,12 +212,7 @@ def _as_targets(targets: Array | list[Target]) -> list[Target]:
 
 
 def _count_areas(
-    world: World,
-    targets: list[Target],
-    side: Side,
-    free: NDArray[np.bool_],
-    x: Array,
-    y: Array,
+    world: World, targets: list[Target], side: Side, free: NDArray[np.bool_], x: Array, y: Array
 ) -> NDArray[np.int32]:
     """Count where headings or tool directions bound the reach: cells within its polygons."""
     count = np.zeros(free.shape, dtype=np.int32)
@@ -272,9 +267,8 @@ def _met_one_by_one(
     rows, columns = np.nonzero(values)
     for k in range(0, len(rows), _CHUNK):
         row, column = rows[k : k + _CHUNK], columns[k : k + _CHUNK]
-        areas = path_areas(
-            world, [Target(np.array([x[c], y[r], height])) for r, c in zip(row, column, strict=True)]
-        )
+        points = np.column_stack([x[column], y[row], np.full(len(row), height)])
+        areas = path_areas(world, _as_targets(points))
         good = np.unique(areas.target[shapely.area(areas.inner) > 0])
         met[row[good], column[good]] = True
     return met

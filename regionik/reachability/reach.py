@@ -147,7 +147,7 @@ def _decided(world: World, targets: Sequence[Target]) -> list[_Result]:
 def _at_hand(world: World, targets: Sequence[Target], areas: PathAreas) -> dict[int, Pose]:
     """Configurations that M-FABRIK finds in coarse inner areas, at places nearest to the start."""
     found: dict[int, Pose] = {}
-    for i, row in _nearest_rows(world, areas, len(targets)).items():
+    for i, row in _nearest_rows(world, areas).items():
         span = anywhere(world).sides[int(areas.side[row])].span
         base, joints = _start(world)
         spot = shapely.shortest_line(areas.inner[row], Point(axis_of(world.robot, base))).coords[0]
@@ -246,15 +246,13 @@ def _largest_first(areas: PathAreas, i: int) -> list[KnownArea]:
     return [(areas.family[row], areas.inner[row]) for row in rows.tolist()]
 
 
-def _nearest_rows(world: World, areas: PathAreas, n: int) -> dict[int, int]:
+def _nearest_rows(world: World, areas: PathAreas) -> dict[int, int]:
     """For each target with an area, its row nearest to where the robot starts."""
-    spot = shapely.Point(axis_of(world.robot, _start(world)[0]))
-    gaps = np.where(shapely.is_empty(areas.inner), np.inf, shapely.distance(areas.inner, spot))
-    best: dict[int, int] = {}
-    for row, i in enumerate(areas.target.tolist()):
-        if np.isfinite(gaps[row]) and (i not in best or gaps[row] < gaps[best[i]]):
-            best[i] = row
-    return best
+    gaps = shapely.distance(areas.inner, Point(axis_of(world.robot, _start(world)[0])))  # NaN of empty ones
+    rows = np.lexsort([gaps, areas.target])
+    rows = rows[np.isfinite(gaps[rows])]
+    targets, first = np.unique(areas.target[rows], return_index=True)
+    return dict(zip(targets.tolist(), rows[first].tolist(), strict=True))
 
 
 def _start(world: World) -> tuple[Array, Array]:

@@ -30,7 +30,6 @@ from regionik.regions import reach_of, round_outer_areas
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target, World
 
-ARCS = 768  # vertices of a full circle
 SIDES, MOST_SIDES = 48, 384  # of the polygons for discs, in wide cells and in narrow ones
 NARROW = 0.02  # [rad]
 WIDER = 1.05  # polygons round a footprint's rotations than the circle round it, at the most
@@ -45,20 +44,11 @@ KnownArea = tuple[Family, BaseGeometry]
 
 
 class Refinement(NamedTuple):
-    """Outcome of the finer areas of a target.
-
-    Attributes
-    ----------
-    found : Pose or None
-    left : geometry
-        Places neither found to work nor ruled out; empty where there is proven to be none.
-    tried : int
-        Inner areas searched for a configuration.
-    """
+    """Outcome of the finer areas of a target."""
 
     found: Pose | None
-    left: BaseGeometry
-    tried: int
+    left: BaseGeometry  # places neither found to work nor ruled out; empty where there is proven to be none
+    tried: int  # inner areas searched for a configuration
 
 
 class HeadingCell(NamedTuple):
@@ -71,13 +61,8 @@ class HeadingCell(NamedTuple):
 def refine(search: TargetSearch, likely: Sequence[KnownArea] = ()) -> Refinement:
     """Bisect cells until a configuration is found, or is ruled out, or only small areas are left.
 
-    Parameters
-    ----------
-    search : TargetSearch
-        Searches inner areas for a configuration; once it is exhausted no cell is looked at closer, as where
-        there is an inner area there is no proof.
-    likely : sequence of (Family, geometry)
-        Coarse inner areas at all headings.
+    Inner areas are searched, first those that are ``likely``, coarse ones at all headings. Once the search is
+    exhausted no cell is looked at closer, as where there is an inner area there is no proof.
     """
     close = _CloseAreas(search, tuple(likely))
     heading, pitch = close.whole
@@ -187,7 +172,7 @@ class _CloseAreas:
         """No place outside it works at any heading and pitch of the cell."""
         if cell not in self._outer:
             kinds = self._kinds(cell, inner=False)
-            _, shapes = fine_reach(self.world, self.target, kinds, cell.heading, ARCS, inner=False)
+            _, shapes = fine_reach(self.world, self.target, kinds, cell.heading, inner=False)
             free = self._free_at_some(cell.heading) if len(shapes) else Polygon()
             self._outer[cell] = shapely.intersection(shapely.union_all(shapes), free)
         return self._outer[cell]
@@ -221,7 +206,7 @@ class _CloseAreas:
     def _reach_inside(self, cell: HeadingCell) -> FineRows:
         if cell not in self._inside:
             kinds = self._kinds(cell, inner=True)
-            self._inside[cell] = fine_reach(self.world, self.target, kinds, cell.heading, ARCS, inner=True)
+            self._inside[cell] = fine_reach(self.world, self.target, kinds, cell.heading, inner=True)
         return self._inside[cell]
 
     def widest_side(self, cell: HeadingCell) -> int:

@@ -36,24 +36,13 @@ SLACK = 1e-9  # rounding allowed at a bound [m] or [rad]
 
 @dataclass(eq=False)
 class TargetSearch:
-    """Search for one target's configuration, and the contacts met.
-
-    Attributes
-    ----------
-    world : World
-    target : Target
-    met : int
-        Postures on target with the base on free floor that touch something.
-    touch : Touch or None
-        Contact of the posture among them nearest to being clear.
-    nearly : list of (float, Pose)
-        Clearance left [m] and posture nearest to being clear, of each place.
-    """
+    """Search for one target's configuration, and the contacts met."""
 
     world: World
     target: Target
-    met: int = 0
-    touch: Touch | None = None
+    met: int = 0  # postures on target with the base on free floor that touch something
+    touch: Touch | None = None  # of the posture among them nearest to being clear
+    # Clearance left [m] and posture nearest to being clear, of each place
     nearly: list[tuple[float, Pose]] = field(default_factory=list)
     guard: Guard = field(init=False)
 
@@ -104,10 +93,9 @@ class TargetSearch:
         """
         if self.target.direction is not None or model_of(self.world, self.target).shows_all_postures:
             return None
-        nearest = sorted((one for one in self.nearly if one[0] > -DEEPEST), key=lambda one: -one[0])[
-            :SEARCHED
-        ]
-        return next((q for _, near in nearest if (q := self._searched(near)) is not None), None)
+        nearest = sorted((one for one in self.nearly if one[0] > -DEEPEST), key=lambda one: -one[0])
+        found = (self._searched(near) for _, near in nearest[:SEARCHED])
+        return next((q for q in found if q is not None), None)
 
     def standing(self, poses: Sequence[Pose]) -> list[Pose]:
         """Those whose tool, joints and base meet target, limits and floor, whatever the arm touches."""

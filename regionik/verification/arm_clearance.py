@@ -7,6 +7,7 @@ clearance, the link is clear; between samples they leave their chords by at most
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -123,13 +124,12 @@ class _ClosePairs:
     link: Indices
     piece: Indices
 
-    def take(self, which: Mask | Indices | slice) -> _ClosePairs:
+    def take(self, which: Mask | Indices) -> _ClosePairs:
         return _ClosePairs(self.row[which], self.link[which], self.piece[which])
 
 
 _Key = tuple[int, int, int]  # state or segment, solid of a link, obstacle
 _Nearest = tuple[float, bool]  # least distance [m], and whether the tool may touch there
-_NONE = (np.inf, False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,27 +167,22 @@ class _ArmProof:
         hulls, tools = self.links.place(motion.base, motion.joints)
         states = self._close_pairs(hulls, np.full(hulls.shape[:2], MARGIN_RANGE))
         own, tool = hulls[states.row, states.link], tools[states.row]
-        distance = self._distances(own, states)
-        may_touch = self._may_touch(states, tool[:, None], np.zeros(len(distance)))[1]
-        distance, allowed = self._in_contact(states, own, tool, distance, may_touch)
-        too_close = self._too_close(states, distance, may_touch, allowed)
+        distance, may_touch, allowed = self._measured(states, own, tool)
+        bad = np.flatnonzero((distance < self.limit - TOUCH) & ~allowed)
+        too_close = self._nearest(states.take(bad), distance[bad], may_touch[bad])
         swept = np.concatenate([hulls[:-1], hulls[1:]], axis=2)
         pairs = self._close_pairs(swept, chord_deviation(self.links.acceleration.T, np.ones(1)))
         hit = {(key[0] + step, *key[1:]) for key in too_close for step in (0, -1)}
-        solid = self.obstacles.owner[pairs.piece].tolist()
-        rows = zip(pairs.row.tolist(), pairs.link.tolist(), solid, strict=True)
-        pairs = pairs.take(np.array([row not in hit for row in rows], dtype=bool))
+        pairs = pairs.take(np.array([key not in hit for key in self._keys(pairs)], dtype=bool))
         unproven = bisect(len(pairs.row), lambda intervals: self._examine(pairs, intervals))
         found = [self._violation(key, self.names.state(key[0]), *near) for key, near in too_close.items()]
         found += self._violations_between(pairs, unproven)
         free = min(MARGIN_RANGE, float(distance[~may_touch].min(initial=np.inf)) - self.limit)
-        deep = min(MARGIN_RANGE, float(distance[may_touch].min(initial=np.inf)) + self.contact.depth)
-        return [
-            finding("arm", free, [v for v in found if v.kind == "arm"]),
-            finding(
-                "contact", deep if may_touch.any() else np.inf, [v for v in found if v.kind == "contact"]
-            ),
-        ]
+        deep = np.inf
+        if may_touch.any():
+            deep = min(MARGIN_RANGE, float(distance[may_touch].min()) + self.contact.depth)
+        margins = {"arm": free, "contact": deep}
+        return [finding(kind, least, [v for v in found if v.kind == kind]) for kind, least in margins.items()]
 
     def _close_pairs(self, points: Array, bulge: Array) -> _ClosePairs:
         """Pairs whose bounding boxes come within the clearance.
@@ -206,12 +201,6 @@ class _ArmProof:
         order = np.lexsort([piece, row])
         return _ClosePairs(row[order] // count, row[order] % count, piece[order])
 
-    def _distances(self, corners: Array, pairs: _ClosePairs) -> Array:
-        """Distances of link solids, given by their corners (m, k, 3), from pieces, (m,) [m]."""
-        rows = range(len(pairs.row))
-        found = [self._separation(pairs.link[m], pairs.piece[m], corners[m]).distance for m in rows]
-        return np.array(found) - self.links.radii[pairs.link]
-
     def _separation(self, link: int, piece: int, corners: Array) -> Separation:
         """Signed distance of the hull of a link's corners from a piece."""
         own, other = corners[: len(self.links.corners[link])], self.obstacles.pieces[piece]
@@ -225,21 +214,20 @@ class _ArmProof:
         solid = np.where(self.links.last[pairs.link], self.obstacles.owner[pairs.piece], -1)
         return self.contact.near_setpoint(solid, tools, bulge)
 
-    def _in_contact(
-        self, pairs: _ClosePairs, hulls: Array, tools: Array, distance: Array, may_touch: Mask
-    ) -> tuple[Array, Mask]:
-        """Distances (m,) with depths in meshes, and the pairs whose contact the rules allow.
-
-        Corners (m, k, 3), tools (m, 3), distances and where the tool may touch (m,).
-        """
-        distance, allowed = distance.copy(), np.zeros(len(distance), dtype=bool)
+    def _measured(self, pairs: _ClosePairs, hulls: Array, tools: Array) -> tuple[Array, Mask, Mask]:
+        """Distances of corners (m, k, 3), where the tools (m, 3) may touch, and contacts that are allowed."""
+        rows = range(len(pairs.row))
+        found = [self._separation(pairs.link[m], pairs.piece[m], hulls[m]).distance for m in rows]
+        distance = np.array(found) - self.links.radii[pairs.link]
+        may_touch = self._may_touch(pairs, tools[:, None], np.zeros(len(rows)))[1]
+        allowed = np.zeros(len(rows), dtype=bool)
         for m in np.flatnonzero(may_touch & (distance < self.limit)).tolist():
             piece = self.obstacles.pieces[pairs.piece[m]]
             at_rest = self._swept(int(pairs.link[m]), hulls[m, None], tools[m, None])
             allowed[m] = is_allowed(self.contact, at_rest, piece)
             if distance[m] < 0 and piece.mesh is not None:
                 distance[m] = -mesh_depth(self.contact, at_rest, piece)
-        return distance, allowed
+        return distance, may_touch, allowed
 
     def _swept(
         self, link: int, hulls: Array, tools: Array, bulge: float = 0.0, tool_bulge: float = 0.0
@@ -294,28 +282,26 @@ class _ArmProof:
         gap = np.maximum(np.maximum(low - self.obstacles.high[piece], self.obstacles.low[piece] - high), 0.0)
         return (np.linalg.norm(gap, axis=1) >= needed) & (gap > 0).any(1)
 
-    def _too_close(
-        self, pairs: _ClosePairs, distance: Array, may_touch: Mask, allowed: Mask
-    ) -> dict[_Key, _Nearest]:
-        """Least distance of each state, link and solid too close, and whether the tool may touch there."""
-        worst: dict[_Key, _Nearest] = {}
-        for m in np.flatnonzero((distance < self.limit - TOUCH) & ~allowed).tolist():
-            key = int(pairs.row[m]), int(pairs.link[m]), int(self.obstacles.owner[pairs.piece[m]])
-            worst[key] = min(worst.get(key, _NONE), (float(distance[m]), bool(may_touch[m])))
-        return worst
+    def _keys(self, pairs: _ClosePairs) -> Iterator[_Key]:
+        solid = self.obstacles.owner[pairs.piece].tolist()
+        return zip(pairs.row.tolist(), pairs.link.tolist(), solid, strict=True)
 
-    def _violations_between(self, pairs: _ClosePairs, where: dict[int, float]) -> list[Violation]:
+    def _nearest(self, pairs: _ClosePairs, distance: Array, may_touch: Mask) -> dict[_Key, _Nearest]:
+        """Least distance for each state or segment, link and solid, and whether the tool may touch there."""
+        nearest: dict[_Key, _Nearest] = {}
+        for key, *near in zip(self._keys(pairs), distance.tolist(), may_touch.tolist(), strict=True):
+            nearest[key] = min(nearest.get(key, (np.inf, False)), (near[0], near[1]))
+        return nearest
+
+    def _violations_between(self, every: _ClosePairs, where: dict[int, float]) -> list[Violation]:
         """Violations between states, one for each segment, link and solid."""
-        worst: dict[_Key, _Nearest] = {}
-        for item, s in where.items():
-            one = pairs.take(slice(item, item + 1))
-            hulls, tools = self._placed_at(one.row, np.array([s]))
-            own = hulls[:, one.link[0]]
-            may_touch = self._may_touch(one, tools[:, None], np.zeros(1))[1]
-            distance = self._in_contact(one, own, tools, self._distances(own, one), may_touch)[0]
-            key = int(one.row[0]), int(one.link[0]), int(self.obstacles.owner[one.piece[0]])
-            worst[key] = min(worst.get(key, _NONE), (float(distance[0]), bool(may_touch[0])))
-        return [self._violation(key, self.names.segment(key[0]), *near) for key, near in worst.items()]
+        if not where:
+            return []
+        pairs = every.take(np.array(list(where)))
+        hulls, tools = self._placed_at(pairs.row, np.array(list(where.values())))
+        own = hulls[np.arange(len(hulls)), pairs.link]
+        nearest = self._nearest(pairs, *self._measured(pairs, own, tools)[:2])
+        return [self._violation(key, self.names.segment(key[0]), *near) for key, near in nearest.items()]
 
     def _violation(self, key: _Key, where: str, distance: float, may_touch: bool) -> Violation:
         state, link, solid = key
@@ -335,9 +321,8 @@ class _ArmProof:
         depth, reach = self.contact.depth, self.contact.reach
         deeper = -distance - depth
         if deeper > TOUCH:
-            text = (
-                f"{what}, {-distance:z.4f} m deep; it may sink in {depth:.4g} m (contact_depth and tolerance)"
-            )
+            text = f"{what}, {-distance:z.4f} m deep; "
+            text += f"it may sink in {depth:.4g} m (contact_depth and tolerance)"
         else:
             text = f"{what} with parts that are not proven to lie within {reach:g} m of the tool point"
             text += f" (tool_contact), or to keep the arm's clearance of {self.limit:g} m from it"

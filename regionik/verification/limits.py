@@ -83,29 +83,20 @@ def verify_wheels(segments: MotionSegments, names: StateNames) -> Finding:
     """
     if not segments.robot.drive.rolls or not len(segments):
         return finding("wheels", np.inf, [])
-
-    def violation(k: int, amount: Array, text: str) -> Violation:
-        return Violation("wheels", k, names.owner(k), float(amount[k]), text)
-
     slip = np.linalg.norm(segments.slide, axis=1)
-    violations = [
-        violation(k, slip, f"the base slips {slip[k]:.3g} m sideways {names.segment(k)}")
-        for k in np.flatnonzero(slip > EXACT).tolist()
-    ]
+    violations = []
+    for k in np.flatnonzero(slip > EXACT).tolist():
+        text = f"the base slips {slip[k]:.3g} m sideways {names.segment(k)}"
+        violations.append(Violation("wheels", k, names.owner(k), float(slip[k]), text))
     margin = EXACT - float(slip.max())
     radius, turn, rolled = segments.robot.drive.turning_radius, np.abs(segments.turn), np.abs(segments.rolled)
     if radius > 0:
         short = turn * radius * (1 - EXACT) - rolled
         margin = min(margin, -float(short[turn * radius > EXACT].max(initial=-np.inf)))
-        violations += [
-            violation(
-                k,
-                short,
-                f"the car turns {turn[k]:.4f} rad on {rolled[k]:.4f} m {names.segment(k)}; "
-                f"its turning radius is {radius:g} m",
-            )
-            for k in np.flatnonzero(short > EXACT).tolist()
-        ]
+        for k in np.flatnonzero(short > EXACT).tolist():
+            text = f"the car turns {turn[k]:.4f} rad on {rolled[k]:.4f} m {names.segment(k)}; "
+            text += f"its turning radius is {radius:g} m"
+            violations.append(Violation("wheels", k, names.owner(k), float(short[k]), text))
     return finding("wheels", margin, violations)
 
 

@@ -97,9 +97,8 @@ class MotionSegments:
 
     def base_at(self, segment: Indices, s: Array) -> Array:
         """Base poses at shares s in [0, 1] of segments, (m, 3)."""
-        pose: Array = self.motion.base[segment] + s[:, None] * np.column_stack(
-            [self.slide[segment], self.turn[segment]]
-        )
+        slid = np.column_stack([self.slide[segment], self.turn[segment]])
+        pose: Array = self.motion.base[segment] + s[:, None] * slid
         half = s * self.turn[segment] / 2
         chord, middle = s * self.rolled[segment] * np.sinc(half / np.pi), self.motion.base[segment, 2] + half
         pose[:, :2] += chord[:, None] * np.column_stack([np.cos(middle), np.sin(middle)])

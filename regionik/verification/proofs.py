@@ -50,19 +50,10 @@ class IntervalVerdicts(NamedTuple):
 
 
 def bisect(count: int, examine: Callable[[Intervals], IntervalVerdicts]) -> dict[int, float]:
-    """Bisect segments until every part is proven, refuted or too short.
+    """Bisect items, each a whole segment, until every part is proven, refuted or too short.
 
-    Parameters
-    ----------
-    count : int
-        Number of items, each a whole segment.
-    examine : callable
-        Verdicts on some intervals. Those of a refuted item are not examined again.
-
-    Returns
-    -------
-    dict of int to float
-        Where each item that is not proven failed, as a share of its segment: first the refuted ones.
+    Parts of a refuted item are not examined again. Returned is where each item that is not proven failed, as
+    a share of its segment: first the refuted ones.
     """
     refuted: dict[int, float] = {}
     given_up: dict[int, float] = {}

@@ -110,13 +110,11 @@ class _Body:
 
 def _pairs(robot: Robot) -> Iterator[tuple[_Body, _Body]]:
     """The pairs that could meet, the body nearer to the base first."""
-    body = base_body(robot)
-    base = [] if body is None else [_Body("the robot's own base", -1, prism_hull(body))]
-    links = [_Body(s.name, s.link, RoundedHull(s.corners, s.radius)) for s in robot.all_solids]
+    bodies = [_Body(one.name, one.link, RoundedHull(one.corners, one.radius)) for one in robot.all_solids]
+    if (own := base_body(robot)) is not None:  # last, as pairs have it
+        bodies.append(_Body("the robot's own base", -1, prism_hull(own)))
     for pair in self_collision_pairs(robot):
-        if -1 in pair and not base:
-            continue
-        lower, upper = sorted((base[0] if k < 0 else links[k] for k in pair), key=lambda body: body.link)
+        lower, upper = sorted((bodies[k] for k in pair), key=lambda body: body.link)
         yield lower, upper
 
 
@@ -140,9 +138,8 @@ class _PairProof:
         violations = [self._violation(k, self.names.state(k), d) for k, d in hits.items()]
         for item, s in unproven.items():
             k, T = int(segment[item]), self._poses_at(segment[item : item + 1], np.array([s]))
-            violations.append(
-                self._violation(k, self.names.segment(k), float(self._signed_distances(T).distance[0]))
-            )
+            found = float(self._signed_distances(T).distance[0])
+            violations.append(self._violation(k, self.names.segment(k), found))
         return min(MARGIN_RANGE, float(distance.min(initial=np.inf))), violations
 
     @cached_property

@@ -1,7 +1,8 @@
-"""Speeds, accelerations and jerks of a timed plan, bounded at every moment.
+"""Speeds, accelerations, jerks and steering of a timed plan, and how far it leaves the proven motion.
 
 On each piece of a timed motion every coordinate is a polynomial of time, and so are its derivatives; a
-polynomial on an interval lies between the least and the largest of its Bernstein coefficients.
+polynomial on an interval lies between the least and the largest of its Bernstein coefficients. So all are
+bounded at every moment.
 Source: Farouki, The Bernstein polynomial basis: a centennial retrospective (CAGD 2012), section 5.
 """
 
@@ -10,12 +11,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
+from numpy.polynomial.polynomial import polyder
 
 from regionik.values import Violation
 from regionik.verification.motion import Indices, MotionSegments
 from regionik.verification.proofs import Finding, StateNames, finding
-from regionik.verification.steering import steering_shares
-from regionik.verification.timed_deviation import verify_deviation
 from regionik.verification.timed_segments import (
     SLIP,
     SLIPPED,
@@ -23,13 +23,19 @@ from regionik.verification.timed_segments import (
     TimedSegments,
     bernstein_parts,
     product,
+    substitution,
     timed_segments,
 )
 from regionik.worlds.arrays import Array
+from regionik.worlds.robot import Robot
 from regionik.worlds.scene import World
 from regionik.worlds.speeds import Speeds
 
 OVER = 2e-3  # share of a limit by which bounds may be beyond it
+BEYOND = 10.0  # times `Speeds.blend` to which bounds may come: they add up what all joints are off
+STEERED = 1e-5  # angle that a car's steering need not be turned for [rad]
+ZERO = 1e-9  # of derivatives at an end of a segment, as a share of the largest
+MOST = 1e9  # share of a limit where nothing bounds it
 
 
 def verify_speeds(world: World, segments: MotionSegments, names: StateNames) -> Iterator[Finding]:
@@ -52,7 +58,7 @@ def verify_speeds(world: World, segments: MotionSegments, names: StateNames) -> 
     ]
     cones = [target.cone for target in world.task if target.direction is not None]
     blend = (world.speeds or Speeds()).blend
-    yield verify_deviation(segments, course, names, blend, min(cones, default=np.inf))
+    yield _verify_deviation(segments, course, names, blend, min(cones, default=np.inf))
     yield _held_against("speeds", _shares(world, segments, course, rates), names)
     if world.speeds is not None and world.speeds.limit_jerk:
         yield _held_against("jerk", _jerks(world, course.moving, rates), names)
@@ -71,10 +77,7 @@ def _held_against(kind: str, shares: Iterable[tuple[str, Array, Indices]], names
 
 
 def _shares(
-    world: World,
-    segments: MotionSegments,
-    course: TimedSegments,
-    rates: Sequence[CoursePolynomials],
+    world: World, segments: MotionSegments, course: TimedSegments, rates: Sequence[CoursePolynomials]
 ) -> Iterator[tuple[str, Array, Indices]]:
     """Shares of limits that are used at the most, by segments, from derivatives by time."""
     robot, speeds, k = world.robot, world.speeds or Speeds(), course.moving
@@ -103,7 +106,7 @@ def _shares(
         most = SLIPPED + SLIP * np.abs(segments.rolled)
         yield "the slip of the wheels", (np.hypot(*course.slip.T) / most)[k], k
     if robot.turning_radius > 0:
-        yield from steering_shares(segments, course, speeds.steering_velocity)
+        yield from _steering_shares(segments, course, speeds.steering_velocity)
 
 
 def _jerks(
@@ -137,18 +140,141 @@ def _tool_speeds(segments: MotionSegments) -> Array:
     return np.linalg.norm(np.diff(tools, axis=0), axis=1) * ~(lifted[:-1] | lifted[1:])
 
 
+def _verify_deviation(
+    segments: MotionSegments, course: TimedSegments, names: StateNames, blend: float, cone: float
+) -> Finding:
+    """No point of the robot leaves the proven motion by much more than the blend [m].
+
+    The tool turns from it by no more than the narrowest ``cone`` [rad].
+    """
+    most = BEYOND * blend
+    off = deviations(segments, course, most / cone)
+    violations = []
+    for k, far in zip(course.moving.tolist(), off.tolist(), strict=True):
+        if far > most:
+            text = f"the timed motion may be {far:.4g} m off the one that is proven {names.segment(k)}"
+            violations.append(Violation("timing", k, names.owner(k), far - most, text))
+    return finding("timing", most - float(off.max(initial=0.0)), violations)
+
+
+def deviations(segments: MotionSegments, course: TimedSegments, pointer: float) -> Array:
+    """Upper bounds for how far points are off the proven motion, on each polynomial (moving,) [m].
+
+    Proven are joints that move evenly from state to state, and a base that slides straight or rolls along an
+    arc. What moves most has come a share of its way; what any other coordinate is off that same share of its
+    own is a polynomial of time. Points are those of all solids, and of lines as long as a ``pointer`` from
+    the tool's point [m].
+    """
+    k, motion, robot = course.moving, course.polynomials, segments.robot
+    levers = _levers(segments, pointer)
+    coordinates = np.concatenate([motion.base, motion.joints], axis=2)
+    change = course.change[k]
+    leading = np.argmax(np.abs(change) * levers, axis=1)[:, None]
+    share = np.take_along_axis(coordinates, leading[:, None], axis=2)
+    share = share / np.take_along_axis(change, leading, axis=1)[:, None]
+    off = _largest((coordinates - share * change[:, None]) * levers, 1)
+    beyond = np.maximum(_largest(2 * share - np.eye(1, share.shape[1]).T) - 1, 0.0) / 2
+    found: Array = off + beyond * (np.abs(change) @ levers)
+    if robot.drive.rolls:  # the way rolled goes where the heading points
+        turned = _largest(coordinates[..., 1:2] - share * change[:, None, 1:2])
+        found = found + _largest(motion.slip, 1) + turned * (1 + 2 * beyond) * np.abs(change[:, 0])
+    return found
+
+
+def _levers(segments: MotionSegments, pointer: float) -> Array:
+    """Upper bounds for the motion of any point by a unit of each coordinate of base and arm, (k,) [m]."""
+    robot = segments.robot
+    chain, n = robot.chain, len(robot.chain.joints)
+    radii = np.zeros(n)
+    for solid in robot.solids:
+        farthest = float(np.linalg.norm(solid.corners, axis=1).max()) + solid.radius
+        radii[solid.link] = max(radii[solid.link], farthest)
+    radii[-1] = max(radii[-1], float(np.linalg.norm(chain.T_last_tool[:3, 3])) + pointer)
+    by_joint, far = np.zeros(n), 0.0
+    slides = np.abs(chain.joint_values(segments.motion.joints)).max(axis=0, initial=0.0)
+    for k in reversed(range(n)):
+        far = max(far, float(radii[k]))
+        turns = chain.joints[k].kind == "revolute"
+        by_joint[k] = far if turns else 1.0
+        far += float(np.linalg.norm(chain.joints[k].T_parent_joint[:3, 3])) + (0.0 if turns else slides[k])
+    by_turn = max(far + float(np.hypot(*robot.mount[:2])), _farthest_of_base(robot))
+    return np.array([*[1.0] * (1 if robot.drive.rolls else 2), by_turn, *np.abs(chain.coupling).T @ by_joint])
+
+
+def _farthest_of_base(robot: Robot) -> float:
+    """Distance of the base's farthest point from its origin [m]."""
+    corners = [robot.footprint, *(solid.corners[:, :2] for solid in robot.base_solids)]
+    thick = max((solid.radius for solid in robot.base_solids), default=0.0)
+    return float(np.linalg.norm(np.concatenate(corners), axis=1).max()) + thick
+
+
+def _steering_shares(
+    segments: MotionSegments, course: TimedSegments, limit: float
+) -> Iterator[tuple[str, Array, Indices]]:
+    """Shares of a car's lock, and of the limit of its steering's rate, that segments use at the most.
+
+    On a segment the way rolled and the heading are polynomials of a share; f and g are their derivatives. The
+    steering angle is atan(R g / f), of a wheel one turning radius R ahead of the axle. A factor common to f
+    and g changes nothing of it: such are zeros where the base begins or ends to roll while the arm goes on.
+    """
+    k, ways, share_rates = course.rolling()
+    f, g = _without_common_zeros(ways) * np.array([1.0, segments.robot.turning_radius])[:, None, None]
+    far = np.abs(segments.rolled[k])
+    room = [np.sign(segments.rolled[k])[:, None] * f - side * g for side in (-1, 1)]
+    least = np.minimum(*(_parts(one).min(axis=(0, 2)) for one in room))
+    yield "the steering's lock", 1 - least / (far + SLIPPED), k
+
+    turning = product(polyder(g, axis=1), f) - product(g, polyder(f, axis=1))
+    square = limit * (product(f, f) + product(g, g))
+    yield "the steering", _largest_share(product(product(turning, turning), share_rates), square), k
+
+    time = segments.motion.time
+    with np.errstate(divide="ignore", invalid="ignore"):
+        begun, ended = np.arctan(g[:, 0] / f[:, 0]), np.arctan(g.sum(axis=1) / f.sum(axis=1))
+        turned = np.abs(begun[1:] - ended[:-1])
+        rate = np.where(turned > STEERED, turned / (time[k[1:]] - time[k[:-1] + 1]), 0.0)
+    yield "the steering", np.minimum(rate / limit, MOST), k[1:]
+
+
+def _largest_share(used: Array, limit: Array) -> Array:
+    """Upper bounds (m,) for the roots of polynomials (m, n) as shares of the squares of others (m, k)."""
+    most = product(limit, limit)
+    beyond = np.zeros((len(used), max(used.shape[1], most.shape[1])))
+    beyond[:, : used.shape[1]] += used
+    beyond[:, : most.shape[1]] -= most
+    over, most = _parts(beyond).max(axis=2), _parts(most)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        square = 1 + over / np.where(over > 0, np.maximum(most.min(axis=2), 0.0), most.max(axis=2))
+    found: Array = np.sqrt(np.clip(np.nan_to_num(square, nan=0.0), 0.0, MOST**2).max(axis=0))
+    return found
+
+
+def _parts(polynomials: Array) -> Array:
+    """Bernstein coefficients of polynomials (m, n) on parts of the interval from 0 to 1, (parts, m, n)."""
+    return np.stack(list(bernstein_parts(polynomials)))
+
+
+def _without_common_zeros(ways: Array) -> Array:
+    """Derivatives, (2, m, 3), of cubics (2, m, 4), less factors of zeros at an end that both have."""
+    found: Array = ways[..., 1:] * [1, 2, 3]
+    for _ in range(2):  # at the start, then, seen from there, at the end
+        zero = (np.abs(found[..., 0]) <= ZERO * np.abs(found).sum(axis=2).max(axis=0)).all(axis=0)
+        shifted = np.concatenate([found[..., 1:], np.zeros_like(found[..., :1])], axis=2)
+        found = np.where(zero[:, None], shifted, found) @ substitution(3, 1.0, -1.0).T
+    return found
+
+
 def _derivatives(polynomials: Array, span: Array) -> list[Array]:
     """First to third derivatives by time of polynomials (m, n, k) of the share of it."""
     found = [polynomials]
     for _ in range(3):
-        last = found[-1]
-        found.append(last[:, 1:] * np.arange(1, last.shape[1])[:, None] / span[:, None, None])
+        found.append(polyder(found[-1], axis=1) / span[:, None, None])
     return found[1:]
 
 
-def _largest(polynomials: Array) -> Array:
-    """Upper bounds for the lengths of vectors of polynomials (m, n, k) from 0 to 1, (m,)."""
+def _largest(polynomials: Array, order: int | None = None) -> Array:
+    """Upper bounds (m,) for norms of vectors of polynomials (m, n, k) from 0 to 1, lengths by default."""
     bounds = np.zeros(len(polynomials))
     for values in bernstein_parts(polynomials):
-        bounds = np.maximum(bounds, np.linalg.norm(values, axis=2).max(axis=1))
+        bounds = np.maximum(bounds, np.linalg.norm(values, order, axis=2).max(axis=1))
     return bounds

@@ -15,7 +15,6 @@ from regionik.verification.led_postures import postures_led_to
 from regionik.verification.motion import wrap_angle
 from regionik.verification.proofs import Finding, StateNames, finding
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain
 from regionik.worlds.scene import Target, World
 
 EXACT = 1e-9  # [m] or [rad]
@@ -112,23 +111,22 @@ def _rooms(world: World, bases: Array) -> Array:
 
 def _unlikely(plan: Plan, n: int) -> Iterator[Violation]:
     """Violation where a stop holds after fewer parkings than its probability allows, or than is asked for."""
-    stop, accuracy = plan.stops[n], plan.world.rules.parking
+    stop, accuracy, who = plan.stops[n], plan.world.rules.parking, _name(plan, n)
     if stop.probability is None:
         asked = None if accuracy is None else accuracy.probability
         if asked is not None:
-            text = f"{_name(plan, n)} promises no probability after parking, the rules ask for {asked:g}"
+            text = f"{who} promises no probability after parking, the rules ask for {asked:g}"
             yield Violation("stops", None, stop.first, asked, text)
         return
     if accuracy is None:
-        text = (
-            f"{_name(plan, n)} promises a probability after parking, rules.parking says nothing of the error"
-        )
+        text = f"{who} promises a probability after parking, rules.parking says nothing of the error"
         yield Violation("stops", None, stop.first, stop.probability, text)
         return
     if accuracy.probability is not None and stop.probability < accuracy.probability:
         short = accuracy.probability - stop.probability
-        text = f"{_name(plan, n)} is good after parking with {stop.probability:.4f}, the rules ask for "
-        yield Violation("stops", None, stop.first, short, text + f"{accuracy.probability:g}")
+        text = f"{who} is good after parking with {stop.probability:.4f}, "
+        text += f"the rules ask for {accuracy.probability:g}"
+        yield Violation("stops", None, stop.first, short, text)
     rng, C = np.random.default_rng(0), np.array(accuracy.covariance)
     poses = rng.multivariate_normal(stop.base, C, FOOTPRINTS, check_valid="ignore")
     fits = _rooms(plan.world, poses) >= -TOUCH
@@ -140,7 +138,7 @@ def _unlikely(plan: Plan, n: int) -> Iterator[Violation]:
         (len(reached), len(some), "it is good"),
     ):
         if bdtr(good, tried, stop.probability) < CHANCE:
-            text = f"{_name(plan, n)} promises to be good after parking with {stop.probability:.4f}: "
+            text = f"{who} promises to be good after parking with {stop.probability:.4f}: "
             text += f"{what} after {good} of {tried} parkings"
             yield Violation("stops", None, stop.first, stop.probability - good / tried, text)
 
@@ -152,11 +150,7 @@ def _reached(plan: Plan, stop: Stop, poses: Array) -> NDArray[np.bool_]:
         left = np.flatnonzero(reached)
         targets, joints = [plan.world.task[i]] * len(left), np.tile(plan.setpoints[i].joints, (len(left), 1))
         excess = postures_led_to(plan.world, targets, poses[left], joints)[1]
-        missed = np.flatnonzero(excess > 0)
-        if len(missed):
-            again = [targets[k] for k in missed.tolist()]
-            excess[missed] = _restarted(plan.world, again, poses[left[missed]])
-        reached[left] = excess <= 0
+        reached[left] = _restarted(plan.world, targets, poses[left], excess) <= 0
     return reached
 
 
@@ -169,25 +163,23 @@ def _worst_on_rim(plan: Plan, stop: Stop) -> tuple[int, float]:
     for share in np.arange(1, RIM_STEPS + 1) / RIM_STEPS:
         poses = (base + share * (RIM * stop.tolerance)).reshape(-1, 3)
         joints, excess = postures_led_to(plan.world, targets, poses, joints)
-    missed = np.flatnonzero(excess > 0)
-    if len(missed):
-        excess[missed] = _restarted(plan.world, [targets[k] for k in missed.tolist()], poses[missed])
+    excess = _restarted(plan.world, targets, poses, excess)
     worst = int(np.argmax(excess))
     return stop.setpoints[worst // RIM_POINTS], float(excess[worst])
 
 
-def _restarted(world: World, targets: Sequence[Target], poses: Array) -> Array:
-    """Least excess from random postures, (n,)."""
+def _restarted(world: World, targets: Sequence[Target], poses: Array, excess: Array) -> Array:
+    """The excess of targets that are met, of others the least from random postures, (n,)."""
     rng, chain = np.random.default_rng(0), world.robot.chain
     low, high = np.maximum(chain.lower, -np.pi), np.minimum(chain.upper, np.pi)
-    best, left = np.full(len(targets), np.inf), np.arange(len(targets))
+    best = np.where(excess > 0, np.inf, excess)
     for _ in range(RESTARTS):
-        start = rng.uniform(low, high, (len(left), chain.dof))
-        excess = postures_led_to(world, [targets[k] for k in left.tolist()], poses[left], start)[1]
-        best[left] = np.minimum(best[left], excess)
-        left = left[best[left] > 0]
+        left = np.flatnonzero(best > 0)
         if not len(left):
             break
+        start = rng.uniform(low, high, (len(left), chain.dof))
+        again = postures_led_to(world, [targets[k] for k in left.tolist()], poses[left], start)[1]
+        best[left] = np.minimum(best[left], again)
     return best
 
 
@@ -205,25 +197,19 @@ def verify_execution(plan: Plan, names: StateNames) -> Finding:
     targets = [target for target in plan.world.task for _ in offsets]
     led, missed = postures_led_to(plan.world, targets, poses.reshape(-1, 3), joints)
     excess = missed.reshape(-1, len(offsets))
-    violations = []
+    violations, chain = [], plan.world.robot.chain
     for i in np.flatnonzero(excess.max(axis=1) > 0).tolist():
         k, worst = int(excess[i].argmax()), float(excess[i].max())
-        off, at_limit = offsets[k], _at_limit(plan.world.robot.chain, led[i * len(offsets) + k])
+        off, posture = offsets[k], led[i * len(offsets) + k]
+        at_limit = np.flatnonzero((posture <= chain.lower) | (posture >= chain.upper))
         text = f"with the base {np.hypot(off[0], off[1]):.4f} m and {abs(off[2]):.4f} rad off its place, "
         text += f"no posture near the planned one reaches {names.setpoint(i)}; the nearest misses its "
         text += f"tolerance by {worst:.4f} m or rad"
-        if at_limit:
-            text += f", {at_limit} at its limit, which criteria.joint_margin keeps it off"
+        if len(at_limit):
+            joint = chain.names[at_limit[0]]
+            text += f", {joint} at its limit, which criteria.joint_margin keeps it off"
         violations.append(Violation("execution", None, i, worst, text))
     return finding("execution", np.inf, violations)
-
-
-def _at_limit(chain: Chain, joints: Array) -> str | None:
-    """The first joint that is at one of its limits."""
-    near = np.minimum(joints - chain.lower, chain.upper - joints) <= 0.0
-    return next(
-        (joint.name for joint, is_near in zip(chain.active_joints, near, strict=True) if is_near), None
-    )
 
 
 def _rim(world: World) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from regionik.values import Configuration, Plan, Violation
 from regionik.verification.motion import wrap_angle
 from regionik.verification.proofs import StateNames
 from regionik.worlds.arrays import Array
+from regionik.worlds.scene import Start
 
 EXACT = 1e-9  # [m] or [rad]
 KINDS = ("setpoint", "step", "transit")
@@ -51,10 +53,8 @@ def inconsistencies(plan: Plan, names: StateNames) -> Iterator[Violation]:
         i = int(motion.setpoint[k])
         if 0 <= i < len(plan.setpoints) and not _agrees(plan.setpoints[i], motion.base[k], motion.joints[k]):
             yield _fault(f"{names.setpoint(i)}: its configuration differs from state {k + 1}", k, i)
-    if world.start is not None:
-        start = Configuration(world.start.base, world.start.joints, 0.0, 0, True)
-        if not _agrees(start, motion.base[0], motion.joints[0]):
-            yield _fault("the first state is not the start that the world gives", 0)
+    if world.start is not None and not _agrees(world.start, motion.base[0], motion.joints[0]):
+        yield _fault("the first state is not the start that the world gives", 0)
     if (np.diff(motion.time[~np.isnan(motion.time)]) < 0).any():
         yield _fault("the times of the states run backwards")
     yield from _wrong_lift_offs(plan, reached)
@@ -66,14 +66,14 @@ def _fault(text: str, state: int | None = None, setpoint: int | None = None) -> 
 
 def _out_of_order(plan: Plan, names: StateNames) -> Iterator[Violation]:
     motion = plan.motion
-    order = [int(i) for i in motion.setpoint[motion.kind == "setpoint"]]
+    states = np.flatnonzero(motion.kind == "setpoint").tolist()
+    order = motion.setpoint[states].tolist()
     counts = Counter(order)
     for i in range(len(plan.world.task)):
         if counts[i] != 1:
             how = "is missing" if counts[i] == 0 else f"appears {counts[i]} times"
             yield _fault(f"{names.setpoint(i)} {how} among the states", None, i)
-    states = np.flatnonzero(motion.kind == "setpoint").tolist()
-    for k, before, after in zip(states[1:], order, order[1:], strict=False):
+    for k, (before, after) in zip(states[1:], pairwise(order), strict=True):
         if after < before:
             text = f"{names.setpoint(after)} comes after {names.setpoint(before)}: out of order"
             yield _fault(text, k, after)
@@ -104,8 +104,8 @@ def _wrong_lift_offs(plan: Plan, reached: list[int]) -> Iterator[Violation]:
         yield _fault(f"the tool is lifted {runs} times, the rules allow {most}")
 
 
-def _agrees(configuration: Configuration, base: Array, joints: Array) -> bool:
-    """Return whether a configuration is the same as a base pose and joints, to a nanometre and nanoradian."""
-    moved = np.append(configuration.base[:2] - base[:2], wrap_angle(configuration.base[2] - base[2]))
-    same_arm = configuration.joints.shape == joints.shape
-    return same_arm and bool(max(np.abs(moved).max(), np.abs(configuration.joints - joints).max()) <= EXACT)
+def _agrees(one: Configuration | Start, base: Array, joints: Array) -> bool:
+    """Return whether base and joints are the same as others, to a nanometre and nanoradian."""
+    moved = np.append(one.base[:2] - base[:2], wrap_angle(one.base[2] - base[2]))
+    same_arm = one.joints.shape == joints.shape
+    return same_arm and bool(max(np.abs(moved).max(), np.abs(one.joints - joints).max()) <= EXACT)

@@ -32,20 +32,12 @@ NODES, WEIGHTS = np.array(leggauss(24)) / 2 + [[0.5], [0.0]]  # of a mean from 0
 
 
 class CoursePolynomials(NamedTuple):
-    """Polynomials of the share of a piece's time, constant first.
+    """Polynomials of the share of a piece's time, constant first."""
 
-    Attributes
-    ----------
-    base : (pieces, n, k) array
-        x, y and yaw, or what a base on wheels rolls, and its heading against that at the start.
-    joints : (pieces, n, dof) array
-    slip : (pieces, n, 2) array
-        Of a base on wheels in the world, else (pieces, n, 0).
-    """
-
+    # (pieces, n, k) x, y and yaw, or what a base on wheels rolls, and its heading against that at the start
     base: Array
-    joints: Array
-    slip: Array
+    joints: Array  # (pieces, n, dof)
+    slip: Array  # (pieces, n, 2) of a base on wheels in the world, else (pieces, n, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,10 +115,7 @@ class TimedSegments:
     def rolling(self) -> tuple[Indices, Array, Array]:
         """Segments (m,) on which a base on wheels rolls, and their ways as polynomials of a share.
 
-        Returns
-        -------
-        (m,), (2, m, 4) and (m, 2) arrays
-            Segments; way rolled and heading; the square of the share's rate, by the share [1/s2].
+        These are way rolled and heading, (2, m, 4), and the square of the share's rate, (m, 2) [1/s2].
         """
         rolls = np.abs(self.segments.rolled[self.moving]) > STANDS
         k, ways = self.moving[rolls], self._through(self.change[:, :2])[rolls]

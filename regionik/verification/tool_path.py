@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from regionik.values import Violation
+from regionik.values import Motion, Violation
 from regionik.verification.motion import Indices, Mask, MotionSegments, chord_deviation
 from regionik.verification.proofs import Finding, Intervals, IntervalVerdicts, StateNames, bisect, finding
 from regionik.worlds.arrays import Array
@@ -60,74 +60,66 @@ def tool_deviations(target: Target, R: Array) -> list[tuple[str, float]]:
     return found
 
 
-@dataclass(frozen=True, eq=False)
-class _BoundToPath:
-    """Steps and segments on which the tool must be on the path, and the set-points it is between."""
+def _bound_to_path(setpoints: int, motion: Motion) -> tuple[Indices, Indices]:
+    """Segments on which the tool must be on the path, all but transits, and the set-points at its ends.
 
-    steps: Indices
-    step_ends: Indices  # (n, 2) set-points
-    segments: Indices
-    segment_ends: Indices  # (m, 2)
-
-
-def _bound_to_path(setpoints: int, segments: MotionSegments) -> _BoundToPath:
-    """All but transits. Before the first set-point and past the last the tool holds that one."""
-    motion = segments.motion
+    Those are given from each state on, (states, 2). Before the first set-point and past the last the tool
+    holds that one.
+    """
     n, last = len(motion), setpoints - 1
     is_setpoint = motion.kind == "setpoint"
     previous = np.maximum.accumulate(np.where(is_setpoint, np.arange(n), -1))
     i = np.where(previous >= 0, motion.setpoint[previous], -1)
     ends = np.column_stack([np.maximum(i, 0), np.minimum(i + 1, last)])
-    steps = np.flatnonzero(motion.kind == "step")
     on_path = motion.kind != "transit"
     bound = np.flatnonzero(on_path[:-1] & on_path[1:])
     # A segment between set-points that are not neighbours is reported as out of order: no path to measure by.
     arrives = np.where(is_setpoint[bound + 1], motion.setpoint[bound + 1], ends[bound, 1])
     in_order = (arrives == ends[bound, 1]) & (i[bound] >= np.where(is_setpoint[bound], 0, -1))
-    return _BoundToPath(steps, ends[steps], bound[in_order], ends[bound[in_order]])
+    return bound[in_order], ends
 
 
 def verify_path(world: World, segments: MotionSegments, names: StateNames) -> Finding:
     """The tool is within ``path_tolerance`` of the line between two set-points wherever it is not lifted."""
     limit = world.rules.planned_path_tolerance
     positions = np.array([target.position for target in world.task])
-    bound = _bound_to_path(len(world.task), segments)
+    bound, ends = _bound_to_path(len(world.task), segments.motion)
 
-    def deviation(points: Array, ends: Indices) -> Array:
-        return _distance_to_line_segment(points, positions[ends[:, 0]], positions[ends[:, 1]])
+    def deviation(points: Array, state: Indices) -> Array:
+        return _distance_to_line_segment(points, *(positions[side] for side in ends[state].T))
 
+    steps = np.flatnonzero(segments.motion.kind == "step")
     tools = segments.robot.tool(segments.motion.base, segments.motion.joints)[:, :3, 3]
-    off = deviation(tools[bound.steps], bound.step_ends)
+    off = deviation(tools[steps], steps)
     violations = [
         _off_path(names, int(k), names.state(int(k)), float(o), limit)
-        for k, o in zip(bound.steps, off, strict=True)
+        for k, o in zip(steps, off, strict=True)
         if o > limit + BETWEEN
     ]
     bad = [v.state for v in violations if v.state is not None]
-    clean = ~np.isin(bound.segments, bad) & ~np.isin(bound.segments + 1, bad)
-    segment, ends = bound.segments[clean], bound.segment_ends[clean]
+    segment = bound[~np.isin(bound, bad) & ~np.isin(bound + 1, bad)]
 
     def examine(intervals: Intervals) -> IntervalVerdicts:
-        k, between = segment[intervals.item], ends[intervals.item]
+        k = segment[intervals.item]
         low, middle, high = (
             segments.frames_at(k, s)[:, -1, :3, 3] for s in (intervals.low, intervals.middle, intervals.high)
         )
         bulge = chord_deviation(segments.tool_acceleration_bound[k], intervals.length)
-        worst = np.maximum(deviation(low, between), deviation(high, between))
+        worst = np.maximum(deviation(low, k), deviation(high, k))
         moved = np.maximum(np.linalg.norm(low - middle, axis=-1), np.linalg.norm(high - middle, axis=-1))
         return IntervalVerdicts(
             worst + bulge <= limit + BETWEEN,
-            np.maximum(worst, deviation(middle, between)) > limit + BETWEEN,
+            np.maximum(worst, deviation(middle, k)) > limit + BETWEEN,
             moved + 100 * bulge < SHORTEST,
         )
 
     for item, s in bisect(len(segment), examine).items():
-        k, between = int(segment[item]), np.repeat(ends[item : item + 1], 3, axis=0)
-        points = segments.frames_at(np.repeat(segment[item], 3), np.array([0.0, s, 1.0]))[:, -1, :3, 3]
-        found = float(deviation(points, between).max())
+        k, thrice = int(segment[item]), np.repeat(segment[item], 3)
+        points = segments.frames_at(thrice, np.array([0.0, s, 1.0]))[:, -1, :3, 3]
+        found = float(deviation(points, thrice).max())
         violations.append(_off_path(names, k, names.segment(k), found, limit))
-    halfway = segments.frames_at(bound.segments, np.full(len(bound.segments), 0.5))[:, -1, :3, 3]
-    seen = np.concatenate([off, deviation(halfway, bound.segment_ends)])
+    halfway = segments.frames_at(bound, np.full(len(bound), 0.5))[:, -1, :3, 3]
+    seen = np.concatenate([off, deviation(halfway, bound)])
     return finding("path", limit - float(seen.max()) if len(seen) else np.inf, violations)
 
 
@@ -154,18 +146,18 @@ def verify_direction(world: World, segments: MotionSegments, names: StateNames) 
     ask for an orientation, `verify_orientation` checks the whole frame instead.
     """
     axes = [target.direction for target in world.task]
-    bound = _bound_to_path(len(world.task), segments)
-    asked = _both_given(axes, bound.segment_ends)
-    asked &= ~_both_given([target.orientation for target in world.task], bound.segment_ends)
-    if not asked.any():
+    bound, ends = _bound_to_path(len(world.task), segments.motion)
+    framed = _both_given([target.orientation for target in world.task], ends[bound])
+    asked = bound[_both_given(axes, ends[bound]) & ~framed]
+    if not len(asked):
         return finding("direction", np.inf, [])
 
     def axis_at(segment: Indices, s: Array) -> Array:
         return segments.frames_at(segment, s)[:, -1, :3, 2]
 
-    segment, start, end, cone = _arcs(world, bound, asked, axes)
-    acceleration = segments.tool_axis_acceleration_bound[segment]
-    motion = _SphereMotion(axis_at, lambda axes, _: axes, segment, start, end, cone, acceleration)
+    start, end, cone = _arcs(world, ends[asked], axes)
+    acceleration = segments.tool_axis_acceleration_bound[asked]
+    motion = _SphereMotion(axis_at, lambda axes, _: axes, asked, start, end, cone, acceleration)
     return _within_cones(motion, names, "direction", "axis", 1.0)
 
 
@@ -175,21 +167,20 @@ def verify_orientation(world: World, segments: MotionSegments, names: StateNames
     Between two orientations it may turn at constant rate the shorter way; the wider cone counts.
     """
     wanted = [target.orientation for target in world.task]
-    bound = _bound_to_path(len(world.task), segments)
-    asked = _both_given(wanted, bound.segment_ends)
-    if not asked.any():
+    bound, ends = _bound_to_path(len(world.task), segments.motion)
+    asked = bound[_both_given(wanted, ends[bound])]
+    if not len(asked):
         return finding("orientation", np.inf, [])
     quaternions = [None if R is None else _quaternions(R) for R in wanted]
 
     def quaternion_at(segment: Indices, s: Array) -> Array:
         return _quaternions(segments.frames_at(segment, s)[:, -1, :3, :3])
 
-    segment, start, end, cone = _arcs(world, bound, asked, quaternions)
+    start, end, cone = _arcs(world, ends[asked], quaternions)
     # q'' = (w' + w w / 2) q / 2, where |w'| is at most half the square of the bound of the turning rate |w|.
-    acceleration = segments.tool_axis_acceleration_bound[segment] / 2
-    motion = _SphereMotion(
-        quaternion_at, _same_sign, segment, start, _same_sign(end, start), cone / 2, acceleration
-    )
+    acceleration = segments.tool_axis_acceleration_bound[asked] / 2
+    end = _same_sign(end, start)
+    motion = _SphereMotion(quaternion_at, _same_sign, asked, start, end, cone / 2, acceleration)
     return _within_cones(motion, names, "orientation", "frame", 2.0)
 
 
@@ -199,14 +190,11 @@ def _both_given(values: Sequence[Array | None], ends: Indices) -> Mask:
     return given[ends[:, 0]] & given[ends[:, 1]]
 
 
-def _arcs(
-    world: World, bound: _BoundToPath, asked: Mask, points: Sequence[Array | None]
-) -> tuple[Indices, Array, Array, Array]:
-    """Segments asked for, both ends of their arcs, (n, d) each, and their cones (n,) [rad]."""
-    segment, ends = bound.segments[asked], bound.segment_ends[asked]
+def _arcs(world: World, ends: Indices, points: Sequence[Array | None]) -> tuple[Array, Array, Array]:
+    """Both ends of arcs between set-points, (n, d) each, and their cones (n,) [rad]."""
     start, end = (np.array([points[i] for i in side], dtype=np.float64) for side in ends.T)
     cone = np.array([target.cone for target in world.task])[ends].max(1)
-    return segment, start, end, cone
+    return start, end, cone
 
 
 def _within_cones(motion: _SphereMotion, names: StateNames, kind: str, what: str, scale: float) -> Finding:
@@ -221,8 +209,9 @@ def _within_cones(motion: _SphereMotion, names: StateNames, kind: str, what: str
         states[state] = max(states.get(state, found), found)
 
     def violation(state: int, where: str, angle: float, cone: float) -> Violation:
-        how = f"is {scale * angle:.4f} rad off" if angle > cone else ""
-        how = how or f"is not proven to stay, {scale * angle:.6f} rad off,"
+        how = f"is not proven to stay, {scale * angle:.6f} rad off,"
+        if angle > cone:
+            how = f"is {scale * angle:.4f} rad off"
         text = f"the tool's {what} {how} {where}; the cone allows {scale * cone:g} rad"
         return Violation(kind, state, names.owner(state), max(0.0, scale * (angle - cone)), text)
 
