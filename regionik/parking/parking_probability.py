@@ -96,21 +96,11 @@ def not_probable(world: World, i: int, base: Array) -> Explanation:
 
 
 class _PoseError(NamedTuple):
-    """Normal error of a pose: of the yaw, and of x and y at a given yaw.
+    """Normal error of a pose: of the yaw, and of x and y at a given yaw."""
 
-    Attributes
-    ----------
-    yaw : float
-        Standard deviation [rad].
-    slope : (2,) array
-        Shift of the mean of x and y by the yaw [m/rad].
-    covariance : (2, 2) array
-        Of x and y at a given yaw [m2].
-    """
-
-    yaw: float
-    slope: Array
-    covariance: Array
+    yaw: float  # standard deviation [rad]
+    slope: Array  # (2,) shift of the mean of x and y by the yaw [m/rad]
+    covariance: Array  # (2, 2) of x and y at a given yaw [m2]
 
     @classmethod
     def of(cls, world: World) -> _PoseError:

@@ -19,27 +19,13 @@ _NAME = re.compile(r"(robot|solid) (-?\d+)")
 
 @dataclass(frozen=True, eq=False)
 class Overlap:
-    """Two solids that overlap.
+    """Two solids that overlap."""
 
-    Attributes
-    ----------
-    robot : int
-        Index in ``robot.all_solids``, -1 for the base's body.
-    other : int
-        Index in ``world.solids``, or of the robot where ``own`` is true.
-    own : bool
-        The robot touches itself.
-    point : (3,) array
-        In the world [m].
-    depth : float
-        [m]
-    """
-
-    robot: int
-    other: int
-    own: bool
-    point: Array
-    depth: float
+    robot: int  # index in ``robot.all_solids``, -1 for the base's body
+    other: int  # index in ``world.solids``, or of the robot where ``own`` is true
+    own: bool  # the robot touches itself
+    point: Array  # (3,) in the world [m]
+    depth: float  # [m]
 
 
 class Physics:

@@ -74,19 +74,12 @@ class BaseDrives:
 
 
 class SimulatedRobot:
-    """A robot that carries out commands, one each `PERIOD`.
-
-    Attributes
-    ----------
-    physics : Physics
-    contacts : dict
-        `Contact` by the names of the two solids.
-    """
+    """A robot that carries out commands, one each `PERIOD`."""
 
     def __init__(self, world: World, way: Reference, slips: Array, tolerance: float) -> None:
         rows = np.linspace(0, len(way.time) - 1, min(len(way.time), POSTURES)).astype(int)
         self.physics = Physics(world, way.base[0], way.joints[rows], SERVO)
-        self.contacts: dict[tuple[str, str], Contact] = {}
+        self.contacts: dict[tuple[str, str], Contact] = {}  # by the names of the two solids
         self._world, self._deepest = world, world.rules.contact_depth + tolerance
         self._drives = BaseDrives(world.robot, world.speeds or Speeds(), slips, way.curvature[0])
         last = len(world.robot.chain.joints) - 1
