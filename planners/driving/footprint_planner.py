@@ -270,8 +270,11 @@ def path_through_slabs(
     route = _shortest_route(graph, first, last, a[:2])
     if route is None:
         return None
+    turns = [a[:2]]  # points at which the base turns from each node to the next
+    for node, other in pairwise(route):
+        turns.append(_nearest_shared(graph, node, other, turns[-1]))
     poses = [start, a]
-    for (k, part), to in zip(route, [*_turning_points(graph, route, a[:2]), b[:2]], strict=True):
+    for (k, part), to in zip(route, [*turns[1:], b[:2]], strict=True):
         path = drive_point(graph[k][part], poses[-1][:2], to, step=FAR, seed=seed)
         poses += [np.array([*p, areas[k].middle]) for p in path.points]
     poses += [b, goal]
@@ -355,14 +358,6 @@ def _shortest_route(graph: Sequence[Parts], first: Node, last: Node, start: Arra
                 far = cost + float(np.hypot(*(to - spot))) + 0.01
                 heappush(heap, (far, count, other, (float(to[0]), float(to[1])), node))
     return None
-
-
-def _turning_points(graph: Sequence[Parts], route: list[Node], start: Array) -> list[Array]:
-    """Points (2,) at which the base turns from each node to the next."""
-    points = [start]
-    for node, other in pairwise(route):
-        points.append(_nearest_shared(graph, node, other, points[-1]))
-    return points[1:]
 
 
 def _nearest_shared(graph: Sequence[Parts], node: Node, other: Node, spot: Array) -> Array:

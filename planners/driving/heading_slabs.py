@@ -182,16 +182,7 @@ def convex_scene(
     sides: int = SIDES,
     window: BaseGeometry | None = None,
 ) -> ConvexScene:
-    """Return footprint and surroundings for `free_at_all` and `free_at_some`; see `slab_areas`.
-
-    Parameters
-    ----------
-    footprint, floor, obstacles, clearance
-    sides : int
-        Of the polygons that stand for discs.
-    window : geometry, optional
-        Positions that are looked at alone.
-    """
+    """Return footprint and surroundings for `free_at_all` and `free_at_some`; see `slab_areas`."""
     corners = footprint_scene(footprint, floor, obstacles, clearance).corners
     edges = [(edge.reshape(2, 2), 0.0) for edge in core_edges(floor)]
     solids = [

@@ -49,13 +49,6 @@ def slide_cost(base: Steering, a: Array, b: Array) -> float:
 
 
 @compiled
-def _slide(scene: FootprintScene, base: Steering, a: Array, b: Array, limit: float) -> float:
-    """Cost of the straight slide from a to b, infinite where it is not free or dearer than a limit."""
-    cost = slide_cost(base, a, b)
-    return cost if cost < limit and slide_is_free(scene, a, b) else np.inf
-
-
-@compiled
 def _path_is_free(scene: FootprintScene, a: Array, motions: Array) -> bool:
     """True if every motion of a path is free."""
     here = a.copy()
@@ -106,7 +99,8 @@ def steer(scene: FootprintScene, base: Steering, a: Array, b: Array, limit: floa
         Overwritten with the signed length [m] and turn [rad] of each motion; left alone by bases that slide.
     """
     if base.kind == SLIDE:
-        return _slide(scene, base, a, b, limit)
+        cost = slide_cost(base, a, b)
+        return cost if cost < limit and slide_is_free(scene, a, b) else np.inf
     if base.kind == SPIN:
         return _spin(scene, base, a, b, limit, motions)
     if np.hypot(b[0] - a[0], b[1] - a[1]) >= limit:
