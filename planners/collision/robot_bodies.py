@@ -134,14 +134,7 @@ def bodies_from(
 
 
 def near_bodies(bodies: Bodies, point: Array, far: float) -> Bodies:
-    """The same bodies without the pieces of obstacles that are farther from a point than ``far``.
-
-    Parameters
-    ----------
-    point : (3,) array [m]
-    far : float
-        From the boxes round the pieces, their clearance included [m].
-    """
+    """The same bodies without pieces of obstacles whose boxes are farther than ``far`` from a point [m]."""
     hulls = bodies.hulls
     apart = np.maximum(np.maximum(hulls.boxes[:, 0] - point, point - hulls.boxes[:, 1]), 0.0)
     keep: Mask = np.linalg.norm(apart, axis=1) <= far

@@ -38,12 +38,6 @@ class PlanarSolver:
     tolerance: float  # [m]
     asked: Thresholds | None = None  # of manipulability and effort, which postures must meet
 
-    @property
-    def _restarts(self) -> Array:
-        """Ten postures to restart from, spread over the limits: elbow up and down, folded, stretched."""
-        lower, upper = within_half_turns(self.arm.lower, self.arm.upper)
-        return lower + _SPREAD * (upper - lower)
-
     def setup(self, mount: Array, turning: Turning) -> Record:
         """Return the arm on a base as kernels take it, without the thresholds.
 
@@ -51,11 +45,13 @@ class PlanarSolver:
         """
         arm, plane, family = self.arm, self.plane, self.family
         zero = float(arm.pivot_zero + mount[3])
+        lower, upper = within_half_turns(arm.lower, arm.upper)
         return record_of(
             PlanarSetup(
                 np.array([plane.shoulder_r, plane.shoulder_z]), plane.lengths, plane.lower, plane.upper,
-                limit_vectors(plane.lower, plane.upper), arm.sign, arm.offset, self._restarts, mount[:2],
-                zero, turning, family.facing, family.pitch, self.tolerance, MOST_PASSES,
+                limit_vectors(plane.lower, plane.upper), arm.sign, arm.offset,
+                lower + _RESTARTS * (upper - lower), mount[:2], zero, turning, family.facing,
+                family.pitch, self.tolerance, MOST_PASSES,
             )
         )  # fmt: skip
 
@@ -182,7 +178,8 @@ def _swung(kind: Family, target: Array, axis: Array) -> Array:
     return target[:2] - away * np.array([np.cos(azimuth), np.sin(azimuth)])
 
 
-_SPREAD = np.array(
+# Postures to restart from, as shares of the limits: elbow up and down, folded, stretched.
+_RESTARTS = np.array(
     [
         (0.5, 0.5, 0.5), (0.3, 0.2, 0.5), (0.7, 0.8, 0.5), (0.3, 0.7, 0.3), (0.6, 0.2, 0.8),
         (0.8, 0.3, 0.2), (0.1, 0.5, 0.5), (0.5, 0.1, 0.1), (0.5, 0.9, 0.9), (0.9, 0.5, 0.7),

@@ -32,17 +32,9 @@ class BaseDrives:
     """Drives of a base: ``twist`` (3,) is what its wheels say, of the base in its own frame [m/s], [rad/s].
 
     A base that rolls is a unicycle, or a bicycle that steers: wheels whose contacts are solved for would slip
-    by what the solver makes of friction, not by what is asked for.
-
-    Parameters
-    ----------
-    robot : Robot
-    speeds : Speeds
-        A car steers no faster.
-    slips : (n, 3) array
-        Factors of what the base does to what its wheels say, one row a second.
-    curvature : float
-        That a car's wheels are turned to at first [1/m].
+    by what the solver makes of friction, not by what is asked for. ``slips`` (n, 3) are factors of what the
+    base does to what its wheels say, one row a second; ``curvature`` is what a car's wheels are turned to at
+    first [1/m].
     """
 
     def __init__(self, robot: Robot, speeds: Speeds, slips: Array, curvature: float) -> None:
@@ -98,15 +90,10 @@ class SimulatedRobot:
         return self.physics.setpoints(*way.sample(times).columns)
 
     def run(self, command: Command, setpoints: Array, time: float) -> Array:
-        """Carry out a command from a time on; the mean twist that the wheels say meanwhile, (3,).
+        """Carry out a command from a time on [s]; the mean twist that the wheels say meanwhile, (3,).
 
-        Parameters
-        ----------
-        command : Command
-        setpoints : (SUBSTEPS, n) array
-            That the servos need for the plan; what the command adds, they add evenly.
-        time : float
-            [s]
+        The set-points (SUBSTEPS, n) are those that the servos need for the plan; what the command adds, they
+        add evenly.
         """
         physics, travelled = self.physics, np.zeros(3)
         rate = (command.added - self._added) / PERIOD

@@ -53,15 +53,8 @@ class TrackingController:
     def command(self, k: int, pose: Array, twist: Array, joints: Array) -> Command:
         """Command for the time from row k to the next.
 
-        Parameters
-        ----------
-        k : int
-        pose : (3,) array
-            Where the base is taken to be: x, y [m], yaw [rad].
-        twist : (3,) array
-            What its wheels say of its motion, in its own frame.
-        joints : (dof,) array
-            Of the command before.
+        The base is taken to be at a pose (3,), ``twist`` (3,) is what its wheels say of its motion in its own
+        frame, ``joints`` (dof,) are those of the command before.
         """
         wanted = self._base_twist(k, pose)
         asked = twist + (wanted - twist) / TAKEN_ON  # the drives' lag makes that the one wanted
