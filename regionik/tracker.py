@@ -23,7 +23,7 @@ from regionik.explain.constraints import no_way_to, setpoint_at
 from regionik.explain.failures import invalid_plan
 from regionik.planners.driving.pitch_arm import HeightError, arm_share, pitch_arm
 from regionik.planners.driving.point_planner import NoPathError
-from regionik.planners.driving.pose_planner import drive_differential
+from regionik.planners.driving.pose_planner import drive_wheeled
 from regionik.planners.driving.pose_tracking import TrackedRun, TrackingRobot, start_headings, track_runs
 from regionik.planners.progress import tell
 from regionik.postures.arm import goals_between
@@ -138,7 +138,7 @@ class _RunJoiner:
         if same(here.base, here.joints, there.base, there.joints):
             return []
         carry, room = self.world.robot.carry, room_for(self.world)
-        way = drive_differential(room, here.base, there.base, seed=self.seed)
+        way = drive_wheeled(room, here.base, there.base, seed=self.seed)
         driven = [Pose(base, carry) for base in way.sample(self.world.rules.step * 0.999)]
         lifted = Pose(there.base, carry)
         return [*arm_states(here, driven[0]), *driven[:-1], lifted, *arm_states(lifted, there)]
