@@ -141,7 +141,10 @@ def drive_footprint(
         areas = slab_areas(footprint, floor, obstacles, clearance, slabs_along(scene, SLABS))
         found = path_through_slabs(scene, areas, a, b, seed)
         if found is None:
-            raise _refusal(scene, _passage(floor, obstacles, clearance, a, b), areas, a, b)
+            keep = [(shadow.core, clearance + shadow.radius) for shadow in obstacles]
+            grown = [core.buffer(far) if far > 0 else core for core, far in keep]
+            free = shapely.difference(floor, shapely.union_all(grown))
+            raise _refusal(scene, passage_width(free, Point(a[:2]), Point(b[:2])), areas, a, b)
         found, cost = shortcut(scene, base, found)
         method = "slabs"
     other = None if cost <= GOOD * slide_cost(base, a, b) else cheaper_on_lattice(scene, base, a, b, cost)
@@ -228,15 +231,6 @@ def passage_width(free: BaseGeometry, start: BaseGeometry, goal: BaseGeometry) -
         met = [shapely.distance(parts, shape) <= middle for shape in (start, goal)]
         low, high = (middle, high) if bool((met[0] & met[1]).any()) else (low, middle)
     return 2 * low
-
-
-def _passage(
-    floor: Polygon | MultiPolygon, obstacles: Sequence[Shadow], clearance: float, start: Array, goal: Array
-) -> float:
-    """Width of the narrowest place on the widest way between two poses [m]."""
-    grown = [s.core.buffer(clearance + s.radius) if clearance + s.radius > 0 else s.core for s in obstacles]
-    free = shapely.difference(floor, shapely.union_all(grown))
-    return passage_width(free, Point(start[:2]), Point(goal[:2]))
 
 
 def _refusal(
