@@ -190,8 +190,8 @@ def _touch(bodies: Bodies, rest: MotionSegment, k: int, m: int) -> Touch:
     T = _frames(bodies, rest, frame)[solid.link]
     own = solid.polytope.moved(T) if isinstance(solid, LinkHull) else None  # made anew it takes milliseconds
     found = hull_separation(bodies.pieces[m], solid.corners @ T[:3, :3].T + T[:3, 3], own)
-    on_solid = found.on_axis - solid.radius * found.normal
-    on_other = found.on_axis - found.distance * found.normal
+    gap, on_solid = float(found.distance - solid.radius), found.on_axis - solid.radius * found.normal
+    on_other = on_solid - gap * found.normal
     kind: Literal["obstacle", "self", "base"] = "obstacle"
     if frame != WORLD:
         kind = "base" if bodies.hulls.owner[m] == BODY else "self"
@@ -199,7 +199,7 @@ def _touch(bodies: Bodies, rest: MotionSegment, k: int, m: int) -> Touch:
         turn = seen[:3, :3] @ T[:3, :3].T
         on_solid, on_other = (turn @ (p - T[:3, 3]) + seen[:3, 3] for p in (on_solid, on_other))
     other = -1 if kind == "base" else int(bodies.hulls.owner[m])
-    return Touch(float(found.distance - solid.radius), k, kind, other, on_solid, on_other)
+    return Touch(gap, k, kind, other, on_solid, on_other)
 
 
 def _frames(bodies: Bodies, rest: MotionSegment, frame: int) -> Array:
