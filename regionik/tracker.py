@@ -23,7 +23,7 @@ from regionik.explain.constraints import no_way_to, setpoint_at
 from regionik.explain.failures import invalid_plan
 from regionik.planners.driving.pitch_arm import HeightError, arm_share, pitch_arm
 from regionik.planners.driving.point_planner import NoPathError
-from regionik.planners.driving.pose_planner import drive_differential
+from regionik.planners.driving.pose_planner import drive_wheeled
 from regionik.planners.driving.pose_tracking import TrackedRun, TrackingRobot, start_headings, track_runs
 from regionik.planners.progress import tell
 from regionik.postures.arm import goals_between
@@ -121,7 +121,7 @@ def _lifted(world: World, seed: int, here: Pose, there: Pose) -> list[Pose]:
     if same(here.base, here.joints, there.base, there.joints):
         return []
     carry = world.robot.carry
-    way = drive_differential(room_for(world), here.base, there.base, seed=seed)
+    way = drive_wheeled(room_for(world), here.base, there.base, seed=seed)
     driven = [Pose(base, carry) for base in way.sample(world.rules.step * 0.999)]
     folded = Pose(there.base, carry)
     return [*arm_states(here, driven[0]), *driven[:-1], folded, *arm_states(folded, there)]

@@ -12,7 +12,7 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 from shapely.geometry import Point, Polygon, box
 
-from regionik.planners.collision.convex_bodies import link_piece
+from regionik.planners.collision.convex_bodies import Piece, Separation, link_piece
 from regionik.planners.collision.distances import (
     Obstacles,
     box_distances,
@@ -20,7 +20,6 @@ from regionik.planners.collision.distances import (
     keeps_apart,
     nearest_distance,
     obstacles_from,
-    segment_separation,
 )
 from regionik.planners.geometry.convex_decomposition import MOST_CORNERS, convex_pieces
 from regionik.worlds.arrays import Array
@@ -51,6 +50,10 @@ SOLIDS: dict[str, Solid] = {
 }
 # Lengths that put segments on faces, edges, corners and at a radius from them.
 NASTY = np.array([-0.4, -0.335, -0.3, -0.235, -0.2, -0.135, -0.1, 0, 0.1, 0.135, 0.2, 0.235, 0.3, 0.335, 0.4])
+
+
+def segment_separation(piece: Piece, start: Array, end: Array) -> Separation:
+    return hull_separation(piece, np.stack([start, end]))
 
 
 def axis_distance(solid: Solid, a: Array, b: Array, count: int = 60) -> float:

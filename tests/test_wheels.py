@@ -24,8 +24,7 @@ from regionik.planners.driving.pose_planner import (
     REEDS_SHEPP,
     SPIN,
     Steering,
-    drive_car,
-    drive_differential,
+    drive_wheeled,
     steer,
 )
 from regionik.planners.driving.reeds_shepp import words_between
@@ -206,7 +205,7 @@ def test_arcs_come_near_but_do_not_touch(turn: float, inside: bool) -> None:
 def test_cars_in_clutter(seed: int) -> None:
     free = clutter(seed + 1)
     start, goal = two_poses(free, seed + 101)
-    way = drive_car(point_in(free), start, goal, turning_radius=0.3, seed=0)
+    way = drive_wheeled(point_in(free), start, goal, turning_radius=0.3, seed=0)
     holds(way, free, start, goal)
     assert {segment.kind for segment in way.segments} <= {"line", "arc"}
     assert all(abs(segment.length / segment.turn) >= 0.3 - 1e-12 for segment in way.segments if segment.turn)
@@ -218,7 +217,7 @@ def test_cars_in_clutter(seed: int) -> None:
 def test_differential_in_clutter(seed: int) -> None:
     free = clutter(seed)
     start, goal = two_poses(free, seed + 100)
-    way = drive_differential(point_in(free), start, goal, seed=0)
+    way = drive_wheeled(point_in(free), start, goal, seed=0)
     holds(way, free, start, goal)
     assert {segment.kind for segment in way.segments} <= {"line", "turn"}
     tight = shortest_length(free, start, goal)
@@ -249,13 +248,13 @@ def test_reversing_is_as_long_as_driving_forwards_and_turns_no_more() -> None:
 
 
 def test_a_leg_behind_is_driven_backwards() -> None:
-    way = drive_differential(point_in(box(0, 0, 4, 1)), [3, 0.5, 0], [1, 0.5, 0], seed=0)
+    way = drive_wheeled(point_in(box(0, 0, 4, 1)), [3, 0.5, 0], [1, 0.5, 0], seed=0)
     assert [segment.kind for segment in way.segments] == ["line"]
     assert way.segments[0].length == pytest.approx(-2)
 
 
 def test_a_car_parks_sideways() -> None:
-    way = drive_car(point_in(box(0, 0, 4, 4)), [1, 1, 0], [1, 1.5, 0], turning_radius=0.5, seed=0)
+    way = drive_wheeled(point_in(box(0, 0, 4, 4)), [1, 1, 0], [1, 1.5, 0], turning_radius=0.5, seed=0)
     assert way.method == "straight"
     assert {segment.length > 0 for segment in way.segments} == {False, True}
     assert way.length == pytest.approx(engine_distance_at(0.5, [1, 1, 0], [1, 1.5, 0]), abs=1e-9)
@@ -286,8 +285,8 @@ def test_footprints_on_wheels() -> None:
     scene = footprint_scene(LONG, floor, obstacles, 0.05)
     start, goal = np.array([0.8, 0.6, 0.3]), np.array([5.2, 2.2, 1.5])
     ways = [
-        drive_differential(scene, start, goal, seed=0),
-        drive_car(scene, start, goal, turning_radius=0.45, seed=0),
+        drive_wheeled(scene, start, goal, seed=0),
+        drive_wheeled(scene, start, goal, turning_radius=0.45, seed=0),
     ]
     for way in ways:
         assert off(way.end, goal) <= 1e-9
@@ -302,15 +301,15 @@ def test_footprints_on_wheels() -> None:
 def test_standing_still_is_no_way_at_all() -> None:
     here = [0.5, 0.5, 1.0]
     for way in (
-        drive_differential(point_in(box(0, 0, 1, 1)), here, here, seed=0),
-        drive_car(point_in(box(0, 0, 1, 1)), here, here, turning_radius=0.3, seed=0),
+        drive_wheeled(point_in(box(0, 0, 1, 1)), here, here, seed=0),
+        drive_wheeled(point_in(box(0, 0, 1, 1)), here, here, turning_radius=0.3, seed=0),
     ):
         assert (way.method, way.segments, way.length) == ("still", (), 0.0)
         assert way.sample(0.1).tolist() == [here]
 
 
 def test_a_turn_alone() -> None:
-    way = drive_differential(point_in(box(0, 0, 1, 1)), [0.5, 0.5, 3.0], [0.5, 0.5, -3.0], seed=0)
+    way = drive_wheeled(point_in(box(0, 0, 1, 1)), [0.5, 0.5, 3.0], [0.5, 0.5, -3.0], seed=0)
     assert [segment.kind for segment in way.segments] == ["turn"]
     assert way.turning == pytest.approx(2 * np.pi - 6)
 
@@ -326,11 +325,11 @@ SCRIPT = """
 import json
 from shapely import box
 from regionik.planners.driving.footprint import footprint_scene
-from regionik.planners.driving.pose_planner import drive_car
+from regionik.planners.driving.pose_planner import drive_wheeled
 from tests import examples
 free = footprint_scene([[0, 0]], box(0, 0, 6, 3) - box(1.8, 0, 2.1, 1.9) - box(3.8, 1.2, 4.1, 3))
-drive_car(free, [0.5, 0.5, 0], [1, 2, 1], turning_radius=0.3, seed=WARM)
-way = drive_car(free, [0.8, 0.6, 0.3], [5.2, 2.2, 1.5], turning_radius=0.4, seed=3)
+drive_wheeled(free, [0.5, 0.5, 0], [1, 2, 1], turning_radius=0.3, seed=WARM)
+way = drive_wheeled(free, [0.8, 0.6, 0.3], [5.2, 2.2, 1.5], turning_radius=0.4, seed=3)
 print(json.dumps([way.method, way.sample(0.05).tolist()]))
 """
 
@@ -354,13 +353,13 @@ def test_a_car_does_not_turn_round_in_a_passage() -> None:
     """A long car in a passage hardly wider than itself can only go to and fro."""
     scene = footprint_scene(LONG, box(0, 0, 4, 0.4))
     with pytest.raises(NoPathError, match=r"no way with a turning radius of 1 m .* was found in"):
-        drive_car(scene, [2, 0.2, 0], [2, 0.2, np.pi], turning_radius=1.0, seed=0)
+        drive_wheeled(scene, [2, 0.2, 0], [2, 0.2, np.pi], turning_radius=1.0, seed=0)
 
 
 def test_a_footprint_that_does_not_fit() -> None:
     scene = footprint_scene(LONG, box(0, 0, 2, 1))
     with pytest.raises(NoPathError, match=r"goal \(1.900, 0.500, 0.000 rad\): the footprint does not fit"):
-        drive_differential(scene, [0.5, 0.5, 0], [1.9, 0.5, 0], seed=0)
+        drive_wheeled(scene, [0.5, 0.5, 0], [1.9, 0.5, 0], seed=0)
 
 
 @pytest.mark.parametrize(
@@ -375,6 +374,6 @@ def test_bad_input(change: dict[str, object], words: str) -> None:
     case: dict[str, Any] = {"start": [0.5, 0.5, 0], "goal": [0.6, 0.5, 0], "seed": 0, **change}
     scene = point_in(box(0, 0, 1, 1))
     with pytest.raises(InputError, match=words):
-        drive_car(scene, turning_radius=1.0, **case)
+        drive_wheeled(scene, turning_radius=1.0, **case)
     with pytest.raises(InputError, match=words):
-        drive_differential(scene, **case)
+        drive_wheeled(scene, **case)

@@ -14,8 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from regionik.planners.collision.convex_bodies import Piece
-from regionik.planners.collision.distances import bounding_boxes, keeps_apart
+from regionik.planners.collision.distances import keeps_apart
 from regionik.planners.collision.robot_bodies import NO_CONTACT, Bodies, ContactTargets
 from regionik.planners.collision.robot_motion import BASE
 from regionik.planners.geometry.angles import wrap
@@ -207,14 +206,11 @@ class _Near(NamedTuple):
     """Surroundings of one solid of a link, all of them in one frame."""
 
     corners: Array  # (k, 3) of the solid, in its link's frame [m]
-    own: (
-        Polytope | None
-    )  # hull of the corners, where it is known: made anew at each pose it takes milliseconds
+    # hull of the corners, where it is known: made anew at each pose it takes milliseconds
+    own: Polytope | None
     apart: float  # between those corners' hull and each piece [m]
     T: Array  # (4, 4) frame of the pieces <- the arm's base frame
-    pieces: tuple[Piece, ...]
-    low: Array  # (m, 3) corners of boxes that the hull must meet to come too near to a piece [m]
-    high: Array  # (m, 3)
+    rows: Index  # of the pieces
 
 
 def links_clear(
@@ -232,14 +228,6 @@ def links_clear(
         Where the tool is going to be, in the world: it decides what may be touched [m].
     margin : float
         From the base, and from obstacles beyond the bodies' clearance [m].
-    contact : ContactTargets, optional
-        What the outermost link may touch.
-
-    Returns
-    -------
-    callable
-        Takes a link and a pose (4, 4) in the arm's base frame; tells whether the link's solids keep clear of
-        obstacles and of the base.
     """
     robot = bodies.robot
     T_world_arm, around = robot.T_world_arm(base), whole_pieces(bodies)
@@ -254,11 +242,11 @@ def links_clear(
         core = bodies.links.core[slice(*bodies.links.first[k : k + 2])]
         least = float(bodies.links.core_radius[k])
         links[solid.link] += [
-            _near(bodies, corners, whole, checked[~work], T_world_arm, apart + bodies.clearance),
-            _near(bodies, core, None, checked[work], T_world_arm, least),
-            _near(bodies, corners, whole, own, bodies.mobile.mount, apart),
+            _Near(corners, whole, apart + bodies.clearance, T_world_arm, checked[~work]),
+            _Near(core, None, least, T_world_arm, checked[work]),
+            _Near(corners, whole, apart, bodies.mobile.mount, own),
         ]
-    return lambda link, T_arm_link: all(_clear(near, T_arm_link) for near in links[link])
+    return lambda link, T_arm_link: all(_clear(bodies, near, T_arm_link) for near in links[link])
 
 
 def whole_pieces(bodies: Bodies) -> Index:
@@ -270,19 +258,13 @@ def whole_pieces(bodies: Bodies) -> Index:
     return np.array(rows, dtype=np.int64)
 
 
-def _near(bodies: Bodies, corners: Array, own: Polytope | None, rows: Index, T: Array, apart: float) -> _Near:
-    pieces = tuple(bodies.pieces[m] for m in rows)
-    low, high = bounding_boxes(pieces)
-    return _Near(corners, own, apart, T, pieces, low - apart, high + apart)
-
-
-def _clear(near: _Near, T_arm_link: Array) -> bool:
-    if not near.pieces:
-        return True
+def _clear(bodies: Bodies, near: _Near, T_arm_link: Array) -> bool:
     T = near.T @ T_arm_link
     corners = near.corners @ T[:3, :3].T + T[:3, 3]
-    meet = (corners.min(0) <= near.high).all(1) & (near.low <= corners.max(0)).all(1)
+    boxes, low, high = bodies.hulls.boxes[near.rows], corners.min(0), corners.max(0)
+    meet = (low - near.apart <= boxes[:, 1]).all(1) & (boxes[:, 0] <= high + near.apart).all(1)
     if not meet.any():
         return True
     own = None if near.own is None else near.own.moved(T)
-    return all(keeps_apart(near.pieces[m], corners, near.apart, own) for m in np.flatnonzero(meet).tolist())
+    rows = near.rows[meet].tolist()
+    return all(keeps_apart(bodies.pieces[m], corners, near.apart, own) for m in rows)

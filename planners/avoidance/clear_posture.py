@@ -118,26 +118,8 @@ def clear_posture_at_pose(
 ) -> tuple[Array, float] | None:
     """Search for a clear posture on a pose, from random ones and near the best so far; nothing is proven.
 
-    Parameters
-    ----------
-    bodies : Bodies
-        Robot and obstacles.
-    base : (3,) array
-        x, y [m], yaw [rad]; it stands still.
-    aim : Aim
-        In the world.
-    joints : (dof,) array
-        Posture to start from, clear or not.
-    effort : Effort
-        Tolerances and the arm's length.
-    contact : ContactTargets, optional
-        What may be touched.
-    margin : float
-        Kept beyond the bodies' clearance [m].
-
-    Returns
-    -------
-    Joints and what the tool misses [m]; None where no posture that was met is clear.
+    The base (3,) stands still, the aim is seen from the world, the joints (dof,) to start from may be clear
+    or not. Returns joints and what the tool misses [m]; None where no posture that was met is clear.
     """
     chain, T = bodies.robot.chain, bodies.robot.T_world_arm(base)
     arm, rng = posing_bodies(chain).arm, np.random.default_rng([seed, 2])

@@ -45,17 +45,9 @@ def search_postures(task: PostureTask, accept: Callable[[Array], bool], most: in
     """Search all postures of the arm by branch and bound.
 
     Boxes of links count as the capsules inside them; meshes, the floor, what is fixed to the base, and what
-    the tool may touch at the target count as nothing. So RULED_OUT stays a proof, and ``accept`` judges what
-    is found.
-
-    Parameters
-    ----------
-    task : PostureTask
-        Of an arm whose chain is not ``unbounded``.
-    accept : callable
-        Whether a posture (dof,) is clear of everything.
-    most : int
-        Budget of boxes.
+    the tool may touch at the target count as nothing. So RULED_OUT stays a proof, and ``accept`` judges
+    whether a posture (dof,) that is found is clear of everything. The arm's chain must not be ``unbounded``;
+    ``most`` is the budget of boxes.
     """
     bodies, robot = task.bodies, task.bodies.robot
     T = _inverse(robot.T_world_arm(task.base))

@@ -171,12 +171,9 @@ def first_unproven_on_path(
 @compiled
 def _touches_as_allowed(scene: RobotScene, rest: MotionSegment, k: int, m: int, frames: Array) -> bool:
     """True if solid k may touch hull m, and does so as it may, in a state."""
-    if (
-        not scene.links.outermost[k]
-        or range_left(scene.contact, scene.hulls.owner[m], frames[-2, :3, 3]) < 0.0
-    ):
-        return False
-    return contact_time(scene, rest, k, m, 0.0, frames, 1.0) >= 1.0
+    owner, tool = scene.hulls.owner[m], frames[-2, :3, 3]
+    near = scene.links.outermost[k] and range_left(scene.contact, owner, tool) >= 0.0
+    return near and contact_time(scene, rest, k, m, 0.0, frames, 1.0) >= 1.0
 
 
 @compiled
@@ -261,29 +258,6 @@ def _solid_distance(links: LinkHulls, hulls: Hulls, placed: Array, k: int, m: in
 
 
 @compiled
-def _self_clear(
-    scene: RobotScene, rest: MotionSegment, margin: float, boxes: Array, frames: Array, placed: Array
-) -> bool:
-    """True if solids keep their distance from one another and the base.
-
-    ``boxes`` (solids, 2, 3) hold them whole; ``frames`` and ``placed`` are overwritten.
-    """
-    robot, links, hulls, _ = scene
-    for m in range(hulls.world, len(hulls.frame)):
-        seen = False
-        owner = hulls.owner[m]
-        for k in range(len(links.link)):
-            if links.pairs[k, m] and (owner < 0 or box_distance(boxes[k], boxes[owner]) < margin + ROUNDING):
-                if not seen:
-                    link_frames(robot, rest, 0.0, hulls.frame[m], frames)
-                    seen = True
-                _place_solid(links, k, frames, placed)
-                if _solid_distance(links, hulls, placed, k, m)[0] < margin:
-                    return False
-    return True
-
-
-@compiled
 def is_clear(scene: RobotScene, margin: float, base: Array, joints: Array, tool_on: int) -> bool:
     """True if every solid of the robot is proven to keep its distance in a state.
 
@@ -293,26 +267,27 @@ def is_clear(scene: RobotScene, margin: float, base: Array, joints: Array, tool_
     robot, links, hulls, _ = scene
     rest = at_rest(base, joint_values(robot.arm, joints))
     frames, placed = np.empty((len(robot.arm.axis) + 2, 4, 4)), np.empty_like(links.corners)
-    boxes, whole = np.empty((len(links.link), 2, 3)), np.empty((2, 3))
+    boxes, seen_from, m = np.empty((len(links.link), 2, 3)), WORLD, 0
+    swept_boxes(robot, links, rest, boxes)
     link_frames(robot, rest, 0.0, WORLD, frames)
-    boxes[:, 0], boxes[:, 1] = np.inf, -np.inf
-    whole[0], whole[1] = np.inf, -np.inf
-    for k in range(len(links.link)):
-        _place_solid(links, k, frames, placed)
-        for d in range(3):
-            for i in range(links.first[k], links.first[k + 1]):
-                boxes[k, 0, d] = min(boxes[k, 0, d], placed[i, d] - links.radius[k])
-                boxes[k, 1, d] = max(boxes[k, 1, d], placed[i, d] + links.radius[k])
-            whole[0, d], whole[1, d] = min(whole[0, d], boxes[k, 0, d]), max(whole[1, d], boxes[k, 1, d])
-    m = 0
-    while m < hulls.world:
-        if box_distance(whole, hulls.boxes[m]) <= margin:
-            for k in range(len(links.link)):
-                near = links.pairs[k, m] and box_distance(boxes[k], hulls.boxes[m]) <= margin
-                if near and _solid_distance(links, hulls, placed, k, m)[0] < margin:
-                    if not links.outermost[k] or hulls.owner[m] != tool_on:
-                        return False
-                    if contact_time(scene, rest, k, m, 0.0, frames, 1.0) < 1.0:
-                        return False
+    while m < len(hulls.frame):
+        owner, thick = hulls.owner[m], hulls.disc[m] + hulls.ball[m]
+        for k in range(len(links.link)):
+            if not links.pairs[k, m]:
+                continue
+            if m < hulls.world:
+                near = box_distance(boxes[k], hulls.boxes[m]) < links.radius[k] + margin
+            else:
+                near = owner < 0 or box_distance(boxes[k], boxes[owner]) < links.radius[k] + thick + margin
+            if not near:
+                continue
+            if hulls.frame[m] != seen_from:
+                seen_from = hulls.frame[m]
+                link_frames(robot, rest, 0.0, seen_from, frames)
+            _place_solid(links, k, frames, placed)
+            if _solid_distance(links, hulls, placed, k, m)[0] < margin:
+                on_it = m < hulls.world and owner == tool_on and links.outermost[k]
+                if not on_it or contact_time(scene, rest, k, m, 0.0, frames, 1.0) < 1.0:
+                    return False
         m = hulls.next[m]
-    return _self_clear(scene, rest, margin, boxes, frames, placed)
+    return True

@@ -35,20 +35,8 @@ def time_to_plane(points: Array, n: Array, free: float, V: Array, W: Array, acce
     """Lower bound of the time in which a rigid body can cross a plane.
 
     A corner at height h above the plane with speed v = n . (V + W x p) is above it while
-    h + v t - a t^2 / 2 > 0, a the most that it accelerates: until t = 2 h / (sqrt(v^2 + 2 a h) - v).
-
-    Parameters
-    ----------
-    points : (k, 3) array
-        Corners [m].
-    n : (3,) array
-        Unit normal of the plane, towards the corners.
-    free : float
-        Height of the lowest corner [m].
-    V, W : (3,) array
-        Twist of the body.
-    acceleration : float
-        Upper bound for all corners [m].
+    h + v t - a t^2 / 2 > 0, a the most that it accelerates: until t = 2 h / (sqrt(v^2 + 2 a h) - v). The unit
+    normal n of the plane points towards the corners (k, 3), the lowest of which is ``free`` above it [m].
     """
     low = np.inf
     for p in points:
@@ -82,15 +70,7 @@ def range_left(contact: AllowedContact, owner: int, tool: Array) -> float:
 def farthest_below(points: Array, radius: float, n: Array, height: float, tool: Array) -> float:
     """Upper bound of the distance from the tool of what lies below a height of a capsule, box or hull [m].
 
-    Parameters
-    ----------
-    points : (2, 3) or (k, 3) array
-        Ends of the capsule's axis, or corners of the box or hull [m].
-    radius : float [m]
-    n : (3,) array
-        Unit vector upwards.
-    height : float [m]
-    tool : (3,) array [m]
+    Points are the ends (2, 3) of the capsule's axis, or corners (k, 3); the unit vector n points upwards.
     """
     far = 0.0
     if len(points) == 2:  # balls cover it, each as large as their distance asks

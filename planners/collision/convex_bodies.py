@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from regionik.planners.collision.gjk import hull_distance
 from regionik.planners.collision.meshes import BOX, TriangleTree, surface, triangle_tree
 from regionik.planners.geometry.convex_decomposition import convex_pieces
 from regionik.worlds.arrays import Array
@@ -25,7 +24,7 @@ NONE = np.zeros((0, 3))
 HALVINGS = 44  # of a segment of some metres: far below a nanometre
 INNER = 0.9  # of the radius of the largest ball in a hull: that of the capsule inside it
 THICKEST = 0.999  # of half a box's least side: radius of the capsule inside it, which keeps some length
-FAN = np.linspace(0.0, 2 * np.pi, 64, endpoint=False)  # directions out of a cylinder [rad]
+FAN = np.linspace(0.0, 2 * np.pi, 64, endpoint=False)  # level directions out of a round piece [rad]
 
 
 class Separation(NamedTuple):
@@ -147,22 +146,8 @@ def _capsule_in_hull(solid: LinkHull) -> LinkCapsule:
     return LinkCapsule(solid.link, solid.name, start, end, THICKEST * radius)
 
 
-def ball_separation(piece: Piece, a: Array, b: Array) -> Separation:
-    """Signed distance of a segment from a ball, or from a capsule."""
-    if len(piece.corners) == 2:
-        way, on_axis = np.zeros(3), np.empty(3)
-        gap = hull_distance(np.stack([a, b]), piece.corners, 0.0, way, on_axis)[0]
-        return Separation(max(0.0, gap) - piece.ball, way, on_axis)
-    along = b - a
-    t = float(np.clip((piece.corners[0] - a) @ along / max(float(along @ along), 1e-300), 0.0, 1.0))
-    on_axis = a + t * along
-    away = on_axis - piece.corners[0]
-    length = float(np.linalg.norm(away))
-    return Separation(length - piece.ball, away / length if length > 0 else UP, on_axis)
-
-
-def cylinder_distance(piece: Piece, a: Array, b: Array) -> tuple[float, Array, Array]:
-    """Distance of a segment from an upright cylinder and the witness points; 0 where they meet.
+def cylinder_separation(piece: Piece, a: Array, b: Array) -> Separation:
+    """Distance of a segment from an upright cylinder; 0 where they meet.
 
     The distance is convex along the segment, so the sign of its slope leads to the least one.
     """
@@ -182,8 +167,8 @@ def cylinder_distance(piece: Piece, a: Array, b: Array) -> tuple[float, Array, A
         if step >= 2:
             low, high = (t, high) if slope < 0 else (low, t)
     gap = np.array([level * x, level * y, over])
-    on_axis = a + t * (b - a)
-    return float(np.linalg.norm(gap)), on_axis, on_axis - gap
+    distance = float(np.linalg.norm(gap))
+    return Separation(distance, gap / (distance or 1.0), a + t * (b - a))
 
 
 def within_hull(corners: Array, points: Array) -> NDArray[np.bool_]:
@@ -203,13 +188,11 @@ def penetration(piece: Piece, corners: Array, own: Polytope | None = None) -> Se
 
     ``own`` is the hull of the corners, where it is known.
     """
-    if piece.disc:
+    normals, edges = piece.normals, piece.edges
+    if piece.disc or piece.ball:
         level = np.column_stack([np.cos(FAN), np.sin(FAN), np.zeros(len(FAN))])
         normals = np.vstack([level, UP, -UP])
-        edges = np.vstack([np.column_stack([-level[:, 1], level[:, 0], level[:, 2]]), UP])
-    else:
-        normals = piece.normals
-        edges = piece.edges
+        edges = np.vstack([np.column_stack([-level[:, 1], level[:, 0], level[:, 2]]), UP, edges])
     if len(corners) > BOX_ROWS:
         own = own or polytope(corners)
         sides, faces = own.edges, own.normals

@@ -19,8 +19,7 @@ from regionik.planners.collision.convex_bodies import (
     UP,
     Piece,
     Separation,
-    ball_separation,
-    cylinder_distance,
+    cylinder_separation,
     penetration,
     solid_pieces,
     within_hull,
@@ -96,7 +95,7 @@ def nearest_distance(obstacles: Obstacles, start: ArrayLike, end: ArrayLike, rad
     for k in np.argsort(gaps, kind="stable"):
         if gaps[k] >= best:
             break
-        best = min(best, segment_separation(obstacles.pieces[k], a, b).distance - radius)
+        best = min(best, hull_separation(obstacles.pieces[k], np.stack([a, b])).distance - radius)
     return best
 
 
@@ -117,54 +116,39 @@ def box_distances(obstacles: Obstacles, low: Array, high: Array) -> Array:
     return np.where(square > 0, np.sqrt(square), -np.inf)
 
 
-def segment_separation(piece: Piece, start: Array, end: Array) -> Separation:
-    """Signed distance of a segment from a piece; the numbers must be finite."""
-    if piece.ball:
-        return ball_separation(piece, start, end)
-    if piece.disc:
-        distance, on_axis, on_piece = cylinder_distance(piece, start, end)
-    else:
-        distance, on_axis, on_piece = surface_distance(segment(start, end), piece.surface)
-    inside = distance > 0 and not piece.disc and piece.contains(start)
-    if distance > 0 and not inside:
-        if piece.disc:
-            return Separation(distance, (on_axis - on_piece) / distance, on_axis)
-        return _proven(piece, np.stack([start, end]), distance, on_axis, on_piece)
-    if piece.mesh is None:
-        return penetration(piece, np.stack([start, end]))
-    gap = -min(0.0, piece.mesh.distance(start)) if inside else 0.0
-    out = on_piece - on_axis
-    return Separation(-min(gap, distance), out / distance if distance > 0 else UP, on_axis)
-
-
 def hull_separation(piece: Piece, corners: Array, own: Polytope | None = None) -> Separation:
     """Signed distance from a piece of a segment (2, 3), box (8, 3) or hull, by the corners of `LinkSolid`.
 
-    A box that is within a mesh, or a mesh within a box, is as deep as their surfaces are apart; a box that
-    cuts the surface of a mesh counts as a nanometre deep. So do hulls. The distance of a cylinder and a box
-    is never too large, and too small by less than a micrometre. The numbers must be finite. ``own`` is the
-    hull of the corners, where it is known.
+    A solid within a mesh, or a mesh within a solid, is as deep as their surfaces are apart; one that cuts the
+    surface of a mesh counts as a nanometre deep. The distance of a cylinder from a box or hull is never too
+    large, and too small by less than a micrometre. The numbers must be finite. ``own`` is the hull of the
+    corners, where it is known.
     """
-    if len(corners) == 2:
-        return segment_separation(piece, corners[0], corners[1])
-    if len(corners) > BOX_ROWS and piece.mesh is not None:
-        return _hull_from_mesh(piece, corners)
-    if piece.disc or len(corners) > BOX_ROWS:
-        way, on_box = np.zeros(3), np.empty(3)
-        distance = hull_distance(corners, piece.corners, piece.disc, way, on_box)[0]
+    if piece.disc and len(corners) == 2:
+        found = cylinder_separation(piece, *corners)
+        return found if found.distance > 0 else penetration(piece, corners)
+    if piece.disc or piece.ball or len(corners) > BOX_ROWS:
+        if piece.mesh is not None:
+            return _hull_from_mesh(piece, corners)
+        normal, on_link = np.zeros(3), np.empty(3)
+        distance = hull_distance(corners, piece.corners, piece.disc, normal, on_link)[0]
         if distance > TOUCH:
-            return Separation(distance - piece.ball, way, on_box)
+            return Separation(distance - piece.ball, normal, on_link)
         return penetration(piece, corners, own)
-    other = segment(piece.corners[0], piece.corners[-1]) if piece.ball else piece.surface
-    distance, on_box, on_piece = surface_distance(box(corners), other)
-    engulfed = distance > 0 and bool(within_hull(corners, piece.corners).any())
-    inside = engulfed or (distance > 0 and not piece.ball and piece.contains(corners[0]))
+    link = segment(*corners) if len(corners) == 2 else box(corners)
+    distance, on_link, on_piece = surface_distance(link, piece.surface)
+    inside = distance > 0 and (_engulfs(corners, piece) or piece.contains(corners[0]))
     if distance > 0 and not inside:
-        return _proven(piece, corners, distance, on_box, on_piece)
+        return _proven(piece, corners, distance, on_link, on_piece)
     if piece.mesh is None:
         return penetration(piece, corners)
-    normal = (on_piece - on_box) / distance if distance > 0 else -UP
-    return Separation(-max(distance, TOUCH), normal, on_box)
+    normal = (on_piece - on_link) / distance if distance > 0 else -UP
+    return Separation(-max(distance, TOUCH), normal, on_link)
+
+
+def _engulfs(corners: Array, piece: Piece) -> bool:
+    """True if some corner of a piece lies in a box or hull."""
+    return len(corners) > 2 and bool(within_hull(corners, piece.corners).any())
 
 
 def keeps_apart(piece: Piece, corners: Array, least: float, own: Polytope | None = None) -> bool:
@@ -186,8 +170,7 @@ def _hull_from_mesh(piece: Piece, corners: Array) -> Separation:
     normal /= max(float(np.linalg.norm(normal)), TOUCH)
     most = float(np.linalg.norm(corners[0] - piece.mesh.vertices[piece.mesh.faces[0, 0]])) + 2 * TOUCH
     distance = nearest_triangle(piece.triangles, np.ascontiguousarray(corners), most, normal, on_hull)
-    engulfed = distance > 0 and bool(within_hull(corners, piece.mesh.vertices).any())
-    if distance <= 0 or engulfed or piece.contains(corners[0]):
+    if distance <= 0 or _engulfs(corners, piece) or piece.contains(corners[0]):
         return Separation(-max(distance, TOUCH), -normal, on_hull)
     return Separation(distance, normal, on_hull)
 
@@ -208,4 +191,4 @@ def _proven(piece: Piece, corners: Array, distance: float, on_link: Array, on_pi
         gap = hull_distance(corners, piece.corners, 0.0, normal, on_link)[0]
     if gap <= TOUCH and piece.mesh is None:
         return penetration(piece, corners)
-    return Separation(float(gap) - piece.ball, normal, on_link)
+    return Separation(float(gap), normal, on_link)

@@ -150,17 +150,10 @@ def _skip_subtree(i: int) -> int:
 
 @compiled
 def nearest_triangle(tree: TriangleTree, A: Array, most: float, normal: Array, spot: Array) -> float:
-    """Distance of the hull of A from the triangles, where it is less than ``most``, else that [m].
+    """Distance of the hull of A (n, 3) from the triangles, where it is less than ``most``, else that [m].
 
-    Parameters
-    ----------
-    A : (n, 3) array [m]
-    most : float [m]
-    normal : (3,) array
-        A unit direction from the triangles to A, the better the faster. Overwritten, where something is
-        nearer, with that in which it is.
-    spot : (3,) array
-        Overwritten likewise with the point of A nearest to the triangles.
+    ``normal`` is a unit direction from the triangles to A, the better the faster. Where something is nearer,
+    it is overwritten with that in which it is, and ``spot`` with the point of A nearest to the triangles.
     """
     triangles, boxes = tree
     low, high = np.empty(3), np.empty(3)

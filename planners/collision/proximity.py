@@ -17,7 +17,6 @@ from regionik.planners.collision.collision_checking import (
     swept_boxes,
 )
 from regionik.planners.collision.contacts import ROUNDING, range_left
-from regionik.planners.collision.convex_bodies import Separation
 from regionik.planners.collision.distances import hull_separation
 from regionik.planners.collision.robot_bodies import Bodies, ContactTargets
 from regionik.planners.collision.robot_motion import (
@@ -29,8 +28,8 @@ from regionik.planners.collision.robot_motion import (
     motion_between,
     tool_speed,
 )
-from regionik.planners.collision.robot_scene import Hulls, RobotScene
-from regionik.worlds.arrays import Array, Mask, frozen
+from regionik.planners.collision.robot_scene import RobotScene
+from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.links import LinkHull
 from regionik.worlds.self_collision import BODY
 
@@ -187,28 +186,20 @@ def _first_unproven(
 
 def _touch(bodies: Bodies, rest: MotionSegment, k: int, m: int) -> Touch:
     """The touch of a solid and the piece of a row in a state, in the world."""
-    found, T = _measure(bodies, rest, k, m)
-    frame = int(bodies.hulls.frame[m])
-    on_solid = found.on_axis
-    on_other = on_solid - found.distance * found.normal
+    solid, frame = bodies.robot.all_solids[k], int(bodies.hulls.frame[m])
+    T = _frames(bodies, rest, frame)[solid.link]
+    own = solid.polytope.moved(T) if isinstance(solid, LinkHull) else None  # made anew it takes milliseconds
+    found = hull_separation(bodies.pieces[m], solid.corners @ T[:3, :3].T + T[:3, 3], own)
+    gap, on_solid = float(found.distance - solid.radius), found.on_axis - solid.radius * found.normal
+    on_other = on_solid - gap * found.normal
     kind: Literal["obstacle", "self", "base"] = "obstacle"
     if frame != WORLD:
         kind = "base" if bodies.hulls.owner[m] == BODY else "self"
-        seen = _frames(bodies, rest, WORLD)[bodies.robot.all_solids[k].link]
+        seen = _frames(bodies, rest, WORLD)[solid.link]
         turn = seen[:3, :3] @ T[:3, :3].T
         on_solid, on_other = (turn @ (p - T[:3, 3]) + seen[:3, 3] for p in (on_solid, on_other))
     other = -1 if kind == "base" else int(bodies.hulls.owner[m])
-    return Touch(found.distance, k, kind, other, on_solid, on_other)
-
-
-def _measure(bodies: Bodies, rest: MotionSegment, k: int, m: int) -> tuple[Separation, Array]:
-    """Signed distance of a solid from the piece of a row, and the pose of its link, seen as the row is."""
-    solid = bodies.robot.all_solids[k]
-    T = _frames(bodies, rest, int(bodies.hulls.frame[m]))[solid.link]
-    own = solid.polytope.moved(T) if isinstance(solid, LinkHull) else None  # made anew it takes milliseconds
-    found = hull_separation(bodies.pieces[m], solid.corners @ T[:3, :3].T + T[:3, 3], own)
-    on_solid = found.on_axis - solid.radius * found.normal
-    return Separation(float(found.distance - solid.radius), found.normal, on_solid), T
+    return Touch(gap, k, kind, other, on_solid, on_other)
 
 
 def _frames(bodies: Bodies, rest: MotionSegment, frame: int) -> Array:
@@ -224,28 +215,24 @@ def _first_inside_mesh(bodies: Bodies, scene: RobotScene, motion: MotionSegment)
     While the surface is not touched a solid stays inside or outside, so one look is enough unless the tool
     comes and goes.
     """
-    links, boxes = bodies.links, np.empty((len(bodies.robot.all_solids), 2, 3))
+    links, hulls, boxes = bodies.links, bodies.hulls, np.empty((len(bodies.robot.all_solids), 2, 3))
+    bounds_triangles = hulls.next > np.arange(len(hulls.next)) + 1
     swept_boxes(bodies.mobile, links, motion, boxes)
     speed = tool_speed(bodies.mobile, motion, WORLD)
     for k, link in enumerate(links.link.tolist()):
-        for m in np.flatnonzero(_meet(bodies.hulls, boxes[k])).tolist():
+        low, high = boxes[k]
+        meet = (low <= hulls.boxes[:, 1]).all(1) & (hulls.boxes[:, 0] <= high).all(1)
+        for m in np.flatnonzero(bounds_triangles & meet).tolist():
             mesh, s = bodies.pieces[m].mesh, 0.0
             while mesh is not None and s <= 1.0:
                 frames = _frames(bodies, _stopped(motion, s), WORLD)
-                left = range_left(scene.contact, bodies.hulls.owner[m], frames[-2, :3, 3])
+                left = range_left(scene.contact, hulls.owner[m], frames[-2, :3, 3])
                 left = left if links.outermost[k] else -np.inf
                 T, corners = frames[link], links.corners if left < 0 else links.core
                 if mesh.contains(T[:3, :3] @ corners[links.first[k]] + T[:3, 3]):
                     return k, m, s
                 s += max(abs(left) / speed if speed > 0 else np.inf, LOOK)
     return -1, -1, 1.0
-
-
-def _meet(hulls: Hulls, box: Array) -> Mask:
-    """Rows that bound triangles and whose boxes meet a box."""
-    meshes = hulls.next > np.arange(len(hulls.next)) + 1
-    meet: Mask = (box[0] <= hulls.boxes[:, 1]).all(1) & (hulls.boxes[:, 0] <= box[1]).all(1)
-    return meshes & meet
 
 
 def _stopped(motion: MotionSegment, s: float) -> MotionSegment:

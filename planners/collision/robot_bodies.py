@@ -125,7 +125,7 @@ def bodies_from(
         solids,
         floor,
         MobileArm(serial_arm(robot.chain), np.array(robot.T_base_arm), robot.drive.rolls),
-        _link_hulls(robot.all_solids, _cores(robot, _planned(depth)), pairs),
+        _link_hulls(robot, _planned(depth), pairs),
         _hulls(rows, world, clearance),
         tuple(row.piece for row in rows),
         clearance,
@@ -134,14 +134,7 @@ def bodies_from(
 
 
 def near_bodies(bodies: Bodies, point: Array, far: float) -> Bodies:
-    """The same bodies without the pieces of obstacles that are farther from a point than ``far``.
-
-    Parameters
-    ----------
-    point : (3,) array [m]
-    far : float
-        From the boxes round the pieces, their clearance included [m].
-    """
+    """The same bodies without pieces of obstacles whose boxes are farther than ``far`` from a point [m]."""
     hulls = bodies.hulls
     apart = np.maximum(np.maximum(hulls.boxes[:, 0] - point, point - hulls.boxes[:, 1]), 0.0)
     keep: Mask = np.linalg.norm(apart, axis=1) <= far
@@ -205,7 +198,10 @@ def _rows(piece: Piece, frame: int, owner: int) -> list[_Row]:
     return [_Row(piece.corners, piece, frame, owner, len(parts)), *parts]
 
 
-def _link_hulls(solids: Sequence[LinkSolid], cores: Sequence[tuple[Array, float]], pairs: Mask) -> LinkHulls:
+def _link_hulls(robot: Robot, depth: float, pairs: Mask) -> LinkHulls:
+    solids, frames = robot.all_solids, robot.chain.frames(np.zeros(robot.chain.dof))
+    tools = [np.linalg.solve(T, frames[-1])[:3, 3] for T in frames]
+    cores = [core_of(solid, depth, tools[solid.link]) for solid in solids]
     links = np.array([solid.link for solid in solids], dtype=np.int64)
     corners = [solid.corners for solid in solids]
     return LinkHulls(
@@ -241,12 +237,6 @@ def core_of(solid: LinkSolid, depth: float, tool: Array) -> tuple[Array, float]:
     left = np.maximum(0.0, 1.0 - off / half)
     aside = np.clip(-np.clip((tool - middle) @ axes.T / half, -1, 1) * np.maximum(off - half, 0), -half, half)
     return middle + ((corners - middle) @ axes.T * left + aside) @ axes, max(0.0, solid.radius - depth)
-
-
-def _cores(robot: Robot, depth: float) -> list[tuple[Array, float]]:
-    frames = robot.chain.frames(np.zeros(robot.chain.dof))
-    tools = [np.linalg.solve(T, frames[-1])[:3, 3] for T in frames]
-    return [core_of(solid, depth, tools[solid.link]) for solid in robot.all_solids]
 
 
 def _hulls(rows: Sequence[_Row], world: int, clearance: float) -> Hulls:

@@ -164,16 +164,9 @@ def count_on_line(
 ) -> int:
     """Count motions between states (n + 1, ...) that lead the tool along a line, up to one that does not.
 
-    Parameters
-    ----------
-    bases, joints : (n + 1, 3), (n + 1, dof) arrays
-    line : (n + 1, 3) array
-        Where the tool is at every state; it goes straight in between [m].
-    shares : (k,) array
-        Times of a motion at which it is looked at.
-    most : tuple of float
-        How far the tool may be off the line [m]; the most that a joint or the heading, and the base's place,
-        may change in one motion [rad], [m].
+    The line (n + 1, 3) is where the tool is at every state, straight in between [m]; it is looked at at some
+    shares of a motion. ``most`` says how far the tool may be off it [m], and how much a joint or the heading,
+    and the base's place, may change in one motion [rad], [m].
     """
     stray, bend, step = most
     frames = np.empty((len(robot.arm.axis) + 2, 4, 4))

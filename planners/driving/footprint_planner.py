@@ -141,7 +141,10 @@ def drive_footprint(
         areas = slab_areas(footprint, floor, obstacles, clearance, slabs_along(scene, SLABS))
         found = path_through_slabs(scene, areas, a, b, seed)
         if found is None:
-            raise _refusal(scene, _passage(floor, obstacles, clearance, a, b), areas, a, b)
+            keep = [(shadow.core, clearance + shadow.radius) for shadow in obstacles]
+            grown = [core.buffer(far) if far > 0 else core for core, far in keep]
+            free = shapely.difference(floor, shapely.union_all(grown))
+            raise _refusal(scene, passage_width(free, Point(a[:2]), Point(b[:2])), areas, a, b)
         found, cost = shortcut(scene, base, found)
         method = "slabs"
     other = None if cost <= GOOD * slide_cost(base, a, b) else cheaper_on_lattice(scene, base, a, b, cost)
@@ -230,15 +233,6 @@ def passage_width(free: BaseGeometry, start: BaseGeometry, goal: BaseGeometry) -
     return 2 * low
 
 
-def _passage(
-    floor: Polygon | MultiPolygon, obstacles: Sequence[Shadow], clearance: float, start: Array, goal: Array
-) -> float:
-    """Width of the narrowest place on the widest way between two poses [m]."""
-    grown = [s.core.buffer(clearance + s.radius) if clearance + s.radius > 0 else s.core for s in obstacles]
-    free = shapely.difference(floor, shapely.union_all(grown))
-    return passage_width(free, Point(start[:2]), Point(goal[:2]))
-
-
 def _refusal(
     scene: FootprintScene, passage: float, areas: Sequence[Slab], start: Array, goal: Array
 ) -> NarrowPassageError:
@@ -270,8 +264,11 @@ def path_through_slabs(
     route = _shortest_route(graph, first, last, a[:2])
     if route is None:
         return None
+    turns = [a[:2]]  # points at which the base turns from each node to the next
+    for node, other in pairwise(route):
+        turns.append(_nearest_shared(graph, node, other, turns[-1]))
     poses = [start, a]
-    for (k, part), to in zip(route, [*_turning_points(graph, route, a[:2]), b[:2]], strict=True):
+    for (k, part), to in zip(route, [*turns[1:], b[:2]], strict=True):
         path = drive_point(graph[k][part], poses[-1][:2], to, step=FAR, seed=seed)
         poses += [np.array([*p, areas[k].middle]) for p in path.points]
     poses += [b, goal]
@@ -355,14 +352,6 @@ def _shortest_route(graph: Sequence[Parts], first: Node, last: Node, start: Arra
                 far = cost + float(np.hypot(*(to - spot))) + 0.01
                 heappush(heap, (far, count, other, (float(to[0]), float(to[1])), node))
     return None
-
-
-def _turning_points(graph: Sequence[Parts], route: list[Node], start: Array) -> list[Array]:
-    """Points (2,) at which the base turns from each node to the next."""
-    points = [start]
-    for node, other in pairwise(route):
-        points.append(_nearest_shared(graph, node, other, points[-1]))
-    return points[1:]
 
 
 def _nearest_shared(graph: Sequence[Parts], node: Node, other: Node, spot: Array) -> Array:

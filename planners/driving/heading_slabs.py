@@ -69,18 +69,8 @@ def slabs_along(scene: FootprintScene, count: int, walls: int = MOST_WALLS) -> A
     """Cut a full turn in slabs, some of no width: headings at which a side of the footprint is along a wall.
 
     A footprint goes through its tightest passages with a side along the wall; a slab of no width is exact.
-
-    Parameters
-    ----------
-    count : int
-        Of equal slabs.
-    walls : int
-        From how many directions of walls, the longest, headings are taken.
-
-    Returns
-    -------
-    (n, 2) array
-        Lowest and highest heading; each slab begins where the one before it ends [rad].
+    To ``count`` equal slabs come the headings from so many directions of walls, the longest. Each slab (n, 2)
+    of a lowest and highest heading begins where the one before it ends [rad].
     """
     exact = _headings_along(scene, walls)
     even = slabs(count)
@@ -182,16 +172,7 @@ def convex_scene(
     sides: int = SIDES,
     window: BaseGeometry | None = None,
 ) -> ConvexScene:
-    """Return footprint and surroundings for `free_at_all` and `free_at_some`; see `slab_areas`.
-
-    Parameters
-    ----------
-    footprint, floor, obstacles, clearance
-    sides : int
-        Of the polygons that stand for discs.
-    window : geometry, optional
-        Positions that are looked at alone.
-    """
+    """Return footprint and surroundings for `free_at_all` and `free_at_some`; see `slab_areas`."""
     corners = footprint_scene(footprint, floor, obstacles, clearance).corners
     edges = [(edge.reshape(2, 2), 0.0) for edge in core_edges(floor)]
     solids = [

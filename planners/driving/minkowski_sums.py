@@ -43,34 +43,9 @@ def grown_by_disc(shape: Array, radius: float, sides: int, *, outside: bool) -> 
 
 
 def minkowski_sums(pieces: Sequence[Array], shape: Array) -> NDArray[np.object_]:
-    """Minkowski sums of convex pieces with a convex shape."""
+    """Minkowski sums of convex pieces with a convex shape, as hulls of all sums of their corners."""
     if not pieces:
         return np.empty(0, dtype=object)
-    if len(shape) < 3:
-        return _hulls_of_sums(pieces, shape)
-    edges = [piece for piece in pieces if len(piece) == 2]
-    others = [piece for piece in pieces if len(piece) != 2]
-    sums = [_sums_of_edges(np.array(edges), shape)] if edges else []
-    return np.concatenate([*sums, *([_hulls_of_sums(others, shape)] if others else [])])
-
-
-def _sums_of_edges(edges: Array, shape: Array) -> NDArray[np.object_]:
-    """Minkowski sums of edges (m, 2, 2) with a polygon: its half ahead at one end, the rest at the other."""
-    ring = shapely.get_coordinates(shapely.orient_polygons(shapely.Polygon(shape)))[:-1]
-    k, way = len(ring), edges[:, 1] - edges[:, 0]
-    across = way[:, :1] * ring[:, 1] - way[:, 1:] * ring[:, 0]
-    right, left = across.argmin(axis=1), across.argmax(axis=1)
-    ahead = (left - right) % k + 1  # corners from the rightmost to the leftmost, counter-clockwise
-    step = np.arange(k + 2)
-    first = step < ahead[:, None]
-    corner = (right[:, None] + step - ~first) % k
-    rims = shapely.polygons(ring[corner] + np.where(first[..., None], edges[:, 1:], edges[:, :1]))
-    sums: NDArray[np.object_] = shapely.convex_hull(rims)  # rounding may leave a rim that crosses itself
-    return sums
-
-
-def _hulls_of_sums(pieces: Sequence[Array], shape: Array) -> NDArray[np.object_]:
-    """Minkowski sums of convex pieces with a convex shape, as hulls of all sums of their corners."""
     corners, owner = np.concatenate(pieces), np.repeat(np.arange(len(pieces)), [len(p) for p in pieces])
     points = shapely.points((corners[:, None] + shape).reshape(-1, 2))
     sums: NDArray[np.object_] = shapely.convex_hull(

@@ -49,13 +49,6 @@ def slide_cost(base: Steering, a: Array, b: Array) -> float:
 
 
 @compiled
-def _slide(scene: FootprintScene, base: Steering, a: Array, b: Array, limit: float) -> float:
-    """Cost of the straight slide from a to b, infinite where it is not free or dearer than a limit."""
-    cost = slide_cost(base, a, b)
-    return cost if cost < limit and slide_is_free(scene, a, b) else np.inf
-
-
-@compiled
 def _path_is_free(scene: FootprintScene, a: Array, motions: Array) -> bool:
     """True if every motion of a path is free."""
     here = a.copy()
@@ -106,7 +99,8 @@ def steer(scene: FootprintScene, base: Steering, a: Array, b: Array, limit: floa
         Overwritten with the signed length [m] and turn [rad] of each motion; left alone by bases that slide.
     """
     if base.kind == SLIDE:
-        return _slide(scene, base, a, b, limit)
+        cost = slide_cost(base, a, b)
+        return cost if cost < limit and slide_is_free(scene, a, b) else np.inf
     if base.kind == SPIN:
         return _spin(scene, base, a, b, limit, motions)
     if np.hypot(b[0] - a[0], b[1] - a[1]) >= limit:
@@ -270,27 +264,10 @@ def same_pose(a: Array, b: Array) -> bool:
     return bool(np.hypot(*(b - a)[:2]) <= NEGLIGIBLE and abs(wrap(b[2] - a[2])) <= NEGLIGIBLE)
 
 
-def drive_differential(scene: FootprintScene, start: ArrayLike, goal: ArrayLike, *, seed: int) -> WheeledPath:
-    """Drive a base that turns on the spot: turns and straight lines, backwards where that turns less.
-
-    As `drive_car`, without a turning radius.
-
-    Examples
-    --------
-    >>> from shapely import box
-    >>> from regionik.planners.driving.footprint import footprint_scene
-    >>> scene = footprint_scene([[-0.1, -0.1], [0.1, -0.1], [0, 0.1]], box(0, 0, 2, 1))
-    >>> path = drive_differential(scene, [0.5, 0.5, 0], [1.5, 0.5, 1], seed=0)
-    >>> [segment.kind for segment in path.segments], path.length, path.turning
-    (['line', 'turn'], 1.0, 1.0)
-    """
-    return _driven(scene, Steering(SPIN, 0.0, TURN_WEIGHT), start, goal, seed)
-
-
-def drive_car(
-    scene: FootprintScene, start: ArrayLike, goal: ArrayLike, *, turning_radius: float, seed: int
+def drive_wheeled(
+    scene: FootprintScene, start: ArrayLike, goal: ArrayLike, *, turning_radius: float = 0.0, seed: int
 ) -> WheeledPath:
-    """Drive a car: lines and arcs of its turning radius, forwards and backwards.
+    """Drive a base on wheels: a car along lines and arcs, forwards and backwards, others turn on the spot.
 
     Parameters
     ----------
@@ -298,14 +275,15 @@ def drive_car(
         The footprint's origin is the middle of the axle that does not steer.
     start, goal : (3,) array_like
         x, y [m], yaw [rad].
-    turning_radius : float [m]
+    turning_radius : float
+        Of a car [m]; 0 for a base that turns on the spot and drives straight, backwards if that turns less.
     seed : int
         Of the sampling planner, 0 or above. Same input, same path.
 
     Returns
     -------
     WheeledPath
-        Lines and arcs, each proven free; the shortest Reeds-Shepp curve where that is free.
+        Each motion proven free; the shortest Reeds-Shepp curve of a car where that is free.
 
     Raises
     ------
@@ -319,17 +297,14 @@ def drive_car(
     >>> from shapely import box
     >>> from regionik.planners.driving.footprint import footprint_scene
     >>> scene = footprint_scene([[-0.1, -0.1], [0.1, -0.1], [0, 0.1]], box(0, 0, 4, 4))
-    >>> path = drive_car(scene, [1, 1, 0], [1, 1.5, 0], turning_radius=0.5, seed=0)
-    >>> round(path.length, 3)
+    >>> path = drive_wheeled(scene, [1, 1, 0], [2, 1, 1], seed=0)
+    >>> [segment.kind for segment in path.segments], path.length, path.turning
+    (['line', 'turn'], 1.0, 1.0)
+    >>> round(drive_wheeled(scene, [1, 1, 0], [1, 1.5, 0], turning_radius=0.5, seed=0).length, 3)
     1.318
     """
-    return _driven(scene, Steering(REEDS_SHEPP, float(turning_radius), 0.0), start, goal, seed)
-
-
-def _driven(
-    scene: FootprintScene, base: Steering, start: ArrayLike, goal: ArrayLike, seed: int
-) -> WheeledPath:
-    """Direct motion of a base on wheels, or else the path that RRTConnect finds."""
+    car = Steering(REEDS_SHEPP, float(turning_radius), 0.0)
+    base = car if turning_radius else Steering(SPIN, 0.0, TURN_WEIGHT)
     a, b = checked_ends(scene, start, goal, seed)
     if same_pose(a, b):
         return WheeledPath(a, (), "still")

@@ -57,7 +57,8 @@ _Row = tuple[Array, Array]  # of a `TrackedRun`: base and joints
 def _rows(robot: TrackingRobot, poses: Sequence[Array], heading: float | None, elbow: int) -> Iterator[_Row]:
     """Rows of a run, one for each pose as long as joint 1 keeps its limits."""
     arm, lift, limit = robot.arm, robot.lift, robot.pivot_limit
-    yaw = _first_heading(poses) if heading is None else heading
+    first = poses[1][:2, 3] - poses[0][:2, 3] if len(poses) > 1 else np.array([1.0, 0.0])
+    yaw = float(np.arctan2(first[1], first[0])) if heading is None else heading
     facing = 1 if abs(wrap(arm_share(arm, poses[0], lift, elbow=elbow).turn - yaw)) <= np.pi / 2 else -1
     share = arm_share(arm, poses[0], lift, elbow=elbow, facing=facing)
     turn = yaw + wrap(share.turn - yaw)
@@ -209,9 +210,3 @@ def _seen_from(base: Array, spot: Array) -> tuple[float, float]:
     c, s = np.cos(base[2]), np.sin(base[2])
     dx, dy = spot - base[:2]
     return float(c * dx + s * dy), float(c * dy - s * dx)
-
-
-def _first_heading(poses: Sequence[Array]) -> float:
-    """Heading along the tool's first step."""
-    way = poses[1][:2, 3] - poses[0][:2, 3] if len(poses) > 1 else np.array([1.0, 0.0])
-    return float(np.arctan2(way[1], way[0]))

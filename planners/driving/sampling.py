@@ -45,16 +45,11 @@ def connect(
     problem : PlanningProblem
         Its callables get points (n,).
     seed : int
-        Same input, same path, whatever was planned before.
+        Same input, same path (k, n), whatever was planned before.
     iterations : int
-        After which to give up: a bound without a clock.
+        After which None is returned: a bound without a clock.
     stride : float, optional
         Longest motion, in the box's coordinates; a fifth of the box's diagonal by default.
-
-    Returns
-    -------
-    (k, n) array or None
-        From start to goal; None when the iterations are used up.
     """
     count = len(problem.lower)
 
@@ -83,12 +78,7 @@ def connect_poses(
         Of the Reeds-Shepp curves that measure how near poses are and cut motions short; 0 for straight
         motions that turn evenly [m].
     seed, iterations
-        As for `connect`.
-
-    Returns
-    -------
-    (k, 3) array or None
-        From start to goal, headings from -pi to pi; None when the iterations are used up.
+        As for `connect`. The path (k, 3) has headings from -pi to pi.
     """
 
     def write(state: State, pose: Array) -> None:
@@ -120,7 +110,11 @@ def _connected(
         def checkMotion(self, p: State, q: State) -> bool:
             return bool(problem.motion_is_free(read(p), read(q)))
 
-    space.setBounds(_bounds(base, problem))
+    bounds = base.RealVectorBounds(len(problem.lower))
+    for axis, (low, high) in enumerate(zip(problem.lower, problem.upper, strict=True)):
+        bounds.setLow(axis, float(low))
+        bounds.setHigh(axis, float(max(high, low + 1e-6)))
+    space.setBounds(bounds)
     ends = [space.allocState(), space.allocState()]
     for state, row in zip(ends, (problem.start, problem.goal), strict=True):
         write(state, row)
@@ -140,15 +134,6 @@ def _connected(
     path = np.array([read(p) for p in setup.getSolutionPath().getStates()])
     path[0], path[-1] = problem.start, problem.goal  # as they were given
     return path
-
-
-def _bounds(base: Any, problem: PlanningProblem) -> Any:
-    """Bounds of the box to sample."""
-    bounds = base.RealVectorBounds(len(problem.lower))
-    for axis, (low, high) in enumerate(zip(problem.lower, problem.upper, strict=True)):
-        bounds.setLow(axis, float(low))
-        bounds.setHigh(axis, float(max(high, low + 1e-6)))
-    return bounds
 
 
 @contextmanager

@@ -28,7 +28,7 @@ from regionik.planners.driving.footprint import FootprintScene, arc_is_free, foo
 from regionik.planners.driving.footprint_planner import drive_footprint, path_through_slabs
 from regionik.planners.driving.heading_slabs import Slab
 from regionik.planners.driving.point_planner import NoPathError, drive_point, drive_point_inside
-from regionik.planners.driving.pose_planner import drive_car, drive_differential
+from regionik.planners.driving.pose_planner import drive_wheeled
 from regionik.planners.geometry.polygons import FlatPolygon, segment_in_either
 from regionik.postures.poses import Pose, axis_of, pose_of
 from regionik.worlds.arrays import Array
@@ -162,10 +162,8 @@ class WheeledDriver(Driver):
 
     def path(self, room: FootprintScene, a: Array, b: Array) -> WheeledPath:
         """Path on wheels from one pose to another; raises NoPathError."""
-        drive = self.world.robot.drive
-        if drive.turns_on_the_spot:
-            return drive_differential(room, a, b, seed=self.seed)
-        return drive_car(room, a, b, turning_radius=drive.turning_radius, seed=self.seed)
+        radius = self.world.robot.drive.turning_radius
+        return drive_wheeled(room, a, b, turning_radius=radius, seed=self.seed)
 
     def route(self, here: Pose, there: Pose, label: int, berth: float = 0.0) -> Array:
         """Of the base, (n, 3), each hop a line, an arc or a turn on the spot."""

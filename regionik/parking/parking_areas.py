@@ -71,12 +71,9 @@ class ParkingAreas:
         """The piece of floor that the base gets to, at any heading."""
         return shapely.union_all(self.standing.whole(self.piece))
 
-    def groups(self, begin: int = 0) -> list[StopGroup]:
-        """Fewest groups of set-points in their order, from one of them on, with their places."""
-        return self._groups(begin, self.ladder.count)
-
-    def _groups(self, begin: int, end: int) -> list[StopGroup]:
-        rungs = self.ladder.rungs[begin : end + 1]
+    def groups(self, begin: int = 0, end: int | None = None) -> list[StopGroup]:
+        """Fewest groups of set-points ``begin`` to ``end`` in their order, with their places."""
+        rungs = self.ladder.rungs[begin : None if end is None else end + 1]
         offset = int(rungs[0])
         back = [[m - offset for m in row if m >= offset] for row in self.back[offset : int(rungs[-1])]]
         runs = fewest_runs(self.narrow[offset:], rungs - offset, back)
@@ -96,8 +93,7 @@ class ParkingAreas:
     def group(self, setpoints: tuple[int, ...], order: Order) -> StopGroup:
         """Group of given set-points with all their places: in their order, or in any."""
         if order == "given":
-            first, last = setpoints[0], setpoints[-1]
-            return self._groups(first, last + 1)[0]
+            return self.groups(setpoints[0], setpoints[-1] + 1)[0]
         shared = {s: shapely.intersection_all(self.areas_at(s)[list(setpoints)]) for s in self.sides}
         return StopGroup(setpoints, {s: area for s, area in shared.items() if area.area > 0})
 

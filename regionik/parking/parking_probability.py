@@ -45,15 +45,8 @@ def parking_probability(world: World, base: Array, setpoints: tuple[int, ...]) -
     """Return a proven lower bound of the probability that a stop is good after parking.
 
     Good is a pose from which the arm reaches all the set-points within its limits, and at which the footprint
-    keeps its clearance and the floor. The arm's clearance is not looked at.
-
-    Parameters
-    ----------
-    world : World
-        With ``rules.parking``.
-    base : (3,) array
-        Where the base is to park: x, y [m], yaw [rad].
-    setpoints : tuple of int
+    keeps its clearance and the floor. The arm's clearance is not looked at. The base is to park at a pose
+    (3,), in a world with ``rules.parking``.
     """
     error = _PoseError.of(world)
     count = max(FIRST, int(np.ceil(DEVIATIONS * error.yaw / WIDEST)))
@@ -96,21 +89,11 @@ def not_probable(world: World, i: int, base: Array) -> Explanation:
 
 
 class _PoseError(NamedTuple):
-    """Normal error of a pose: of the yaw, and of x and y at a given yaw.
+    """Normal error of a pose: of the yaw, and of x and y at a given yaw."""
 
-    Attributes
-    ----------
-    yaw : float
-        Standard deviation [rad].
-    slope : (2,) array
-        Shift of the mean of x and y by the yaw [m/rad].
-    covariance : (2, 2) array
-        Of x and y at a given yaw [m2].
-    """
-
-    yaw: float
-    slope: Array
-    covariance: Array
+    yaw: float  # standard deviation [rad]
+    slope: Array  # (2,) shift of the mean of x and y by the yaw [m/rad]
+    covariance: Array  # (2, 2) of x and y at a given yaw [m2]
 
     @classmethod
     def of(cls, world: World) -> _PoseError:
@@ -187,16 +170,8 @@ def normal_probability(shape: BaseGeometry, mean: Array, covariance: Array) -> f
     """Return the probability that a normal point lies in a shape, holes and parts and all.
 
     With variances of one, that of the triangle of an edge with the mean is the angle that it fills, less two
-    values of Owen's T (Owen 1956, Tables for computing bivariate normal probabilities).
-
-    Parameters
-    ----------
-    shape : BaseGeometry
-        Polygons [m].
-    mean : (2,) array
-        [m]
-    covariance : (2, 2) array
-        Positive semidefinite [m2].
+    values of Owen's T (Owen 1956, Tables for computing bivariate normal probabilities). The covariance (2, 2)
+    is positive semidefinite [m2].
 
     Examples
     --------

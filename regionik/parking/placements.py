@@ -282,7 +282,9 @@ class PlacementSearch:
         self, group: StopGroup, chain: tuple[int, ...], axis: Array, side: int, known: float | None
     ) -> tuple[HeldPostures | None, float]:
         """The heading that suits the pivot at most set-points, amid its turns or one known, and room [m]."""
-        planes, middle = self._planes(group, chain, axis), self._pivot_middle
+        joint = self.world.robot.chain.active_joints[pivot_index(self.world.robot.chain)]
+        middle = (joint.lower + joint.upper) / 2 if np.isfinite(joint.upper - joint.lower) else 0.0
+        planes = self._planes(group, chain, axis)
         span = self.parking_areas.standing.sides[side].span
         for count in range(len(planes), 0, -1):
             some = planes[:count]
@@ -298,12 +300,6 @@ class PlacementSearch:
                 near[:, pivot_index(self.world.robot.chain)] = pivot
                 return HeldPostures(base, tuple(range(count)), near, 0.0), max(rooms)
         return None, 0.0
-
-    @property
-    def _pivot_middle(self) -> float:
-        """Middle of the pivot's limits; 0 where it has none [rad]."""
-        joint = self.world.robot.chain.active_joints[pivot_index(self.world.robot.chain)]
-        return (joint.lower + joint.upper) / 2 if np.isfinite(joint.upper - joint.lower) else 0.0
 
     def _by_carrying(
         self, group: StopGroup, chain: tuple[int, ...], axis: Array, side: int

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from regionik.explain.constraints import setpoint_at
 from regionik.explain.failures import invalid_plan
+from regionik.planners.geometry.angles import wrap
 from regionik.planners.reach.serial_criteria import demand_of
 from regionik.postures.arm import goal_between
 from regionik.postures.poses import Pose, Row, axis_of, columns, lift_offs, motion_stats
@@ -123,7 +124,7 @@ def _turned(world: World, stop: Stop, base: Array, joints: Array) -> Array:
     if with_pivot(chain) is not chain:
         return joints
     pivot = np.arange(chain.dof) == pivot_index(chain)
-    turn = np.remainder(base[2] - stop.base[2] + np.pi, 2 * np.pi) - np.pi
+    turn = wrap(base[2] - stop.base[2])
     return np.clip(joints - turn * pivot, chain.lower, chain.upper)
 
 

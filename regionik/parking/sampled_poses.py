@@ -15,7 +15,6 @@ from functools import cached_property
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from regionik.areas.ground import Geometries
 from regionik.areas.standing import spread
@@ -26,7 +25,7 @@ from regionik.planners.coverage.set_cover import least_cover
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import pose_of
 from regionik.worlds.arms import pivot_index, with_pivot
-from regionik.worlds.arrays import Array, Index
+from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.scene import World
 
 PLACES = 48  # at which poses are looked for
@@ -36,8 +35,6 @@ SOME = 12  # set-points by which they are compared
 BEST = 2  # headings that are kept at each
 NODES = 200  # of branch and bound for a cover
 ROUNDS = 40  # in which a cover is taken
-
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,6 @@ of the run.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
@@ -26,7 +25,7 @@ from regionik.postures.poses import axis_of, pose_of
 from regionik.pruning import Pruned
 from regionik.values import Configuration
 from regionik.worlds.arms import pivot_index, with_pivot
-from regionik.worlds.arrays import Array, Index
+from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target, World
 
 PLACES = 3  # of the base that are tried besides the middle
@@ -59,7 +58,7 @@ def standing_runs(
             continue
         side, area = shared
         bases = islice(_bases(world, area, standing.sides[side].span, targets), TRIES)
-        done = _from_one(world, _laid_out(targets), list(bases))
+        done = _from_one(world, *_laid_out(targets), list(bases))
         if done:
             axis = Point(axis_of(world.robot, done[0].base))
             chosen[first:end] = [_around(pruned, i, side, axis) for i in range(first, end)]
@@ -86,26 +85,20 @@ def _around(pruned: Pruned, i: int, side: int, axis: Point) -> int:
     return some[int(np.argmin(shapely.distance(pruned.ladder.component[some], axis)))]
 
 
-@dataclass(frozen=True, eq=False)
-class _Run:
-    """Targets of a run, close to each other, and which of them are set-points."""
-
-    targets: tuple[Target, ...]
-    setpoints: Index
-
-
-def _from_one(world: World, run: _Run, bases: list[Array]) -> list[Configuration]:
+def _from_one(
+    world: World, targets: list[Target], setpoints: list[int], bases: list[Array]
+) -> list[Configuration]:
     """Configurations at the set-points of a run from one of some poses of the base; none where all get stuck.
 
     Those that get farthest with few postures are tried with more.
     """
-    carrier = PostureCarrier(world, guard_of(world), run.targets)
+    carrier = PostureCarrier(world, guard_of(world), targets)
     for most in BEAMS:
         far = []
         for base in bases:
             rows = carrier.resolved(base, most)
-            if len(rows) == len(run.targets):
-                return [_configuration(world, run.targets[k], base, rows[k]) for k in run.setpoints.tolist()]
+            if len(rows) == len(targets):
+                return [_configuration(world, targets[k], base, rows[k]) for k in setpoints]
             far.append(len(rows))
         farthest = np.argsort(far, kind="stable")[::-1][:AGAIN]
         bases = [bases[k] for k in farthest.tolist() if far[k] > 0]
@@ -136,15 +129,15 @@ def _bases(
             yield pose_of(robot, axis, yaw)
 
 
-def _laid_out(targets: Sequence[Target]) -> _Run:
-    """Targets with others between them, so that neighbours are close."""
+def _laid_out(targets: Sequence[Target]) -> tuple[list[Target], list[int]]:
+    """Targets with others between them, so that neighbours are close, and where in these they are."""
     laid, setpoints = [targets[0]], [0]
     for a, b in zip(targets[:-1], targets[1:], strict=True):
         way, turn = float(np.linalg.norm(b.position - a.position)), _turn(a, b)
         count = max(1, int(np.ceil(max(way / STRIDE, turn / TURN))))
         laid += [*goals_between(a, b, np.arange(1, count) / count), b]
         setpoints.append(len(laid) - 1)
-    return _Run(tuple(laid), np.array(setpoints))
+    return laid, setpoints
 
 
 def _turn(a: Target, b: Target) -> float:

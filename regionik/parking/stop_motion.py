@@ -198,14 +198,11 @@ class _StopConnection:
                     return best
             count //= 2
         if best is None or not best.candidates:
-            raise NoPlanFound(self._why_not(group.setpoints[0], here))
+            i = group.setpoints[0]
+            for pose in self._looked_at.get(i, []):  # only now is it measured what the arm touches
+                self.search.sampler.clear(i, pose)
+            raise NoPlanFound(self.search.why_not(i, here))
         return best
-
-    def _why_not(self, i: int, here: Pose | None) -> Explanation:
-        """Explain a set-point without a clear posture: only now is it measured what the arm touches."""
-        for pose in self._looked_at.get(i, []):
-            self.search.sampler.clear(i, pose)
-        return self.search.why_not(i, here)
 
     def _attempt(self, placement: BasePlacement, here: Pose | None, hard: int) -> _Attempt:
         """The set-points of a stop from one place; in any order the tool may be lifted between them.

@@ -132,16 +132,11 @@ def guard_of(world: World) -> Guard:
     near, deep = world.arm_clearance, rules.deepest_contact
     bodies = bodies_from(world.robot, world.solids, near, deep, world.floor_slab)
     guard = Guard(world, bodies, contact_for(world, world.task))
-    return replace(guard, spare=_spare_of(guard))
-
-
-def _spare_of(guard: Guard) -> float:
-    """What the start of a world leaves to spare of `SPARE`, half of what it has [m]."""
-    start = guard.world.start
-    if start is None or not guard.on:
-        return SPARE
-    room = guard.room(guard.touch(Pose(start.base, start.joints)))
-    return SPARE if room < LEAST_SPARE else min(SPARE, max(LEAST_SPARE, room / 2))
+    if world.start is None or not guard.on:
+        return guard
+    room = guard.room(guard.touch(Pose(world.start.base, world.start.joints)))
+    spare = SPARE if room < LEAST_SPARE else min(SPARE, max(LEAST_SPARE, room / 2))
+    return replace(guard, spare=spare)
 
 
 def guard_at(world: World, target: Target) -> Guard:

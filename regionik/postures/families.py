@@ -134,22 +134,8 @@ def swings(
 
     With the tool's axis along ``turn``'s at ``yaw``, a swing s of the plane about the vertical turns the tool
     about its own axis by w, tan(w / 2) = tan(s / 2) sin(pitch), beyond the shortest turn between both axes.
-
-    Parameters
-    ----------
-    arm : PlanarArm
-    yaw, pitch : float
-        Of plane and last link, the tool's axis as wanted [rad].
-    half : float
-        Swings considered: -half to half [rad].
-    turn : (3, 3) array
-        Wanted orientation.
-    slack : float
-        By how much the roll may miss it [rad].
-
-    Returns
-    -------
-    Middle of the swing and half its width, one row an interval [rad].
+    Swings from -half to half are considered, and the roll may miss the wanted orientation by ``slack`` [rad].
+    Returns the middle of the swing and half its width, one row an interval [rad].
     """
     rolls = arm.roll_upper - arm.roll_lower + 2 * slack
     if rolls >= TWO_PI:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import numpy as np
 
@@ -44,11 +44,6 @@ class SerialSolver:
     effort: Effort
     height: float  # of the arm's base frame over the floor [m]
     demand: PostureDemand | None = None
-
-    @cached_property
-    def _pointing_starts(self) -> Array:
-        """The joints of the starts that move the tool's point."""
-        return np.ascontiguousarray(self.starts[:, : len(self.pointing.arm.lower)])
 
     def reach(
         self, target: Target, axis: Array, yaw: float, joints: Array, area: FlatPolygon, mobile: bool
@@ -249,7 +244,8 @@ class SerialSolver:
     def goal_for(self, target: Target) -> SerialGoal:
         """Return a target as the kernels take it, and the effort to make."""
         if target.direction is None:
-            return SerialGoal(self.pointing, self._pointing_starts, self.effort, aim_of(target), 0.0)
+            starts = np.ascontiguousarray(self.starts[:, : len(self.pointing.arm.lower)])
+            return SerialGoal(self.pointing, starts, self.effort, aim_of(target), 0.0)
         effort = self.effort._replace(angle_tolerance=ANGLE_SHARE * target.cone)
         return SerialGoal(self.posing, self.starts, effort, aim_of(target), (1 - CONE_SHARE) * target.cone)
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from regionik.planners.geometry.angles import wrap
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import rot_z
 from regionik.worlds.errors import InputError
@@ -73,17 +74,10 @@ def typical_noise() -> Noise:
 
 @dataclass(frozen=True, eq=False)
 class PoseEstimate:
-    """An estimated base pose: odometry, corrected by late localisation (an extended Kalman filter).
+    """An estimated base pose: odometry, corrected by late localisation (an extended Kalman filter)."""
 
-    Attributes
-    ----------
-    pose : (3,) array
-        x, y [m], yaw [rad].
-    covariance : (3, 3) array
-    """
-
-    pose: Array
-    covariance: Array = field(default_factory=lambda: np.zeros((3, 3)))
+    pose: Array  # (3,) x, y [m], yaw [rad]
+    covariance: Array = field(default_factory=lambda: np.zeros((3, 3)))  # (3, 3)
 
     def moved(self, twist: Array, time: float, slip: float) -> PoseEstimate:
         """Return the estimate after the wheels said a twist (3,), in the base's own frame, for a time [s]."""
@@ -98,7 +92,7 @@ class PoseEstimate:
     def corrected(self, localized: Array, then: Array, deviations: Array) -> PoseEstimate:
         """Return the estimate corrected by a localised pose (3,) of when ``then`` (3,) was estimated."""
         off = localized - then
-        off[2] = np.remainder(off[2] + np.pi, 2 * np.pi) - np.pi
+        off[2] = wrap(off[2])
         gain = self.covariance @ np.linalg.pinv(self.covariance + np.diag(deviations**2))
         return PoseEstimate(self.pose + gain @ off, (np.eye(3) - gain) @ self.covariance)
 

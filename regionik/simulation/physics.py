@@ -19,27 +19,13 @@ _NAME = re.compile(r"(robot|solid) (-?\d+)")
 
 @dataclass(frozen=True, eq=False)
 class Overlap:
-    """Two solids that overlap.
+    """Two solids that overlap."""
 
-    Attributes
-    ----------
-    robot : int
-        Index in ``robot.all_solids``, -1 for the base's body.
-    other : int
-        Index in ``world.solids``, or of the robot where ``own`` is true.
-    own : bool
-        The robot touches itself.
-    point : (3,) array
-        In the world [m].
-    depth : float
-        [m]
-    """
-
-    robot: int
-    other: int
-    own: bool
-    point: Array
-    depth: float
+    robot: int  # index in ``robot.all_solids``, -1 for the base's body
+    other: int  # index in ``world.solids``, or of the robot where ``own`` is true
+    own: bool  # the robot touches itself
+    point: Array  # (3,) in the world [m]
+    depth: float  # [m]
 
 
 class Physics:
@@ -96,12 +82,8 @@ class Physics:
     def step(self, base_velocity: tuple[float, float, float], joints: Array) -> None:
         """Go on by `STEP`.
 
-        Parameters
-        ----------
-        base_velocity : (float, float, float)
-            Of the base in the world, by its wheels: x, y [m/s], yaw [rad/s].
-        joints : (n,) array
-            Set-points of the joints' servos.
+        The wheels drive the base at a velocity in the world, x, y [m/s] and yaw [rad/s]; ``joints`` (n,) are
+        set-points of the servos.
         """
         control = self._data.ctrl
         control[0], control[1], control[2] = base_velocity
@@ -113,12 +95,8 @@ class Physics:
         """Set-points of the servos of all joints at which the robot makes a motion, a row for each step.
 
         A servo that is set to q + 2 q' / w + f / k makes the motion q where it needs the force f for it, at
-        stiffness k (computed-torque feed-forward). The state is not changed.
-
-        Parameters
-        ----------
-        position, velocity, acceleration : (n, 3 + dof) arrays
-            Of base and joints, at each step.
+        stiffness k (computed-torque feed-forward). Position, velocity and acceleration are those of base and
+        joints, (n, 3 + dof). The state is not changed.
         """
         model, data, engine = self._model, self._engine.MjData(self._model), self._engine
         position = np.column_stack([position[:, :3], self._chain.joint_values(position[:, 3:])])

@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from regionik.timing.limits import tool_velocity
 from regionik.timing.trajectory import sample_plan, trajectory
 from regionik.values import Plan
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Index, Mask
 
 PERIOD = 0.01  # of the controller [s]
 ROLLS = 1e-3  # speed above which a car's curvature is that of its motion [m/s]
@@ -19,33 +18,17 @@ ROLLS = 1e-3  # speed above which a car's curvature is that of its motion [m/s]
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """A timed plan at even times.
+    """A timed plan at even times."""
 
-    Attributes
-    ----------
-    time : (n,) array
-        [s], `PERIOD` apart.
-    base, base_velocity : (n, 3) arrays
-        In the world, headings unwrapped.
-    joints : (n, dof) array
-    T_tool : (n, 4, 4) array
-        Tool frames in the world.
-    tool_speed : (n,) array
-        [m/s]
-    on_path : (n,) array of bool
-        The tool is on its path.
-    setpoint : (n,) array of int
-        The last set-point, -1 on transits and before the first.
-    """
-
-    time: Array
+    time: Array  # (n,) `PERIOD` apart [s]
+    # base, base_velocity: (n, 3) in the world, headings unwrapped
     base: Array
     base_velocity: Array
-    joints: Array
-    T_tool: Array
-    tool_speed: Array
-    on_path: NDArray[np.bool_]
-    setpoint: NDArray[np.int64]
+    joints: Array  # (n, dof)
+    T_tool: Array  # (n, 4, 4) tool frames in the world
+    tool_speed: Array  # (n,) [m/s]
+    on_path: Mask  # (n,) where the tool is on its path
+    setpoint: Index  # (n,) the last set-point, -1 on transits and before the first
 
     @cached_property
     def twist(self) -> Array:

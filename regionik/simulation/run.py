@@ -21,22 +21,12 @@ SPEED_BAND = 0.02  # share of the nominal tool speed within which the tool's spe
 
 @dataclass(frozen=True)
 class Contact:
-    """Two solids that touched though the plan does not let them.
+    """Two solids that touched though the plan does not let them."""
 
-    Attributes
-    ----------
-    time : float
-        When they first did [s].
-    one, other : str
-        Names of the robot's solid, and of an obstacle or another solid of the robot.
-    depth : float
-        Deepest overlap [m].
-    """
-
-    time: float
-    one: str
-    other: str
-    depth: float
+    time: float  # when they first did [s]
+    one: str  # name of the robot's solid
+    other: str  # name of an obstacle, or of another solid of the robot
+    depth: float  # deepest overlap [m]
 
     @property
     def text(self) -> str:

@@ -32,17 +32,9 @@ class BaseDrives:
     """Drives of a base: ``twist`` (3,) is what its wheels say, of the base in its own frame [m/s], [rad/s].
 
     A base that rolls is a unicycle, or a bicycle that steers: wheels whose contacts are solved for would slip
-    by what the solver makes of friction, not by what is asked for.
-
-    Parameters
-    ----------
-    robot : Robot
-    speeds : Speeds
-        A car steers no faster.
-    slips : (n, 3) array
-        Factors of what the base does to what its wheels say, one row a second.
-    curvature : float
-        That a car's wheels are turned to at first [1/m].
+    by what the solver makes of friction, not by what is asked for. ``slips`` (n, 3) are factors of what the
+    base does to what its wheels say, one row a second; ``curvature`` is what a car's wheels are turned to at
+    first [1/m].
     """
 
     def __init__(self, robot: Robot, speeds: Speeds, slips: Array, curvature: float) -> None:
@@ -74,19 +66,12 @@ class BaseDrives:
 
 
 class SimulatedRobot:
-    """A robot that carries out commands, one each `PERIOD`.
-
-    Attributes
-    ----------
-    physics : Physics
-    contacts : dict
-        `Contact` by the names of the two solids.
-    """
+    """A robot that carries out commands, one each `PERIOD`."""
 
     def __init__(self, world: World, way: Reference, slips: Array, tolerance: float) -> None:
         rows = np.linspace(0, len(way.time) - 1, min(len(way.time), POSTURES)).astype(int)
         self.physics = Physics(world, way.base[0], way.joints[rows], SERVO)
-        self.contacts: dict[tuple[str, str], Contact] = {}
+        self.contacts: dict[tuple[str, str], Contact] = {}  # by the names of the two solids
         self._world, self._deepest = world, world.rules.contact_depth + tolerance
         self._drives = BaseDrives(world.robot, world.speeds or Speeds(), slips, way.curvature[0])
         last = len(world.robot.chain.joints) - 1
@@ -105,15 +90,10 @@ class SimulatedRobot:
         return self.physics.setpoints(*way.sample(times).columns)
 
     def run(self, command: Command, setpoints: Array, time: float) -> Array:
-        """Carry out a command from a time on; the mean twist that the wheels say meanwhile, (3,).
+        """Carry out a command from a time on [s]; the mean twist that the wheels say meanwhile, (3,).
 
-        Parameters
-        ----------
-        command : Command
-        setpoints : (SUBSTEPS, n) array
-            That the servos need for the plan; what the command adds, they add evenly.
-        time : float
-            [s]
+        The set-points (SUBSTEPS, n) are those that the servos need for the plan; what the command adds, they
+        add evenly.
         """
         physics, travelled = self.physics, np.zeros(3)
         rate = (command.added - self._added) / PERIOD

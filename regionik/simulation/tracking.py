@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
+from regionik.planners.geometry.angles import wrap
 from regionik.planners.solvers.serial_chain import chain_frames, chain_jacobian, serial_arm
 from regionik.simulation.noise import twist_step
 from regionik.simulation.reference import PERIOD, Reference
@@ -33,54 +34,27 @@ DAMPING = 0.015  # share of the arm's length that counts as much as a radian of 
 
 @dataclass(frozen=True, eq=False)
 class Command:
-    """Command of a controller for one `PERIOD`.
+    """Command of a controller for one `PERIOD`."""
 
-    Attributes
-    ----------
-    twist : (3,) array
-        Of the base in its own frame [m/s], [rad/s].
-    curvature : float
-        That a car steers to [1/m].
-    joints : (dof,) array
-        To be reached at the end.
-    added : (dof,) array
-        What they have to those of the plan.
-    """
-
-    twist: Array
-    curvature: float
-    joints: Array
-    added: Array
+    twist: Array  # (3,) of the base in its own frame [m/s], [rad/s]
+    curvature: float  # that a car steers to [1/m]
+    joints: Array  # (dof,) to be reached at the end
+    added: Array  # (dof,) their difference from those of the plan
 
 
 @dataclass(frozen=True, eq=False)
 class TrackingController:
-    """Controller of base and arm, once each `PERIOD`.
-
-    Attributes
-    ----------
-    robot : Robot
-    speeds : Speeds
-        Limits that its commands keep.
-    plan : Reference
-    """
+    """Controller of base and arm, once each `PERIOD`."""
 
     robot: Robot
-    speeds: Speeds
+    speeds: Speeds  # limits that its commands keep
     plan: Reference
 
     def command(self, k: int, pose: Array, twist: Array, joints: Array) -> Command:
         """Command for the time from row k to the next.
 
-        Parameters
-        ----------
-        k : int
-        pose : (3,) array
-            Where the base is taken to be: x, y [m], yaw [rad].
-        twist : (3,) array
-            What its wheels say of its motion, in its own frame.
-        joints : (dof,) array
-            Of the command before.
+        The base is taken to be at a pose (3,), ``twist`` (3,) is what its wheels say of its motion in its own
+        frame, ``joints`` (dof,) are those of the command before.
         """
         wanted = self._base_twist(k, pose)
         asked = twist + (wanted - twist) / TAKEN_ON  # the drives' lag makes that the one wanted
@@ -92,7 +66,7 @@ class TrackingController:
     def _base_twist(self, k: int, pose: Array) -> Array:
         """Twist (3,) wanted of the base in its own frame at the end of row k, estimated at a pose (3,)."""
         planned, off = self.plan.twist[k + 1].copy(), self.plan.base[k] - pose
-        off[2] = np.remainder(off[2] + np.pi, 2 * np.pi) - np.pi
+        off[2] = wrap(off[2])
         off[:2] = _turned(off[:2], -pose[2])
         if not self.robot.drive.rolls:
             planned[:2] = _turned(planned[:2], off[2])
@@ -123,7 +97,7 @@ class TrackingController:
         chain_frames(arm, joints, frames)
         chain_jacobian(arm, frames, J)
         off = pose - plan.base[k]
-        off[2] = np.remainder(off[2] + np.pi, 2 * np.pi) - np.pi
+        off[2] = wrap(off[2])
         T_world_arm = self.robot.T_world_arm(plan.base[k] + self._taken_up[k] * off)
         wanted = np.linalg.solve(T_world_arm, plan.T_tool[k])
         error = np.concatenate([wanted[:3, 3] - frames[-1, :3, 3], TURN_WEIGHT * _turn(frames[-1], wanted)])
