@@ -595,14 +595,14 @@ FAULTS = (
     Fault(
         "transits: ways of the arm alone are not looked at between states",
         "regionik/moving/transit.py",
-        "return self.interpolator.clear([here, *arm_states(here, there), there])",
-        "return self.interpolator.guard.clear(there)",
+        "return self.guard.passes([a, *arm_states(a, b), b])",
+        "return self.guard.clear(b)",
         ("tests/test_transit.py",),
     ),
     Fault(
         "shortcuts: base and arm at once are not looked at",
         "regionik/moving/shortcuts.py",
-        " or not self.interpolator.clear(part):",
+        " or not self.guard.passes(part):",
         ":",
         ("tests/test_shortcuts.py",),
     ),

@@ -16,7 +16,7 @@ import numpy as np
 from regionik.areas.standing import Standing
 from regionik.explain import arm_failures, failures
 from regionik.ladder import Ladder
-from regionik.moving.base_motion import Candidate, Interpolator, StandingPaths
+from regionik.moving.base_motion import Candidate, StandingPaths
 from regionik.moving.configuration_sampling import ConfigurationSampler, Evidence
 from regionik.moving.drivers import driver_for
 from regionik.moving.layered_search import LayeredSearch
@@ -236,6 +236,4 @@ def search_from_places(world: World, ladder: Ladder, standing: Standing, seed: i
 
 def transit_planner(world: World, standing: Standing, seed: int) -> TransitPlanner:
     """The planner of motions with the tool lifted."""
-    guard = guard_of(world)
-    interpolator = Interpolator(world, guard)
-    return TransitPlanner(world, guard, interpolator, driver_for(world, interpolator, standing, seed))
+    return TransitPlanner(world, guard_of(world), driver_for(world, standing, seed))

@@ -14,7 +14,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from regionik.moving.base_motion import Driver, Interpolator
+from regionik.moving.base_motion import Driver
+from regionik.postures.arm_guard import Guard
 from regionik.postures.poses import LARGEST_BEND, Pose, arrays, distinct, pose_between
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.drives import displacement
@@ -46,13 +47,13 @@ class Shortcuts:
 
     Attributes
     ----------
-    interpolator, driver
+    guard, driver
         Prove the arm clear and the base on the floor.
     piece
         Of the free floor.
     """
 
-    interpolator: Interpolator
+    guard: Guard
     driver: Driver
     piece: int
 
@@ -103,7 +104,7 @@ class Shortcuts:
         states = self._between(distinct([here, *poses[i + 1 : j], there]), *paces)
         part = distinct([poses[i], *states, poses[j]])
         whole = [*poses[:i], *part, *poses[j + 1 :]]
-        if not states or cost(whole) > cost(poses) - saved or not self.interpolator.clear(part):
+        if not states or cost(whole) > cost(poses) - saved or not self.guard.passes(part):
             return None
         return whole
 
