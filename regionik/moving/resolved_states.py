@@ -26,7 +26,7 @@ from regionik.planners.solvers.aims import ANGLE_LENGTH, missed_by
 from regionik.planners.solvers.damped_least_squares import POSITION, Aims
 from regionik.postures.arm_guard import Guard
 from regionik.postures.poses import LARGEST_BEND, Pose
-from regionik.timing.limits import motion_limits
+from regionik.timing.limits import MotionLimits
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 from regionik.worlds.speeds import Speeds
@@ -171,7 +171,7 @@ class ResolvedStates:
     @cached_property
     def _speeds(self) -> Array:
         """Of the base, x, y and yaw, or what it rolls and turns, and of the joints."""
-        limits = motion_limits(self.world.robot, self.world.speeds or Speeds())
+        limits = MotionLimits(self.world.robot, self.world.speeds or Speeds())
         turning = 0.0 if self.world.rules.heading == "fixed" else limits.speeds.turn_velocity
         driving = [limits.speeds.base_velocity] * (self.base_parts - 1)
         return np.array([*driving, turning, *limits.joint_velocity])

@@ -14,11 +14,13 @@ from itertools import combinations_with_replacement
 import numpy as np
 from scipy.linalg import solveh_banded
 
+from regionik.planners.search.motion_bounds import longest_levers
 from regionik.timing.inserted_states import with_states
 from regionik.timing.limits import MotionLimits, segments_on_path
 from regionik.timing.parametrization import path_of
 from regionik.values import Motion
 from regionik.worlds.arrays import Array, Index
+from regionik.worlds.robot import Robot
 
 RAMP = 0.06  # of accelerations, at least [s]
 PERIOD = 0.0125  # between states that are laid out, at most [s]
@@ -90,8 +92,7 @@ def _smoothed(limits: MotionLimits, q: Array, time: Array, allowed: Array) -> Ar
         return q
     s, chain = limits.speeds, limits.robot.chain
     least = np.array([s.base_acceleration, s.base_acceleration, s.turn_acceleration])
-    lever = np.maximum(np.concatenate([[1.0, 1.0, limits.reach], limits.levers]), SHORTEST_LEVER)
-    pull = (np.concatenate([least, limits.joint_acceleration]) * lever / widest) ** 2
+    pull = (np.concatenate([least, limits.joint_acceleration]) * _levers(limits.robot) / widest) ** 2
     lower, upper = np.minimum(chain.lower, q[:, 3:]), np.maximum(chain.upper, q[:, 3:])
     form, best = _jerk_form(time) * max(limits.ramp, RAMP) ** 2, q
     weight = (widest / np.where(held, widest, allowed)) ** 2
@@ -109,6 +110,15 @@ def _smoothed(limits: MotionLimits, q: Array, time: Array, allowed: Array) -> Ar
                 break
         weight = np.clip(weight * np.clip(share / AIM, EASING, STIFFENING) ** POWER, *WEIGHTS)
     return best
+
+
+def _levers(robot: Robot) -> Array:
+    """Upper bounds for the motion of any point per unit of each coordinate, (3 + dof,) [m]."""
+    chain = robot.chain
+    levers, reach = longest_levers(chain, len(chain.joints) - 1, chain.T_last_tool[:3, 3])
+    corners, mount = np.hypot(*robot.footprint.T).max(), np.hypot(*robot.mount[:2])
+    joints = np.abs(chain.coupling).T @ levers
+    return np.maximum([1.0, 1.0, max(mount + reach, corners), *joints], SHORTEST_LEVER)
 
 
 def _fit(form: Array, weight: Array, values: Array) -> Array:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from regionik.planners.search.motion_bounds import longest_levers
 from regionik.timing.trajectory import TrajectorySample, trajectory_within
 from regionik.values import Motion
 from regionik.worlds.arrays import Array
@@ -37,24 +37,29 @@ class MotionLimits:
     ----------
     robot : Robot
     speeds : Speeds
-    joint_velocity, joint_acceleration, joint_jerk : (dof,) arrays
-        Infinite where there is no limit of jerk.
-    levers : (dof,) array
-        Upper bounds for the motion of any point behind a joint per unit of the joint [m].
-    reach : float
-        Of any point from the base's origin [m].
     pointer : float
-        Length of a line along each axis of the tool that counts as part of it [m].
+        Length of a line along each axis of the tool that counts as part of it; a long one keeps the tool from
+        turning [m].
     """
 
     robot: Robot
     speeds: Speeds
-    joint_velocity: Array
-    joint_acceleration: Array
-    joint_jerk: Array
-    levers: Array
-    reach: float
     pointer: float = 0.0
+
+    @cached_property
+    def joint_velocity(self) -> Array:
+        """Limits, (dof,)."""
+        return self.speeds.joint_limits(self.robot.chain)[0]
+
+    @cached_property
+    def joint_acceleration(self) -> Array:
+        """Limits, (dof,)."""
+        return self.speeds.joint_limits(self.robot.chain)[1]
+
+    @cached_property
+    def joint_jerk(self) -> Array:
+        """Limits, infinite for none, (dof,)."""
+        return self.speeds.joint_jerks(self.robot.chain)
 
     @property
     def blend(self) -> float:
@@ -183,18 +188,6 @@ class MotionLimits:
         base, corners = other[:, :3] - q[:, :3], float(np.hypot(*self.robot.footprint.T).max())
         found: Array = np.maximum(arm.max(1), np.hypot(*base[:, :2].T) + corners * np.abs(base[:, 2]))
         return found
-
-
-def motion_limits(robot: Robot, speeds: Speeds, pointer: float = 0.0) -> MotionLimits:
-    """Limits of a robot within given speeds; a long pointer keeps the tool from turning."""
-    velocity, acceleration = speeds.joint_limits(robot.chain)
-    chain = robot.chain
-    levers, reach = longest_levers(chain, len(chain.joints) - 1, chain.T_last_tool[:3, 3])
-    from_axis = float(np.hypot(*robot.mount[:2])) + reach
-    corners = float(np.hypot(*robot.footprint.T).max())
-    jerks = speeds.joint_jerks(robot.chain)
-    levers, far = np.abs(chain.coupling).T @ levers, max(from_axis, corners)
-    return MotionLimits(robot, speeds, velocity, acceleration, jerks, levers, far, pointer)
 
 
 def segments_on_path(motion: Motion) -> Mask:

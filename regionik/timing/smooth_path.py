@@ -26,8 +26,6 @@ GENTLE = 0.1  # change of it from segment to segment that a car makes as it roll
 CREEP = 1e-6  # part of the path's way that a car hardly rolls
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 
-Cubics = tuple[Array, Array, Array, Array]
-
 
 @dataclass(frozen=True, eq=False)
 class SmoothPath:
@@ -119,12 +117,12 @@ class SmoothPath:
         return q[:, :3], q[:, 3:]
 
     @cached_property
-    def _cubics(self) -> Cubics:
-        """Of the coordinates."""
+    def _cubics(self) -> Array:
+        """Of the coordinates, (n - 1, 4, k)."""
         return self._through(self.coordinates)
 
-    def _through(self, z: Array) -> Cubics:
-        """Coefficients of cubics through values (n, k) at the states, constant first, (n - 1, k) each.
+    def _through(self, z: Array) -> Array:
+        """Coefficients (n - 1, 4, k) of cubics through values (n, k) at the states, constant first.
 
         Slopes at states are weighted harmonic means of those of the two segments, and 0 where these have
         opposite signs, so that nothing goes beyond its states (Fritsch and Butland, SIAM J. Sci. Stat.
@@ -140,18 +138,12 @@ class SmoothPath:
         mean = np.where(width[:-1] == 0, after, np.where(width[1:] == 0, before, mean))  # at rest
         slope = np.concatenate([secant[:1], mean, secant[-1:]])
         start, end = slope[:-1], slope[1:]
-        return z[:-1], start, (3 * secant - 2 * start - end) / far, (start + end - 2 * secant) / far**2
+        bend, twist = (3 * secant - 2 * start - end) / far, (start + end - 2 * secant) / far**2
+        return np.stack([z[:-1], start, bend, twist], axis=1)
 
     def evaluate(self, position: Array, segment: NDArray[np.int64]) -> tuple[Array, Array, Array]:
         """Base and joints q (m, 3 + dof) at path positions (m,) on segments (m,), with q_s and q_ss."""
-        return self._values(self._cubics, position, segment)
-
-    def _values(
-        self, cubics: Cubics, position: Array, segment: NDArray[np.int64]
-    ) -> tuple[Array, Array, Array]:
-        t = (position - self.position[segment])[:, None]
-        a, b, c, d = (power[segment] for power in cubics)
-        return a + t * (b + t * (c + t * d)), b + t * (2 * c + 3 * t * d), 2 * c + 6 * t * d
+        return cubic_values(self._cubics[segment], position - self.position[segment])[:3]
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,15 +156,39 @@ class SplinePath(SmoothPath):
         far: Array = np.linalg.norm(np.diff(self.coordinates, axis=0), axis=1)
         return far
 
-    def _through(self, z: Array) -> Cubics:
+    def _through(self, z: Array) -> Array:
         """See `SmoothPath._through`; at the ends of runs the path is straight."""
         moving = self.lengths > 0
-        h, change = np.where(moving, self.lengths, 1.0)[:, None], np.diff(z, axis=0)
-        bend = knot_curvatures(h[:, 0], change / h, moving, np.zeros((2, len(h)), dtype=np.bool_))
-        a, b = bend[:-1], bend[1:]
-        rest = (change / h - h * (2 * a + b) / 6, a / 2, (b - a) / (6 * h))
-        slope, half, third = (np.where(moving[:, None], one, 0.0) for one in rest)
-        return z[:-1], slope, half, third
+        bend = knot_curvatures(self.lengths, z, moving, np.zeros((2, len(moving)), dtype=np.bool_))
+        return spline_cubics(self.lengths, z, bend, moving)
+
+
+def cubic_values(cubics: Array, since: Array) -> tuple[Array, Array, Array, Array]:
+    """Values of cubics (m, 4, k), constant first, at (m,), and their three derivatives, (m, k) each."""
+    a, b, c, d = cubics.swapaxes(0, 1)
+    t = since[:, None]
+    return a + t * (b + t * (c + t * d)), b + t * (2 * c + 3 * t * d), 2 * c + 6 * t * d, 6 * d
+
+
+def spline_cubics(h: Array, value: Array, bend: Array, moving: NDArray[np.bool_]) -> Array:
+    """Coefficients (n - 1, 4, k) of splines, constant first, by values and second derivatives at knots."""
+    h = np.where(moving, h, 1.0)[:, None]
+    a, b = bend[:-1], bend[1:]
+    slope = np.diff(value, axis=0) / h - h * (2 * a + b) / 6
+    rest = [np.where(moving[:, None], one, 0.0) for one in (slope, a / 2, (b - a) / (6 * h))]
+    return np.stack([value[:-1], *rest], axis=1)
+
+
+def rolled_over(cubics: Array, since: Array) -> Array:
+    """Way on the floor by cubics (m, 4, k) of way rolled and heading, from their start on, (m, 2) [m].
+
+    By Gauss and Legendre's quadrature of the heading's cosine and sine.
+    """
+    nodes = since[:, None] * (_NODES + 1) / 2
+    value, slope, *_ = cubic_values(np.repeat(cubics[..., :2], len(_NODES), axis=0), nodes.ravel())
+    way = since[:, None] * _WEIGHTS / 2 * slope[:, 0].reshape(nodes.shape)
+    yaw = value[:, 1].reshape(nodes.shape)
+    return np.column_stack([(way * np.cos(yaw)).sum(1), (way * np.sin(yaw)).sum(1)])
 
 
 def slips_far(left: Array, rolled: Array) -> NDArray[np.bool_]:
@@ -181,21 +197,22 @@ def slips_far(left: Array, rolled: Array) -> NDArray[np.bool_]:
     return found
 
 
-def knot_curvatures(h: Array, secant: Array, moving: NDArray[np.bool_], halved: NDArray[np.bool_]) -> Array:
+def knot_curvatures(h: Array, value: Array, moving: NDArray[np.bool_], halved: NDArray[np.bool_]) -> Array:
     """Second derivatives of cubic splines at states (n, k), zero where they rest.
 
     Parameters
     ----------
     h : (n - 1,) array
         Lengths of the segments, by whatever the splines are functions of.
-    secant : (n - 1, k) array
-        Mean slopes over them.
+    value : (n, k) array
+        At the states.
     moving : (n - 1,) array of bool
         Segments that belong to a run; others separate runs.
     halved : (2, n - 1) array of bool
         First and last segments of runs that have a knot halfway, so that slopes at rest are zero too.
     """
-    (first, last), inner = halved, moving[:-1] & moving[1:]
+    h, (first, last), inner = np.where(moving, h, 1.0), halved, moving[:-1] & moving[1:]
+    secant = np.diff(value, axis=0) / h[:, None]
     banded = np.zeros((3, len(h) + 1))
     before, after = h[:-1] * np.where(first[:-1], 1, 2) / 6, h[1:] * np.where(last[1:], 1, 2) / 6
     banded[1] = 1.0
@@ -260,7 +277,7 @@ class RollingPath(SmoothPath):
 
     def steering_rate(self, position: Array, segment: NDArray[np.int64]) -> Array:
         """See `SmoothPath`."""
-        radius, (_, rate, bend) = self.drive.turning_radius, self._values(self._cubics, position, segment)
+        radius, (_, rate, bend) = self.drive.turning_radius, super().evaluate(position, segment)
         (roll, turn), (gain, twist) = rate[:, :2].T, bend[:, :2].T
         square = roll**2 + (radius * turn) ** 2
         rolls = (square > CREEP**2) & ~np.isnan(self.steering[segment])
@@ -270,8 +287,7 @@ class RollingPath(SmoothPath):
     @cached_property
     def _left(self) -> Array:
         """What is left of the base's motion on each segment when all is rolled, (n - 1, 2) [m]."""
-        rolled = self._gone(self.position[1:], np.arange(len(self.lengths)))
-        left: Array = np.diff(self.base[:, :2], axis=0) - rolled
+        left: Array = np.diff(self.base[:, :2], axis=0) - rolled_over(self._cubics, np.diff(self.position))
         return left
 
     @property
@@ -279,30 +295,20 @@ class RollingPath(SmoothPath):
         return slips_far(self._left, self._rolled) & (self.lengths > 0)
 
     @cached_property
-    def _slip(self) -> Cubics:
-        """Of the place, besides what is rolled [m]."""
+    def _slip(self) -> Array:
+        """Cubics of the place, besides what is rolled, (n - 1, 4, 2) [m]."""
         return self._through(np.concatenate([np.zeros((1, 2)), np.cumsum(self._left, axis=0)]))
-
-    def _gone(self, position: Array, segment: NDArray[np.int64]) -> Array:
-        """Way rolled on the floor from the starts of segments (m,) to path positions (m,), (m, 2) [m].
-
-        By Gauss and Legendre's quadrature of the heading's cosine and sine.
-        """
-        start, far = self.position[segment, None], (position - self.position[segment])[:, None]
-        nodes, each = start + far * (_NODES + 1) / 2, np.repeat(segment, len(_NODES))
-        z, rate, _ = self._values(self._cubics, nodes.ravel(), each)
-        way = far * _WEIGHTS / 2 * rate[:, 0].reshape(nodes.shape)
-        yaw = z[:, 1].reshape(nodes.shape)
-        return np.column_stack([(way * np.cos(yaw)).sum(1), (way * np.sin(yaw)).sum(1)])
 
     def evaluate(self, position: Array, segment: NDArray[np.int64]) -> tuple[Array, Array, Array]:
         """Return base and joints with derivatives, as `SmoothPath.evaluate` does."""
         z, z_s, z_ss = super().evaluate(position, segment)
-        slip, slip_s, slip_ss = self._values(self._slip, position, segment)
+        since = position - self.position[segment]
+        slip, slip_s, slip_ss, _ = cubic_values(self._slip[segment], since)
         (roll, turn), gain, yaw = z_s[:, :2].T, z_ss[:, :1], z[:, 1]
         ahead = np.column_stack([np.cos(yaw), np.sin(yaw)])
         left = np.column_stack([-ahead[:, 1], ahead[:, 0]])
-        place = self.base[segment, :2] + self._gone(position, segment) + slip - self._slip[0][segment]
+        gone = rolled_over(self._cubics[segment], since)
+        place = self.base[segment, :2] + gone + slip - self._slip[segment, 0]
         flat = roll[:, None] * ahead + slip_s
         bent = gain * ahead + (roll * turn)[:, None] * left + slip_ss
         return (

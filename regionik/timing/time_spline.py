@@ -14,10 +14,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from regionik.timing.smooth_path import SmoothPath, knot_curvatures, slips_far
+from regionik.timing.smooth_path import (
+    SmoothPath,
+    cubic_values,
+    knot_curvatures,
+    rolled_over,
+    slips_far,
+    spline_cubics,
+)
 from regionik.worlds.arrays import Array, Index
-
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 
 
 class MotionRates(NamedTuple):
@@ -65,16 +70,10 @@ class TimeSpline:
         moving = np.concatenate([[False], self.path.lengths > 0, [False]])
         return moving[1:-1] & ~moving[:-2], moving[1:-1] & ~moving[2:]
 
-    def _accelerations(self, z: Array) -> Array:
-        """Second derivatives at the states, (n, k), by which first derivatives are continuous."""
-        moving = self.path.lengths > 0
-        h = np.where(moving, np.diff(self.time), 1.0)
-        return knot_curvatures(h, np.diff(z, axis=0) / h[:, None], moving, np.stack(self._ends))
-
     def _knots(self, z: Array) -> _Knots:
         """States with values (n, k), and in the first and last segments of runs a knot halfway."""
-        time, bend = self.time, self._accelerations(z)
-        first, last = self._ends
+        time, (first, last) = self.time, self._ends
+        bend = knot_curvatures(np.diff(time), z, self.path.lengths > 0, np.stack(self._ends))
         at = np.flatnonzero(first | last)
         lead, span = first[at][:, None], np.diff(time)[at]
         inner, rest = np.where(lead, bend[at + 1], bend[at]), np.where(lead, z[at], z[at + 1])
@@ -97,12 +96,8 @@ class TimeSpline:
 
     def _through(self, knots: _Knots) -> Array:
         """Coefficients by time from each knot on, constant first, (p - 1, 4, k)."""
-        moving = (self.path.lengths > 0)[knots.segment[:-1], None]
-        h = np.where(moving, np.diff(knots.time)[:, None], 1.0)
-        a, b = knots.acceleration[:-1], knots.acceleration[1:]
-        slope = np.diff(knots.value, axis=0) / h - h * (2 * a + b) / 6
-        rest = [np.where(moving, one, 0.0) for one in (slope, a / 2, (b - a) / (6 * h))]
-        return np.stack([knots.value[:-1], *rest], axis=1)
+        moving = (self.path.lengths > 0)[knots.segment[:-1]]
+        return spline_cubics(np.diff(knots.time), knots.value, knots.acceleration, moving)
 
     @property
     def instants(self) -> Array:
@@ -127,7 +122,7 @@ class TimeSpline:
         return self._world(times, piece)
 
     def _world(self, times: Array, piece: Index) -> MotionRates:
-        return MotionRates(*_derivatives(self._cubics[piece], times - self.instants[piece]))
+        return MotionRates(*cubic_values(self._cubics[piece], times - self.instants[piece]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,8 +135,7 @@ class RollingSpline(TimeSpline):
     @cached_property
     def _left(self) -> Array:
         """What is left of the base's motion on each segment when all is rolled, (n - 1, 2) [m]."""
-        pieces, count = np.arange(len(self.segments)), len(self.time) - 1
-        gone = self._gone(self.instants[1:], pieces)
+        gone, count = rolled_over(self._cubics, np.diff(self.instants)), len(self.time) - 1
         rolled = np.column_stack([np.bincount(self.segments, one, count) for one in gone.T])
         left = np.diff(self.path.base[:, :2], axis=0) - rolled
         return np.where(self.path.lengths[:, None] > 0, left, 0.0)
@@ -162,20 +156,13 @@ class RollingSpline(TimeSpline):
         places = self.path.base[knots.segment, :2].copy()
         between = np.flatnonzero(np.diff(knots.segment, prepend=-1) == 0)
         slid = self._slip[between, 0] - self._slip[between - 1, 0]
-        places[between] += self._gone(knots.time[between], between - 1) + slid
+        gone = rolled_over(self._cubics[between - 1], np.diff(knots.time)[between - 1])
+        places[between] += gone + slid
         return places
 
-    def _gone(self, times: Array, piece: Index) -> Array:
-        """Way rolled on the floor from the knot before to instants in pieces, (m, 2) [m]."""
-        since = (times - self.instants[piece])[:, None]
-        nodes = since * (_NODES + 1) / 2
-        value, slope, *_ = _derivatives(self._cubics[np.repeat(piece, len(_NODES))], nodes.ravel())
-        way = since * _WEIGHTS / 2 * slope[:, 0].reshape(nodes.shape)
-        yaw = value[:, 1].reshape(nodes.shape)
-        return np.column_stack([(way * np.cos(yaw)).sum(1), (way * np.sin(yaw)).sum(1)])
-
     def _world(self, times: Array, piece: Index) -> MotionRates:
-        value, slope, bend, jerk = _derivatives(self._cubics[piece], times - self.instants[piece])
+        since = times - self.instants[piece]
+        value, slope, bend, jerk = cubic_values(self._cubics[piece], since)
         ahead = np.exp(1j * value[:, 1])
         v, w = slope[:, 0], slope[:, 1]
         along = [
@@ -183,21 +170,14 @@ class RollingSpline(TimeSpline):
             bend[:, 0] + 1j * v * w,
             jerk[:, 0] - v * w**2 + 1j * (2 * bend[:, 0] * w + v * bend[:, 1]),
         ]
-        slid, *slipping = _derivatives(self._slip[piece], times - self.instants[piece])
-        place = self._places[piece] + self._gone(times, piece) + slid - self._slip[piece, 0]
+        slid, *slipping = cubic_values(self._slip[piece], since)
+        place = self._places[piece] + rolled_over(self._cubics[piece], since) + slid - self._slip[piece, 0]
         flat = [
             np.column_stack([row.real, row.imag]) + slip
             for row, slip in zip((row * ahead for row in along), slipping, strict=True)
         ]
         rates = zip([place, *flat], (value, slope, bend, jerk), strict=True)
         return MotionRates(*(np.column_stack([xy, rest[:, 1:]]) for xy, rest in rates))
-
-
-def _derivatives(cubics: Array, since: Array) -> list[Array]:
-    """Values of cubics (m, 4, k) at times (m,), and their first three derivatives, (m, k) each."""
-    a, b, c, d = (cubics[:, order] for order in range(4))
-    t = since[:, None]
-    return [a + t * (b + t * (c + t * d)), b + t * (2 * c + 3 * t * d), 2 * c + 6 * t * d, 6 * d]
 
 
 def time_spline(path: SmoothPath, time: Array) -> TimeSpline:
