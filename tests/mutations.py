@@ -503,9 +503,9 @@ FAULTS = (
     ),
     Fault(
         "resolved motion: the arm is not proven clear",
-        "regionik/moving/resolved_motion.py",
-        "return self.guard.proven(bases, joints)[0] == len(asked) - 1",
-        "return True",
+        "regionik/moving/path_following.py",
+        "return guard.proven(bases[: count + 1], joints[: count + 1])",
+        "return count, None",
         ("tests/test_resolved_motion.py",),
     ),
     Fault(

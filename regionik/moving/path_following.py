@@ -200,16 +200,9 @@ class PathFollower:
     def _proven(
         self, segment: PathSegment, places: list[SegmentPoint], poses: list[Pose]
     ) -> tuple[int, Touch | None]:
-        """Number of hops that lead the tool as asked, jump nowhere and are clear, and what stops the next."""
-        (leg, share), (bases, joints) = _columns(places), arrays(poses)
-        line, sag = between(segment.points, leg, share), SAG_SHARE * self.world.rules.planned_path_tolerance
-        count = self.guard.led(bases, joints, line, LOOKED_AT, sag)
-        if not segment.bare:
-            tools = self.guard.tools(bases[: count + 1], joints[: count + 1], LOOKED_AT)
-            asked = [segment.target(place) for place in places[: count + 1]]
-            turned = [turned_as_asked(*hop) for hop in zip(asked[:-1], asked[1:], tools, strict=True)]
-            count = [*turned, False].index(False)
-        return self.guard.proven(bases[: count + 1], joints[: count + 1])
+        line = between(segment.points, *_columns(places))
+        asked = [] if segment.bare else [segment.target(place) for place in places]
+        return proven_hops(self.guard, poses, line, asked)
 
     def _solver(self, family: Family) -> Solver:
         """Solver for what lies between set-points, kept for families that are asked for again."""
@@ -217,6 +210,23 @@ class PathFollower:
             solver = solver_between(self.world, family)
             self._solvers[family] = replace(solver, tolerance=solver.tolerance * SOLVE_TOLERANCE)
         return self._solvers[family]
+
+
+def proven_hops(
+    guard: Guard, poses: list[Pose], line: Array, asked: list[Target]
+) -> tuple[int, Touch | None]:
+    """Number of hops that lead the tool as asked, jump nowhere and are clear, and what stops the next.
+
+    The tool goes along a ``line`` (n, 3), turned as ``asked`` in each of n poses, if in any.
+    """
+    bases, joints = arrays(poses)
+    sag = SAG_SHARE * guard.world.rules.planned_path_tolerance
+    count = guard.led(bases, joints, line, LOOKED_AT, sag)
+    if asked:
+        tools = guard.tools(bases[: count + 1], joints[: count + 1], LOOKED_AT)
+        turned = [turned_as_asked(*hop) for hop in zip(asked[:-1], asked[1:], tools, strict=False)]
+        count = [*turned, False].index(False)
+    return guard.proven(bases[: count + 1], joints[: count + 1])
 
 
 def turned_as_asked(p: Target, q: Target, tools: Array) -> bool:

@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from regionik.areas.standing import room_for
-from regionik.moving.path_following import LOOKED_AT, SAG_SHARE, TOOL_STRIDE, turned_as_asked
+from regionik.moving.path_following import TOOL_STRIDE, proven_hops
 from regionik.moving.resolved_states import ResolvedStates
 from regionik.planners.driving.footprint import arc_is_free, slide_is_free
 from regionik.planners.solvers.aims import in_columns
@@ -81,15 +81,5 @@ class ResolvedMotion:
 
     def _holds(self, asked: list[Target], poses: list[Pose]) -> bool:
         """Whether the base's way is free, and the tool led along its path with the arm clear."""
-        bases, joints = arrays(poses)
         line = np.array([target.position for target in asked])
-        sag = SAG_SHARE * self.world.rules.planned_path_tolerance
-        if not self.drives(poses):
-            return False
-        if self.guard.led(bases, joints, line, LOOKED_AT, sag) < len(asked) - 1:
-            return False
-        tools = self.guard.tools(bases, joints, LOOKED_AT)
-        hops_asked = zip(asked[:-1], asked[1:], tools, strict=True)
-        if not all(turned_as_asked(*hop) for hop in hops_asked):
-            return False
-        return self.guard.proven(bases, joints)[0] == len(asked) - 1
+        return self.drives(poses) and proven_hops(self.guard, poses, line, asked)[0] == len(asked) - 1
