@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from regionik.pipeline import search
-from regionik.smoothing.reconnection import Reconnection
+from regionik.smoothing.smooth_motion import Reconnection
 from regionik.timing.corner_rounding import rounded
 from regionik.timing.jerk_limited_timing import stretched
 from regionik.timing.limits import THICKNESS, MotionLimits

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -131,7 +132,9 @@ def runs_of(plan: Plan, standing: Standing, stride: float, loose: bool) -> Itera
     working = plan.motion.kind != "transit"
     edges = np.flatnonzero(np.diff(np.concatenate([[False], working, [False]])))
     for first, end in edges.reshape(-1, 2).tolist():
-        yield from layout.parts(first, end - 1)
+        count = 1 + (end - 1 - first) // MOST_STATES
+        cuts = np.linspace(first, end - 1, count + 1).astype(int).tolist()
+        yield from (layout.run(a, b) for a, b in pairwise(cuts))
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,13 +148,7 @@ class _Layout:
     def evenly(self) -> bool:
         return math.isfinite(self.stride)
 
-    def parts(self, first: int, last: int) -> Iterator[PathRun]:
-        count = 1 + (last - first) // MOST_STATES
-        cuts = np.linspace(first, last, count + 1).astype(int).tolist()
-        for a, b in zip(cuts[:-1], cuts[1:], strict=True):
-            yield self._run(a, b)
-
-    def _run(self, first: int, last: int) -> PathRun:
+    def run(self, first: int, last: int) -> PathRun:
         world, motion, rows = self.plan.world, self.plan.motion, slice(first, last + 1)
         before = np.column_stack([unwrapped(motion.base[rows]), motion.joints[rows]])
         owner, worked = motion.setpoint[rows], motion.kind[rows] == "setpoint"
