@@ -99,7 +99,10 @@ def _smoothed(limits: MotionLimits, q: Array, time: Array, allowed: Array) -> Ar
     for k in range(ROUNDS[1]):
         weight = np.where(held, WEIGHTS[1], weight)
         found = np.column_stack(
-            [_fit(form, weight * one, column) for one, column in zip(pull, q.T, strict=True)]
+            [
+                solveh_banded(np.vstack([form[:1] + one, form[1:]]), one * column, lower=True)
+                for one, column in zip(np.outer(pull, weight), q.T, strict=True)
+            ]
         )
         found[:, 3:] = np.clip(found[:, 3:], lower, upper)
         found[held] = q[held]
@@ -119,14 +122,6 @@ def _levers(robot: Robot) -> Array:
     corners, mount = np.hypot(*robot.footprint.T).max(), np.hypot(*robot.mount[:2])
     joints = np.abs(chain.coupling).T @ levers
     return np.maximum([1.0, 1.0, max(mount + reach, corners), *joints], SHORTEST_LEVER)
-
-
-def _fit(form: Array, weight: Array, values: Array) -> Array:
-    """Values (n,) with least of a banded form, each held to what it was by a weight."""
-    whole = form.copy()
-    whole[0] += weight
-    found: Array = solveh_banded(whole, weight * values, lower=True)
-    return found
 
 
 def _jerk_form(time: Array) -> Array:

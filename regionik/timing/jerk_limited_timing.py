@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from regionik.timing.inserted_states import with_rolled_states, with_states
@@ -24,7 +23,7 @@ from regionik.timing.smooth_path import SmoothPath
 from regionik.timing.time_spline import time_spline
 from regionik.timing.timing_figures import HELD
 from regionik.values import Motion
-from regionik.worlds.arrays import Array, Index
+from regionik.worlds.arrays import Array, Index, Mask
 
 ROUNDS, PATIENCE = 12, 6  # of tightening limits: at most, and without gain
 EXCESS = 1e-3  # by which limits may be exceeded, before time is stretched
@@ -85,12 +84,12 @@ class _TimeLaw:
     window: float
 
     @cached_property
-    def _moving(self) -> NDArray[np.bool_]:
+    def _moving(self) -> Mask:
         """Segments with a length, between two that have none, (n + 1,)."""
         return np.concatenate([[False], self.path.lengths > 0, [False]])
 
     @property
-    def rests(self) -> NDArray[np.bool_]:
+    def rests(self) -> Mask:
         """States at which the robot rests, (n,)."""
         return ~(self._moving[:-1] & self._moving[1:])
 
@@ -150,8 +149,8 @@ def _resampled(limits: MotionLimits, fine: Motion, law: _TimeLaw) -> tuple[Motio
         part = np.clip((position - path.position[segment]) / path.lengths[segment], 0.0, 1.0)
         found = with_rolled_states(limits, own, gap, *path.states_at(segment, part))
         found = replace(found, time=np.insert(times, gap + 1, between))
-        far = np.zeros(len(count), dtype=bool)
-        far[np.repeat(np.arange(len(count)), count + 1)[_strayed(limits, found, law) > limits.blend]] = True
+        strayed = _strayed(limits, found, law) > limits.blend
+        far = np.logical_or.reduceat(strayed, np.cumsum(count + 1) - count - 1)
         if not left or not (far & moves).any():
             break
         count = np.where(far & moves, 2 * count + 1, count)
@@ -165,12 +164,12 @@ def _within_gaps(times: Array, count: Index) -> tuple[Index, Array]:
     return gap, times[gap] + np.concatenate([np.empty(0), *share]) * np.diff(times)[gap]
 
 
-def _kept(fine: Motion, path: SmoothPath) -> NDArray[np.bool_]:
+def _kept(fine: Motion, path: SmoothPath) -> Mask:
     """States that stay: set-points, ends of runs and transits."""
     lifted = fine.kind == "transit"
     cut = (lifted[1:] != lifted[:-1]) | (path.lengths == 0)
     cut = np.concatenate([[True], cut, [True]])
-    found: NDArray[np.bool_] = cut[:-1] | cut[1:] | (fine.kind == "setpoint")
+    found: Mask = cut[:-1] | cut[1:] | (fine.kind == "setpoint")
     return found
 
 
@@ -201,8 +200,9 @@ def _densely(limits: MotionLimits, timed: Motion) -> Motion:
         q = spline.evaluate(between).q
         found = with_states(timed, gap, q[:, :3], q[:, 3:])
         found = replace(found, time=np.insert(timed.time, gap + 1, between))
-        far = np.zeros(len(count), dtype=bool)
-        far[np.repeat(np.arange(len(count)), count + 1)[_deviation(limits, found) > limits.blend]] = True
+        far = np.logical_or.reduceat(
+            _deviation(limits, found) > limits.blend, np.cumsum(count + 1) - count - 1
+        )
         if not far.any():
             break
         count = np.where(far, 2 * count + 1, count)  # halves, so that knots stay knots

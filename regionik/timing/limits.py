@@ -7,16 +7,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from regionik.timing.trajectory import TrajectorySample, trajectory_within
 from regionik.values import Motion
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Mask
 from regionik.worlds.errors import InputError
 from regionik.worlds.robot import Robot
 from regionik.worlds.speeds import Speeds
-
-Mask = NDArray[np.bool_]
 
 RATE = 1000.0  # at which limits are checked [Hz]
 SHARES = (0.0, 0.25, 0.5, 0.75, 1 - 1e-6)  # of each segment, at which they are checked too
@@ -103,22 +100,18 @@ class MotionLimits:
         on_path : (n,) array of bool
             Where the tool is on its path.
         """
-        joints = np.abs(acceleration[:, 3:]) / self.joint_acceleration
-        used = {
+        s, joints = self.speeds, np.abs(acceleration[:, 3:]) / self.joint_acceleration
+        usage = {
             **self._velocity_usage(q, velocity, on_path),
             "joint_acceleration": joints.max(1, initial=0.0),
-            "base_acceleration": np.hypot(*acceleration[:, :2].T) / self.speeds.base_acceleration,
-            "turn_acceleration": np.abs(acceleration[:, 2]) / self.speeds.turn_acceleration,
+            "base_acceleration": np.hypot(*acceleration[:, :2].T) / s.base_acceleration,
+            "turn_acceleration": np.abs(acceleration[:, 2]) / s.turn_acceleration,
         }
-        return used if jerk is None else {**used, **self._jerk_usage(jerk)}
-
-    def _jerk_usage(self, jerk: Array) -> dict[str, Array]:
-        s, usage = self.speeds, dict[str, Array]()
-        if s.joint_jerk is not None:
+        if jerk is not None and s.joint_jerk is not None:
             usage["joint_jerk"] = (np.abs(jerk[:, 3:]) / self.joint_jerk).max(1, initial=0.0)
-        if s.base_jerk is not None:
+        if jerk is not None and s.base_jerk is not None:
             usage["base_jerk"] = np.hypot(*jerk[:, :2].T) / s.base_jerk
-        if s.turn_jerk is not None:
+        if jerk is not None and s.turn_jerk is not None:
             usage["turn_jerk"] = np.abs(jerk[:, 2]) / s.turn_jerk
         return usage
 

@@ -8,13 +8,12 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from regionik.planners.timing.time_optimal import PathDerivatives, time_optimal_velocities
-from regionik.timing.limits import Mask, MotionLimits, segments_on_path
+from regionik.timing.limits import MotionLimits, segments_on_path
 from regionik.timing.smooth_path import STEERED, SmoothPath, smooth_path, spline_path
 from regionik.values import Motion
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.robot import Robot
 
 TIGHTENINGS = 6  # of limits, where they are exceeded between states
@@ -109,10 +108,10 @@ class _MovingSegments:
 
     limits: MotionLimits
     path: SmoothPath
-    segments: NDArray[np.int64]
+    segments: Index
     on_path: Mask
 
-    def take(self, some: NDArray[np.int64]) -> _MovingSegments:
+    def take(self, some: Index) -> _MovingSegments:
         """Some of the segments, whole runs of them."""
         if len(some) == len(self.segments):
             return self
@@ -138,7 +137,7 @@ class _MovingSegments:
         rate: Array = self.path.steering_rate(*self._places(shares)) / limit
         return rate
 
-    def _places(self, shares: Sequence[float]) -> tuple[Array, NDArray[np.int64]]:
+    def _places(self, shares: Sequence[float]) -> tuple[Array, Index]:
         """Path positions and segments (k m,)."""
         length, start = self.path.lengths[self.segments], self.path.position[self.segments]
         position = np.concatenate([start + share * length for share in shares])

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_banded
 
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.drives import BaseDrive, unwrapped
 
 SAME = 1e-9  # states that differ by less are the same [m], [rad]
@@ -69,11 +68,10 @@ class SmoothPath:
     @cached_property
     def runs(self) -> list[tuple[int, int]]:
         """First and last state of each run; the robot rests where a state is given twice."""
-        going = np.concatenate([[False], self.lengths > 0, [False]]).astype(int)
-        starts, ends = np.flatnonzero(np.diff(going) == 1), np.flatnonzero(np.diff(going) == -1)
-        return list(zip(starts.tolist(), ends.tolist(), strict=True))
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], self.lengths > 0, [False]])))
+        return [(a, b) for a, b in edges.reshape(-1, 2).tolist()]
 
-    def corners(self, sharp: float = CORNER, gentle: float = GENTLE) -> NDArray[np.int64]:
+    def corners(self, sharp: float = CORNER, gentle: float = GENTLE) -> Index:
         """States within runs where the robot must rest.
 
         At corners sharper than an angle [rad], and where a car has to stand to turn its steering: by more
@@ -85,7 +83,7 @@ class SmoothPath:
         within = (self.lengths[:-1] > 0) & (self.lengths[1:] > 0)
         return 1 + np.flatnonzero(within & (turned | self._stands_to_steer(gentle)))
 
-    def _stands_to_steer(self, gentle: float) -> NDArray[np.bool_]:
+    def _stands_to_steer(self, gentle: float) -> Mask:
         """States between two segments at which a car stands, as its steering is turned there, (n - 2,)."""
         return np.zeros(max(len(self.lengths) - 1, 0), dtype=np.bool_)
 
@@ -102,16 +100,16 @@ class SmoothPath:
         """
         return np.full(len(self.base) - 1, np.nan)
 
-    def steering_rate(self, position: Array, segment: NDArray[np.int64]) -> Array:
+    def steering_rate(self, position: Array, segment: Index) -> Array:
         """How fast the steering angle changes by path position, (m,); 0 where a car does not roll."""
         return np.zeros(len(position))
 
     @property
-    def slipping(self) -> NDArray[np.bool_]:
+    def slipping(self) -> Mask:
         """Segments on which wheels slip more than they may, (n - 1,)."""
         return np.zeros(len(self.lengths), dtype=np.bool_)
 
-    def states_at(self, segment: NDArray[np.int64], share: Array) -> tuple[Array, Array]:
+    def states_at(self, segment: Index, share: Array) -> tuple[Array, Array]:
         """Base (m, 3) and joints (m, dof) of states to insert at shares of segments."""
         q, _, _ = self.evaluate(self.position[segment] + share * self.lengths[segment], segment)
         return q[:, :3], q[:, 3:]
@@ -141,7 +139,7 @@ class SmoothPath:
         bend, twist = (3 * secant - 2 * start - end) / far, (start + end - 2 * secant) / far**2
         return np.stack([z[:-1], start, bend, twist], axis=1)
 
-    def evaluate(self, position: Array, segment: NDArray[np.int64]) -> tuple[Array, Array, Array]:
+    def evaluate(self, position: Array, segment: Index) -> tuple[Array, Array, Array]:
         """Base and joints q (m, 3 + dof) at path positions (m,) on segments (m,), with q_s and q_ss."""
         return cubic_values(self._cubics[segment], position - self.position[segment])[:3]
 
@@ -170,7 +168,7 @@ def cubic_values(cubics: Array, since: Array) -> tuple[Array, Array, Array, Arra
     return a + t * (b + t * (c + t * d)), b + t * (2 * c + 3 * t * d), 2 * c + 6 * t * d, 6 * d
 
 
-def spline_cubics(h: Array, value: Array, bend: Array, moving: NDArray[np.bool_]) -> Array:
+def spline_cubics(h: Array, value: Array, bend: Array, moving: Mask) -> Array:
     """Coefficients (n - 1, 4, k) of splines, constant first, by values and second derivatives at knots."""
     h = np.where(moving, h, 1.0)[:, None]
     a, b = bend[:-1], bend[1:]
@@ -191,13 +189,13 @@ def rolled_over(cubics: Array, since: Array) -> Array:
     return np.column_stack([(way * np.cos(yaw)).sum(1), (way * np.sin(yaw)).sum(1)])
 
 
-def slips_far(left: Array, rolled: Array) -> NDArray[np.bool_]:
+def slips_far(left: Array, rolled: Array) -> Mask:
     """Whether wheels slip farther than they may by ways left (n, 2) beside ways rolled (n,), (n,)."""
-    found: NDArray[np.bool_] = np.hypot(*left.T) > SLIPPED + SLIP * np.abs(rolled)
+    found: Mask = np.hypot(*left.T) > SLIPPED + SLIP * np.abs(rolled)
     return found
 
 
-def knot_curvatures(h: Array, value: Array, moving: NDArray[np.bool_], halved: NDArray[np.bool_]) -> Array:
+def knot_curvatures(h: Array, value: Array, moving: Mask, halved: Mask) -> Array:
     """Second derivatives of cubic splines at states (n, k), zero where they rest.
 
     Parameters
@@ -248,7 +246,7 @@ class RollingPath(SmoothPath):
         rolled = np.concatenate([[0.0], np.cumsum(self._rolled)])
         return np.column_stack([rolled, self.base[:, 2], self.joints])
 
-    def _stands_to_steer(self, gentle: float) -> NDArray[np.bool_]:
+    def _stands_to_steer(self, gentle: float) -> Mask:
         """See `SmoothPath`; between places where it stands a car steers as it rolls, or not at all.
 
         While it steers it rolls on all the way, for where it stops to roll, on a smooth path, its curvature
@@ -264,7 +262,7 @@ class RollingPath(SmoothPath):
         stands = (change > STEERED) & ~on
         part = np.cumsum(stands | (self.lengths[1:] == 0))
         steers = np.isin(part, part[(change > STEERED) & on])
-        found: NDArray[np.bool_] = stands | (steers & (ahead[:-1] != ahead[1:]))
+        found: Mask = stands | (steers & (ahead[:-1] != ahead[1:]))
         return found
 
     @cached_property
@@ -275,7 +273,7 @@ class RollingPath(SmoothPath):
         angle = np.arctan(self.drive.turning_radius * turn / np.where(stands, 1.0, rolled))
         return np.where(stands, np.nan, angle)
 
-    def steering_rate(self, position: Array, segment: NDArray[np.int64]) -> Array:
+    def steering_rate(self, position: Array, segment: Index) -> Array:
         """See `SmoothPath`."""
         radius, (_, rate, bend) = self.drive.turning_radius, super().evaluate(position, segment)
         (roll, turn), (gain, twist) = rate[:, :2].T, bend[:, :2].T
@@ -291,7 +289,7 @@ class RollingPath(SmoothPath):
         return left
 
     @property
-    def slipping(self) -> NDArray[np.bool_]:
+    def slipping(self) -> Mask:
         return slips_far(self._left, self._rolled) & (self.lengths > 0)
 
     @cached_property
@@ -299,7 +297,7 @@ class RollingPath(SmoothPath):
         """Cubics of the place, besides what is rolled, (n - 1, 4, 2) [m]."""
         return self._through(np.concatenate([np.zeros((1, 2)), np.cumsum(self._left, axis=0)]))
 
-    def evaluate(self, position: Array, segment: NDArray[np.int64]) -> tuple[Array, Array, Array]:
+    def evaluate(self, position: Array, segment: Index) -> tuple[Array, Array, Array]:
         """Return base and joints with derivatives, as `SmoothPath.evaluate` does."""
         z, z_s, z_ss = super().evaluate(position, segment)
         since = position - self.position[segment]

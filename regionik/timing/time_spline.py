@@ -12,7 +12,6 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from regionik.timing.smooth_path import (
     SmoothPath,
@@ -22,7 +21,7 @@ from regionik.timing.smooth_path import (
     slips_far,
     spline_cubics,
 )
-from regionik.worlds.arrays import Array, Index
+from regionik.worlds.arrays import Array, Index, Mask
 
 
 class MotionRates(NamedTuple):
@@ -59,13 +58,13 @@ class TimeSpline:
     time: Array
 
     @cached_property
-    def single(self) -> NDArray[np.bool_]:
+    def single(self) -> Mask:
         """Segments that are a run of their own, on which no such motion is, (n - 1,)."""
         first, last = self._ends
         return first & last
 
     @cached_property
-    def _ends(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    def _ends(self) -> tuple[Mask, Mask]:
         """Segments that are the first, and the last, of a run, (n - 1,) each."""
         moving = np.concatenate([[False], self.path.lengths > 0, [False]])
         return moving[1:-1] & ~moving[:-2], moving[1:-1] & ~moving[2:]
@@ -110,7 +109,7 @@ class TimeSpline:
         return self._laid_out.segment[:-1]
 
     @property
-    def slipping(self) -> NDArray[np.bool_]:
+    def slipping(self) -> Mask:
         """Segments on which wheels slip more than they may, (n - 1,)."""
         return np.zeros(len(self.time) - 1, dtype=np.bool_)
 
@@ -141,7 +140,7 @@ class RollingSpline(TimeSpline):
         return np.where(self.path.lengths[:, None] > 0, left, 0.0)
 
     @property
-    def slipping(self) -> NDArray[np.bool_]:
+    def slipping(self) -> Mask:
         return slips_far(self._left, self.path.drive.rolled(self.path.base))
 
     @cached_property

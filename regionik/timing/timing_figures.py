@@ -75,7 +75,7 @@ class _HeldSpeed:
             "held_elsewhere": float(np.mean(held[elsewhere])) if elsewhere.any() else 1.0,
             "below": len(starts),
             "places": self._places(starts[longest], ends[longest]),
-            "corners": [{"setpoint": i, "turn": turn} for i, turn in self._corners],
+            "corners": [{"setpoint": int(self.motion.setpoint[k]), "turn": turn} for k, turn in self._turns],
         }
 
     def _places(self, starts: Index, ends: Index) -> list[dict[str, Any]]:
@@ -146,11 +146,6 @@ class _HeldSpeed:
         on_path = np.concatenate([[False], segments_on_path(self.motion), [False]])
         found: Array = self.motion.time[np.flatnonzero(np.diff(on_path))]
         return found
-
-    @cached_property
-    def _corners(self) -> list[tuple[int, float]]:
-        """Set-points at which the path turns more than the base could within the blend, and how much."""
-        return [(int(self.motion.setpoint[k]), turn) for k, turn in self._turns]
 
     @property
     def _at_corners(self) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -255,17 +255,10 @@ def sample_plan(plan: Plan, rate: float | None = None) -> PlanSamples:
 def _at_states(plan: Plan) -> PlanSamples:
     motion = plan.motion
     if is_timed(motion):
-        moving = trajectory(plan).sample(motion.time)
-        speeds = (
-            moving.base_velocity,
-            moving.joint_velocity,
-            moving.base_acceleration,
-            moving.joint_acceleration,
-        )
+        sample = replace(trajectory(plan).sample(motion.time), base=motion.base, joints=motion.joints)
     else:
         unknown = np.full_like(motion.base, np.nan), np.full_like(motion.joints, np.nan)
-        speeds = (*unknown, *unknown)
-    sample = TrajectorySample(motion.time, motion.base, motion.joints, *speeds)
+        sample = TrajectorySample(motion.time, motion.base, motion.joints, *unknown, *unknown)
     return PlanSamples(sample, motion.kind, motion.setpoint)
 
 
