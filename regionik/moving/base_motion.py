@@ -20,7 +20,6 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.drives import displacement
 from regionik.worlds.scene import World
 
-EVENLY = np.array([0.0, 1.0])  # from one knot to another
 WAYS = 16  # directions of drawing back
 TURN_STRIDE = 0.1  # largest turn of the base between two states [rad]
 
@@ -56,8 +55,6 @@ def simultaneous(rolls: bool, knots: Array) -> BasePath:
     """The tool goes on as the base does; a base that is there already stands while it does."""
     if len(knots) == 1:
         knots = np.concatenate([knots, knots])
-    if len(knots) == 2:
-        return BasePath(rolls, knots, EVENLY)
     far = np.concatenate([[0.0], np.cumsum(leg_lengths(knots))])
     return BasePath(rolls, knots, far / far[-1] if far[-1] > 0 else np.linspace(0.0, 1.0, len(knots)))
 

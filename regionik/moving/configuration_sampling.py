@@ -9,13 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache, partial
+from functools import partial
 from itertools import chain as one_after_another
 from itertools import islice
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely.geometry import Point
 
 from regionik.areas.held_reach import held_reach
@@ -44,7 +43,6 @@ from regionik.postures.serial_solver import serial_solver
 from regionik.values import Configuration
 from regionik.worlds.arms import pivot_index, with_pivot
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain
 from regionik.worlds.scene import World
 
 PLACES = 24  # of the base, looked through in one component
@@ -210,8 +208,8 @@ class ConfigurationSampler:
     def _settled(self, i: int, poses: Iterable[tuple[Array, int]], here: Pose) -> Iterator[Candidate]:
         """The same, with other postures where no near one is clear, as an arm that comes may take any."""
         for base, k in poses:
-            near = list(islice(self._near_postures(i, base, k, here), 1))
-            yield from near or islice(self._other_postures(i, base, k), 1)
+            some = self._near_postures(i, base, k, here), self._other_postures(i, base, k)
+            yield from islice(one_after_another(*some), 1)
 
     def _near_postures(self, i: int, base: Array, k: int, here: Pose) -> Iterator[Candidate]:
         """Clear postures at a base pose that FABRIK and damped least squares come to from the present one."""
@@ -236,14 +234,11 @@ class ConfigurationSampler:
     def _turns(self, candidate: Candidate, here: Pose) -> Iterator[Candidate]:
         """A candidate, its endless joints turned the shorter way from here, then each the longer way."""
         chain, found = self.world.robot.chain, candidate.found
-        turns = _endless(chain)
+        turns = chain.turning & np.isinf(chain.upper - chain.lower)  # without end
         change = found.joints - here.joints
         near = here.joints + np.where(turns, np.remainder(change + np.pi, 2 * np.pi) - np.pi, change)
-        yield (
-            replace(candidate, found=replace(found, joints=near))
-            if (near != found.joints).any()
-            else candidate
-        )
+        turned = (near != found.joints).any()
+        yield replace(candidate, found=replace(found, joints=near)) if turned else candidate
         for k in np.flatnonzero(turns & (np.abs(near - here.joints) > FAR)).tolist():
             far = near - 2 * np.pi * np.sign(near - here.joints) * (np.arange(chain.dof) == k)
             yield replace(candidate, found=replace(found, joints=far))
@@ -271,11 +266,6 @@ class ConfigurationSampler:
             around = list(self._looked(i, candidate))
         self._futile[key] = 0 if around else self._futile.get(key, 0) + 1
         yield from around
-
-    def _searched(self, i: int, candidate: Candidate) -> Iterator[Candidate]:
-        """The base stays; every posture of the arm is looked for, or there is proven to be none."""
-        if self.world.task[i].direction is None:
-            yield from self._asked(i, candidate, partial(clear_posture, most_boxes=BOXES))
 
     def _looked(self, i: int, candidate: Candidate) -> Iterator[Candidate]:
         """The base stays; the arm is tried in other postures on the pose."""
@@ -331,8 +321,9 @@ class ConfigurationSampler:
         nearest = [candidate for _, candidate in sorted(nearly, key=lambda one: -one[0])[:MENDED]]
         for candidate in nearest:
             yield from self.around(i, candidate)
-        for candidate in nearest[:SEARCHED]:
-            yield from self._searched(i, candidate)
+        if self.world.task[i].direction is None:
+            for candidate in nearest[:SEARCHED]:
+                yield from self._asked(i, candidate, partial(clear_posture, most_boxes=BOXES))
 
     def _at(self, i: int, k: int, m: int) -> list[Candidate]:
         """All clear postures at one place, looked through once."""
@@ -372,9 +363,3 @@ class ConfigurationSampler:
         if k not in self._places:
             self._places[k] = spread(self.ladder.component[k], PLACES, self.seed)
         return self._places[k]
-
-
-@lru_cache(maxsize=64)
-def _endless(chain: Chain) -> NDArray[np.bool_]:
-    """Mask of the joints that turn without end, (dof,)."""
-    return chain.turning & np.isinf(chain.upper - chain.lower)

@@ -31,7 +31,7 @@ from regionik.planners.progress import track
 from regionik.postures.families import BACK, FRONT
 from regionik.postures.poses import axis_of
 from regionik.worlds.arms import with_pivot
-from regionik.worlds.arrays import Array, Index
+from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.scene import World
 
 ACROSS = 36  # cells across the areas of half the set-points
@@ -47,7 +47,6 @@ ROUND = 10.0  # cost of a way that steering does not find [m]
 INSIDE = 1e-9  # slack of headings [rad]
 
 Labels = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,11 +199,9 @@ class LayeredSearch:
         """Lower bound of the cost of steering to poses (n, 3), (n,) [m]."""
         drive, (dx, dy, turn) = self.world.robot.drive, (poses - here).T
         far, turn = np.hypot(dx, dy), np.abs(np.remainder(turn + np.pi, 2 * np.pi) - np.pi)
-        return (
-            far + TURN_WEIGHT * turn
-            if drive.turns_on_the_spot
-            else np.maximum(far, drive.turning_radius * turn)
-        )
+        if drive.turns_on_the_spot:
+            return far + TURN_WEIGHT * turn
+        return np.maximum(far, drive.turning_radius * turn)
 
     def _steered(self, i: int, here: Array, there: Array) -> float:
         """Cost of steering to a pose of set-point i, infinite where that is not free or leaves nodes [m]."""

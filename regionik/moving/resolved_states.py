@@ -87,7 +87,8 @@ class ResolvedStates:
             touch, met = NOTHING, missed[-1] == EXACT
             if met or len(missed) == 1:  # between these the half-spaces of the first hold
                 touch = self._near(pose)
-            if met and self.guard.room(touch) > self.guard.spare and self._turns_enough(motion):
+            tight = abs(motion[1]) * self.world.robot.drive.turning_radius > abs(motion[0]) + 1e-12
+            if met and self.guard.room(touch) > self.guard.spare and not tight:
                 return pose
             if min(missed[-PATIENCE:]) > min(missed):
                 return None
@@ -106,9 +107,6 @@ class ResolvedStates:
                 return None
             motion = np.clip(motion + step, low, high)
         return None
-
-    def _turns_enough(self, motion: Array) -> bool:
-        return abs(motion[1]) * self.world.robot.drive.turning_radius <= abs(motion[0]) + 1e-12
 
     def _arc_rows(self, motion: Array) -> list[_Row]:
         """A car turns no more than its steering allows, going on as it goes."""
