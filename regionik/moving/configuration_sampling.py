@@ -24,7 +24,7 @@ from regionik.ladder import Ladder
 from regionik.mfabrik import Solver, solver_for
 from regionik.moving.base_motion import Candidate
 from regionik.moving.layered_search import LayeredSearch
-from regionik.moving.resolved_motion import ResolvedMotion
+from regionik.moving.path_following import ResolvedMotion
 from regionik.planners.avoidance.clear_posture import (
     ClearPosture,
     clear_posture,

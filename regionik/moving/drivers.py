@@ -289,8 +289,9 @@ class ByHeadingPaths:
         if slide_is_free(room, a, b):
             return np.stack([a, b])
         seen = [np.array([*axis_of(robot, pose), pose[2]]) for pose in (a, b)]
-        about_axis = _axis_room(self.driver.world)
-        found = path_through_slabs(about_axis, self._group(k), seen[0], seen[1], self.driver.seed)
+        ground, about_axis = ground_of(self.driver.world), robot.footprint - robot.mount[:2]
+        scene = footprint_scene(about_axis, ground.floor, ground.shadows, ground.clearance)
+        found = path_through_slabs(scene, self._group(k), seen[0], seen[1], self.driver.seed)
         if found is None:
             return None
         poses = np.array([pose_of(robot, p[:2], float(p[2])) for p in _short_turns(found)])
@@ -328,12 +329,6 @@ class WheeledPaths:
         yield halting(True, poses, goal[None])
 
 
-def _axis_room(world: World) -> FootprintScene:
-    """Scene of the footprint as seen from the arm axis."""
-    ground, robot = ground_of(world), world.robot
-    return footprint_scene(robot.footprint - robot.mount[:2], ground.floor, ground.shadows, ground.clearance)
-
-
 def _short_turns(poses: Array) -> Array:
     """Poses (n, 3) with long turns cut into short ones, headings continuous."""
     rows = [poses[0]]
@@ -355,9 +350,7 @@ def _nearest_inside(free: BaseGeometry, spot: Array) -> Array:
 
 def _at_any_heading(axes: Array) -> Array:
     """Knots (k, 3) of a way of the arm axis (k, 2)."""
-    knots = np.full((len(axes), 3), np.nan)
-    knots[:, :2] = axes
-    return knots
+    return np.column_stack([axes, np.full(len(axes), np.nan)])
 
 
 def _shared_area(one: Geometries, other: Geometries) -> Geometries:
@@ -370,5 +363,4 @@ def _shared_area(one: Geometries, other: Geometries) -> Geometries:
 def _nearest_to(areas: Geometries, a: Array, b: Array) -> Array:
     """Places in areas nearest to the way from a to b, (n, 2)."""
     lines = shapely.shortest_line(areas, LineString([a, b]))
-    places: Array = shapely.get_coordinates(lines).reshape(-1, 2, 2)[:, 0]
-    return places
+    return np.array(shapely.get_coordinates(lines)[::2])

@@ -17,6 +17,7 @@ from functools import cached_property
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_cdt
 
 from regionik.areas.ground import united
 from regionik.areas.held_reach import held_reach
@@ -280,12 +281,6 @@ def _box(low: Index, high: Index) -> tuple[slice, ...]:
 
 
 def _nearness(free: Mask, depth: int) -> Array:
-    """Nearness of nodes (..., nx, ny) to the edge of what is free: 1 there, 0 ``depth`` cells inside."""
-    near, inside = np.ones(free.shape), free
-    for _ in range(depth):
-        shrunk = np.zeros_like(inside)
-        middle = inside[..., 1:-1, 1:-1] & inside[..., 2:, 1:-1] & inside[..., :-2, 1:-1]
-        shrunk[..., 1:-1, 1:-1] = middle & inside[..., 1:-1, 2:] & inside[..., 1:-1, :-2]
-        inside = shrunk
-        near -= inside / depth
-    return near
+    """Nearness of nodes (16, nx, ny) to the edge of what is free: 1 there, 0 ``depth`` cells inside."""
+    cells = [distance_transform_cdt(np.pad(one, 1), "taxicab")[1:-1, 1:-1] for one in free]
+    return 1 - np.clip(np.stack(cells) - 1, 0, depth) / depth

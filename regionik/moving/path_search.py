@@ -20,8 +20,7 @@ from regionik.moving.base_motion import Candidate, StandingPaths
 from regionik.moving.configuration_sampling import ConfigurationSampler, Evidence
 from regionik.moving.drivers import driver_for
 from regionik.moving.layered_search import LayeredSearch
-from regionik.moving.path_following import PathFollower
-from regionik.moving.resolved_motion import ResolvedMotion
+from regionik.moving.path_following import PathFollower, ResolvedMotion
 from regionik.moving.transit import TransitPlanner
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.progress import tell
@@ -110,13 +109,7 @@ class PathSearch:
         for candidate in asked[:hard]:
             yield candidate, self.transits.sampled(here, candidate.pose, int(floor[candidate.component]))
 
-    def run(
-        self, i: int, count: int, first: Candidate, ahead: Ahead, patience: int = PATIENCE
-    ) -> list[SearchStep]:
-        """The longest run found from a candidate at set-point i, see `RunSearch`."""
-        return self.begun(i, count, first, ahead).longest(patience)
-
-    def begun(self, i: int, count: int, first: Candidate, ahead: Ahead) -> RunSearch:
+    def run(self, i: int, count: int, first: Candidate, ahead: Ahead) -> RunSearch:
         """The search for a run from a candidate at set-point i, over ``count`` set-points at most.
 
         Given a set-point and a candidate there, ``ahead`` has those of the next one, the likeliest first.

@@ -26,7 +26,6 @@ from regionik.planners.solvers.aims import ANGLE_LENGTH, missed_by
 from regionik.planners.solvers.damped_least_squares import POSITION, Aims
 from regionik.postures.arm_guard import Guard
 from regionik.postures.poses import LARGEST_BEND, Pose
-from regionik.timing.limits import MotionLimits
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 from regionik.worlds.speeds import Speeds
@@ -169,10 +168,10 @@ class ResolvedStates:
     @cached_property
     def _speeds(self) -> Array:
         """Of the base, x, y and yaw, or what it rolls and turns, and of the joints."""
-        limits = MotionLimits(self.world.robot, self.world.speeds or Speeds())
-        turning = 0.0 if self.world.rules.heading == "fixed" else limits.speeds.turn_velocity
-        driving = [limits.speeds.base_velocity] * (self.base_parts - 1)
-        return np.array([*driving, turning, *limits.joint_velocity])
+        speeds = self.world.speeds or Speeds()
+        turning = 0.0 if self.world.rules.heading == "fixed" else speeds.turn_velocity
+        driving = [speeds.base_velocity] * (self.base_parts - 1)
+        return np.array([*driving, turning, *speeds.joint_limits(self.world.robot.chain)[0]])
 
     @property
     def base_parts(self) -> int:

@@ -43,18 +43,10 @@ class Course(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Shortcuts:
-    """Shortcuts on one piece of the free floor.
+    """Shortcuts on one piece of the free floor."""
 
-    Attributes
-    ----------
-    guard, driver
-        Prove the arm clear and the base on the floor.
-    piece
-        Of the free floor.
-    """
-
-    guard: Guard
-    driver: Driver
+    guard: Guard  # proves the arm clear
+    driver: Driver  # and the base on the floor
     piece: int
 
     def shorter(self, poses: list[Pose]) -> list[Pose]:

@@ -333,25 +333,20 @@ class WholeBodyPlanner:
         start, goal = self._row(here, here), self._row(there, here)
         problem = PlanningProblem(
             *self._box(start, goal), start, goal,
-            lambda q: travel([here, at := self._pose(q), there]) < self.most and self._free(at),
+            lambda q: travel([here, at := self._pose(q), there]) < self.most
+            and self.driver.inside(at, self.piece) and self.guard.proves(at),
             lambda p, q: self._goes(self._pose(p), self._pose(q)),
         )  # fmt: skip
         path = connect(problem, seed=seed, iterations=iterations, stride=STRIDE)
         if path is None:
             return None
         poses = shortened([here, *(self._pose(q) for q in path[1:-1]), there], self._goes)
-        rows = [row for a, b in pairwise(poses) for row in [*(self._direct(a, b) or []), b]]
-        return rows[:-1]
-
-    def _direct(self, here: Pose, there: Pose) -> list[Pose] | None:
-        return self.driver.direct(here, there, self.piece)
-
-    def _free(self, at: Pose) -> bool:
-        return self.driver.inside(at, self.piece) and self.guard.proves(at)
+        ways = (self.driver.direct(a, b, self.piece) or [] for a, b in pairwise(poses))
+        return [row for way, b in zip(ways, poses[1:], strict=True) for row in [*way, b]][:-1]
 
     def _goes(self, here: Pose, there: Pose) -> bool:
         """True if a straight motion stays on the free floor and keeps the arm clear."""
-        states = self._direct(here, there)
+        states = self.driver.direct(here, there, self.piece)
         return states is not None and self.guard.passes([here, *states, there])
 
     def _row(self, pose: Pose, near: Pose) -> Array:

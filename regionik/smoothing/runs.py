@@ -25,7 +25,6 @@ from regionik.planners.solvers.aims import in_columns
 from regionik.postures.arm import aim_of, goal_between
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import axis_of, transits
-from regionik.timing.limits import MotionLimits
 from regionik.values import Plan
 from regionik.worlds.arms import pivot_index, with_pivot
 from regionik.worlds.arrays import Array, Index, Mask
@@ -313,6 +312,6 @@ def _corners(position: Array) -> Mask:
 
 def _scale(world: World) -> Array:
     """Weight of each coordinate: the inverse of its limit of acceleration."""
-    limits = MotionLimits(world.robot, world.speeds or Speeds())
-    base = limits.speeds.base_acceleration
-    return 1 / np.concatenate([[base, base, limits.speeds.turn_acceleration], limits.joint_acceleration])
+    speeds = world.speeds or Speeds()
+    base, turn = speeds.base_acceleration, speeds.turn_acceleration
+    return 1 / np.array([base, base, turn, *speeds.joint_limits(world.robot.chain)[1]])

@@ -68,20 +68,11 @@ def jerk_limited_motion(limits: MotionLimits, fine: Motion) -> Motion:
 
 @dataclass(frozen=True, eq=False)
 class _TimeLaw:
-    """Path position as a function of time: with constant path accelerations, then averaged over a window.
-
-    Attributes
-    ----------
-    path : SmoothPath
-    rate : (n,) array
-        Path velocities at its states.
-    window : float
-        [s]
-    """
+    """Path position as a function of time: with constant path accelerations, then averaged over a window."""
 
     path: SmoothPath
-    rate: Array
-    window: float
+    rate: Array  # (n,) path velocities at its states
+    window: float  # [s]
 
     @cached_property
     def _moving(self) -> Mask:

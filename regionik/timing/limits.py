@@ -28,19 +28,11 @@ _INSIDE = np.cos(np.pi / 8)
 
 @dataclass(frozen=True, eq=False)
 class MotionLimits:
-    """Limits of a robot's coordinates q: x, y, yaw and joints.
-
-    Attributes
-    ----------
-    robot : Robot
-    speeds : Speeds
-    pointer : float
-        Length of a line along each axis of the tool that counts as part of it; a long one keeps the tool from
-        turning [m].
-    """
+    """Limits of a robot's coordinates q: x, y, yaw and joints."""
 
     robot: Robot
     speeds: Speeds
+    # Length of lines along the tool's axes that count as part of it; long ones keep it from turning [m]
     pointer: float = 0.0
 
     @cached_property
@@ -191,14 +183,7 @@ def segments_on_path(motion: Motion) -> Mask:
 
 
 def tool_velocity(robot: Robot, q: Array, velocity: Array) -> Array:
-    """Velocity of the tool's point in the world, (n, 3) [m/s].
-
-    Parameters
-    ----------
-    robot : Robot
-    q, velocity : (n, 3 + dof) arrays
-        Base and joints, and their velocities.
-    """
+    """Velocity of the tool's point in the world, of base and joints q (n, 3 + dof), (n, 3) [m/s]."""
     frames = robot.frames(q[:, :3], q[:, 3:])
     tool = frames[:, -1, :3, 3]
     found = np.zeros((len(q), 3))

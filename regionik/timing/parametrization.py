@@ -95,21 +95,12 @@ def fastest_rates(
 
 @dataclass(frozen=True, eq=False)
 class _MovingSegments:
-    """Segments of a path that have a length, whole runs of them, one after the other.
-
-    Attributes
-    ----------
-    limits : MotionLimits
-    path : SmoothPath
-    segments : (m,) array of int
-    on_path : (m,) array of bool
-        Where the tool is on its path.
-    """
+    """Segments of a path that have a length, whole runs of them, one after the other."""
 
     limits: MotionLimits
     path: SmoothPath
-    segments: Index
-    on_path: Mask
+    segments: Index  # (m,)
+    on_path: Mask  # (m,) where the tool is on its path
 
     def take(self, some: Index) -> _MovingSegments:
         """Some of the segments, whole runs of them."""

@@ -28,19 +28,11 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 
 @dataclass(frozen=True, eq=False)
 class SmoothPath:
-    """Smooth path through states.
-
-    Attributes
-    ----------
-    drive : BaseDrive
-    base : (n, 3) array
-        x, y [m], yaw [rad], unwrapped.
-    joints : (n, dof) array
-    """
+    """Smooth path through states."""
 
     drive: BaseDrive
-    base: Array
-    joints: Array
+    base: Array  # (n, 3) x, y [m], yaw [rad], unwrapped
+    joints: Array  # (n, dof)
 
     @cached_property
     def lengths(self) -> Array:

@@ -44,18 +44,10 @@ class _Knots(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TimeSpline:
-    """Splines through the states of a timed motion.
+    """Splines through the states of a timed motion."""
 
-    Attributes
-    ----------
-    path : SmoothPath
-        Whose coordinates they are; a run ends where it has no length.
-    time : (n,) array
-        Of the states, rising wherever something moves [s].
-    """
-
-    path: SmoothPath
-    time: Array
+    path: SmoothPath  # whose coordinates they are; a run ends where it has no length
+    time: Array  # (n,) of the states, rising wherever something moves [s]
 
     @cached_property
     def single(self) -> Mask:

@@ -42,23 +42,13 @@ def timing_figures(limits: MotionLimits, motion: Motion) -> dict[str, Any]:
 
 @dataclass(frozen=True, eq=False)
 class _HeldSpeed:
-    """Speed of the tool on its path against the one that is asked.
-
-    Attributes
-    ----------
-    limits : MotionLimits
-    motion : Motion
-    asked : float
-        [m/s]
-    time, speed : (n,) arrays
-        Instants at which the tool is on its path, and its speed [s], [m/s].
-    """
+    """Speed of the tool on its path against the one that is asked."""
 
     limits: MotionLimits
     motion: Motion
-    asked: float
-    time: Array
-    speed: Array
+    asked: float  # [m/s]
+    time: Array  # (n,) instants at which the tool is on its path [s]
+    speed: Array  # (n,) of the tool then [m/s]
 
     def figures(self) -> dict[str, Any]:
         """Shares of time at which the speed is held, and what keeps the tool from it where."""

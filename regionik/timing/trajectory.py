@@ -57,11 +57,6 @@ class Trajectory:
 
     Between two states the path acceleration is constant along the path of `regionik.timing.smooth_path`, so
     that the times of the states determine the whole.
-
-    Attributes
-    ----------
-    robot : Robot
-    motion : Motion
     """
 
     robot: Robot
