@@ -82,8 +82,7 @@ class _Roughness(NamedTuple):
 
     def gradient(self, states: Array) -> Array:
         flat = states.ravel()
-        slope: Array = self.form @ flat + self.spring * (flat - self.beyond)
-        return slope
+        return self.form @ flat + self.spring * (flat - self.beyond)
 
     @property
     def hessian(self) -> csc_array:

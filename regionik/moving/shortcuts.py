@@ -151,8 +151,7 @@ class Clock:
     def arm(self, joints: Array) -> Array:
         """Of each hop of the arm through postures (n, dof) at full speed, (n - 1,) [s]."""
         speed = self._speeds.joint_limits(self.world.robot.chain)[0]
-        time: Array = (np.abs(np.diff(joints, axis=0)) / speed).max(axis=1)
-        return time
+        return (np.abs(np.diff(joints, axis=0)) / speed).max(axis=1)
 
     def times(self, poses: list[Pose]) -> Array:
         """When the robot comes to each pose at full speed, (n,) [s]."""
@@ -194,8 +193,7 @@ def _places(parts: Index) -> Array:
 
 def _index(course: Course, share: Array) -> Array:
     """Places on a course at shares of its time, in rows: 2.5 is halfway from the third to the fourth."""
-    index: Array = np.interp(share, course.share, np.arange(len(course.share)))
-    return index
+    return np.interp(share, course.share, np.arange(len(course.share)))
 
 
 def _rows_at(course: Course, share: Array) -> Array:

@@ -150,8 +150,7 @@ class StateKeeper:
 
 def _quadrant(ways: Array, yaw: Array) -> Index:
     """Which quarter of a turn from the heading ways (n, 2) point to, (n,)."""
-    quarter: Index = np.floor((np.arctan2(ways[:, 1], ways[:, 0]) - yaw) / (np.pi / 2)).astype(np.int64) % 4
-    return quarter
+    return np.floor((np.arctan2(ways[:, 1], ways[:, 0]) - yaw) / (np.pi / 2)).astype(np.int64) % 4
 
 
 def _least(room: Array, margin: float) -> Array:

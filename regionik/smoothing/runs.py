@@ -15,12 +15,7 @@ from shapely.geometry.base import BaseGeometry
 from regionik.areas.ground import Geometries, united
 from regionik.areas.standing import Standing, room_for, turns_matter
 from regionik.moving.state_keeper import StateKeeper
-from regionik.planners.smoothing.path_smoothing import (
-    FIRST_TRUST,
-    PathProblem,
-    on_path,
-    smooth_states,
-)
+from regionik.planners.smoothing.path_smoothing import FIRST_TRUST, PathProblem, on_path, smooth_states
 from regionik.planners.solvers.aims import in_columns
 from regionik.postures.arm import aim_of, goal_between
 from regionik.postures.arm_guard import guard_of
@@ -282,8 +277,7 @@ class _Layout:
 def _ways(robot: Robot, states: Array) -> Array:
     """How far the farthest corner of the footprint goes at most from state to state (n, m), (n - 1,) [m]."""
     moved, radius = np.diff(states[:, :3], axis=0), np.linalg.norm(robot.footprint, axis=1).max()
-    ways: Array = np.linalg.norm(moved[:, :2], axis=1) + radius * np.abs(moved[:, 2])
-    return ways
+    return np.linalg.norm(moved[:, :2], axis=1) + radius * np.abs(moved[:, 2])
 
 
 def _coarse_rows(worked: Mask) -> Index:

@@ -102,14 +102,12 @@ class _TimeLaw:
         whole = np.concatenate([[0.0], np.cumsum(t * (powers[0] + t * (powers[1] + t * powers[2])))])
         segment = np.clip(np.searchsorted(self._start, times, side="right") - 1, 0, len(moving) - 1)
         t, (a, b, c) = times - self._start[segment], powers[:, segment]
-        found: Array = whole[segment] + t * (a + t * (b + t * c))
-        return found
+        return whole[segment] + t * (a + t * (b + t * c))
 
     def at(self, times: Array) -> Array:
         """Averaged path positions at times (m,)."""
         before = np.maximum(times - self.window, 0.0)  # where the position is 0
-        found: Array = (self._integral(times) - self._integral(before)) / self.window
-        return found
+        return (self._integral(times) - self._integral(before)) / self.window
 
     def times_of(self, states: Index) -> Array:
         """Times (m,) at which states are passed, or left where the robot rests."""
@@ -160,8 +158,7 @@ def _kept(fine: Motion, path: SmoothPath) -> Mask:
     lifted = fine.kind == "transit"
     cut = (lifted[1:] != lifted[:-1]) | (path.lengths == 0)
     cut = np.concatenate([[True], cut, [True]])
-    found: Mask = cut[:-1] | cut[1:] | (fine.kind == "setpoint")
-    return found
+    return cut[:-1] | cut[1:] | (fine.kind == "setpoint")
 
 
 def _strayed(limits: MotionLimits, timed: Motion, law: _TimeLaw) -> Array:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from regionik.timing.trajectory import TrajectorySample, trajectory_within
 from regionik.values import Motion
@@ -113,24 +114,18 @@ class MotionLimits:
         """Factors (n,) by which a motion must be slower to keep all limits; below 1 it may be faster."""
         usage = self.usage(q, velocity, acceleration, on_path, jerk)
         factors = [share ** ROOTS[name.rpartition("_")[2]] for name, share in usage.items()]
-        found: Array = np.max(factors, axis=0)
-        return found
+        return np.max(factors, axis=0)
 
     def most_used(
         self, q: Array, velocity: Array, acceleration: Array, jerk: Array | None = None
     ) -> list[str]:
         """Limit that a motion uses most at each instant (n,), but for the tool's speed."""
         usage = self.usage(q, velocity, acceleration, np.zeros(len(q), dtype=bool), jerk)
-        names = list(usage)
-        joints = np.array(self.robot.chain.names)
-        limits = {"joint_velocity": (velocity, self.joint_velocity)}
-        limits["joint_acceleration"] = (acceleration, self.joint_acceleration)
-        if jerk is not None:
-            limits["joint_jerk"] = (jerk, self.joint_jerk)
-        joint = {
-            name: joints[np.argmax(np.abs(rate[:, 3:]) / limit, axis=1)]
-            for name, (rate, limit) in limits.items()
-        }
+        names, joints, joint = list(usage), np.array(self.robot.chain.names), dict[str, NDArray[np.str_]]()
+        rates = {"joint_velocity": velocity, "joint_acceleration": acceleration, "joint_jerk": jerk}
+        for name, rate in rates.items():
+            if rate is not None:
+                joint[name] = joints[np.argmax(np.abs(rate[:, 3:]) / getattr(self, name), axis=1)]
         found = [names[row] for row in np.argmax(np.stack(list(usage.values())), axis=0).tolist()]
         return [f"{name} of {joint[name][k]}" if name in joint else name for k, name in enumerate(found)]
 
@@ -171,15 +166,13 @@ class MotionLimits:
         arm = np.maximum(moved[:, :-1], moved[:, 1:]) + THICKNESS * turned[:, :-1]
         arm[:, -1] = np.maximum(arm[:, -1], moved[:, -1] + self.pointer * turned[:, -1])
         base, corners = other[:, :3] - q[:, :3], float(np.hypot(*self.robot.footprint.T).max())
-        found: Array = np.maximum(arm.max(1), np.hypot(*base[:, :2].T) + corners * np.abs(base[:, 2]))
-        return found
+        return np.maximum(arm.max(1), np.hypot(*base[:, :2].T) + corners * np.abs(base[:, 2]))
 
 
 def segments_on_path(motion: Motion) -> Mask:
     """Segments over which the tool is on its path, (n - 1,)."""
     lifted = motion.kind == "transit"
-    on_path: Mask = ~(lifted[:-1] | lifted[1:])
-    return on_path
+    return ~(lifted[:-1] | lifted[1:])
 
 
 def tool_velocity(robot: Robot, q: Array, velocity: Array) -> Array:

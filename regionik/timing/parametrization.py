@@ -125,8 +125,7 @@ class _MovingSegments:
     def steered(self, shares: Sequence[float]) -> Array:
         """What a car's steering uses of its rate at a path velocity of 1, as `evaluate`, (k m,)."""
         limit = STEERING_SHARE * self.limits.speeds.steering_velocity
-        rate: Array = self.path.steering_rate(*self._places(shares)) / limit
-        return rate
+        return self.path.steering_rate(*self._places(shares)) / limit
 
     def _places(self, shares: Sequence[float]) -> tuple[Array, Index]:
         """Path positions and segments (k m,)."""
@@ -159,5 +158,4 @@ class _MovingSegments:
         acceleration = q_s * gain / (2 * length) + q_ss * velocity**2
         factor = self.limits.slowdown(q, q_s * velocity, acceleration, np.tile(self.on_path, count))
         factor = np.maximum(factor, self.steered(CHECKED_SHARES) * velocity[:, 0])
-        found: Array = (factor**2).reshape(count, -1).max(0)
-        return found
+        return (factor**2).reshape(count, -1).max(0)

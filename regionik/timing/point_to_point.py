@@ -78,11 +78,8 @@ def _check_joint_limits(chain: Chain, motion: JerkLimited) -> None:
     """Refuse a motion that leaves the joints' limits, with the joint and the time."""
     least, most, at_least, at_most = motion.extremes()
     for k, joint in enumerate(chain.active_joints):
-        for value, time, excess in (
-            (least[k], at_least[k], joint.lower - least[k]),
-            (most[k], at_most[k], most[k] - joint.upper),
-        ):
-            if excess > SLACK:
+        for value, time in ((least[k], at_least[k]), (most[k], at_most[k])):
+            if not joint.lower - SLACK <= value <= joint.upper + SLACK:
                 raise InputError(
                     f"{joint.name}: expected {joint.lower:g} to {joint.upper:g}, would be at {value:g} "
                     f"after {time:g} s"

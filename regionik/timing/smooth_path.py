@@ -49,8 +49,7 @@ class SmoothPath:
     @property
     def _way(self) -> Array:
         """Of the base on each segment, (n - 1,) [m]."""
-        way: Array = np.hypot(*np.diff(self.base[:, :2], axis=0).T)
-        return way
+        return np.hypot(*np.diff(self.base[:, :2], axis=0).T)
 
     @cached_property
     def position(self) -> Array:
@@ -143,8 +142,7 @@ class SplinePath(SmoothPath):
     @property
     def _largest_change(self) -> Array:
         """Euclidean length of the segments, in metres and radians alike."""
-        far: Array = np.linalg.norm(np.diff(self.coordinates, axis=0), axis=1)
-        return far
+        return np.linalg.norm(np.diff(self.coordinates, axis=0), axis=1)
 
     def _through(self, z: Array) -> Array:
         """See `SmoothPath._through`; at the ends of runs the path is straight."""
@@ -183,8 +181,7 @@ def rolled_over(cubics: Array, since: Array) -> Array:
 
 def slips_far(left: Array, rolled: Array) -> Mask:
     """Whether wheels slip farther than they may by ways left (n, 2) beside ways rolled (n,), (n,)."""
-    found: Mask = np.hypot(*left.T) > SLIPPED + SLIP * np.abs(rolled)
-    return found
+    return np.hypot(*left.T) > SLIPPED + SLIP * np.abs(rolled)
 
 
 def knot_curvatures(h: Array, value: Array, moving: Mask, halved: Mask) -> Array:
@@ -212,8 +209,7 @@ def knot_curvatures(h: Array, value: Array, moving: Mask, halved: Mask) -> Array
     right = np.zeros((len(h) + 1, secant.shape[1]))
     change = np.where(last, 2, 1)[1:, None] * secant[1:] - np.where(first, 2, 1)[:-1, None] * secant[:-1]
     right[1:-1] = np.where(inner[:, None], change, 0.0)
-    found: Array = solve_banded((1, 1), banded, right)
-    return found
+    return solve_banded((1, 1), banded, right)
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,8 +250,7 @@ class RollingPath(SmoothPath):
         stands = (change > STEERED) & ~on
         part = np.cumsum(stands | (self.lengths[1:] == 0))
         steers = np.isin(part, part[(change > STEERED) & on])
-        found: Mask = stands | (steers & (ahead[:-1] != ahead[1:]))
-        return found
+        return stands | (steers & (ahead[:-1] != ahead[1:]))
 
     @cached_property
     def steering(self) -> Array:
@@ -271,14 +266,12 @@ class RollingPath(SmoothPath):
         (roll, turn), (gain, twist) = rate[:, :2].T, bend[:, :2].T
         square = roll**2 + (radius * turn) ** 2
         rolls = (square > CREEP**2) & ~np.isnan(self.steering[segment])
-        found: Array = radius * np.abs(twist * roll - turn * gain) / np.where(rolls, square, np.inf)
-        return found
+        return radius * np.abs(twist * roll - turn * gain) / np.where(rolls, square, np.inf)
 
     @cached_property
     def _left(self) -> Array:
         """What is left of the base's motion on each segment when all is rolled, (n - 1, 2) [m]."""
-        left: Array = np.diff(self.base[:, :2], axis=0) - rolled_over(self._cubics, np.diff(self.position))
-        return left
+        return np.diff(self.base[:, :2], axis=0) - rolled_over(self._cubics, np.diff(self.position))
 
     @property
     def slipping(self) -> Mask:

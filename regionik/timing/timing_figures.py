@@ -53,7 +53,7 @@ class _HeldSpeed:
     def figures(self) -> dict[str, Any]:
         """Shares of time at which the speed is held, and what keeps the tool from it where."""
         held = self.speed >= HELD * self.asked
-        elsewhere = self._from_stops > self._braking
+        elsewhere = self._from_stops.min(axis=0) > self._braking
         slow, apart = np.concatenate([[False], ~held, [False]]), np.diff(self.time) > 1.5 / RATE
         apart = np.concatenate([[True], apart, [True]])
         starts = np.flatnonzero(slow[1:] & (~slow[:-1] | apart))
@@ -94,17 +94,18 @@ class _HeldSpeed:
 
     def _stop_within(self, start: int, end: int) -> str:
         """Where a slow part is slowest: near an "end" of the path, a "corner", or on the "path" besides."""
-        slowest = start + int(np.argmin(self.speed[start : end + 1]))
-        if self._from_stops[slowest] > self._braking:
+        end_far, corner_far = self._from_stops[:, start + int(np.argmin(self.speed[start : end + 1]))]
+        if min(end_far, corner_far) > self._braking:
             return "path"
-        way = self._way[[slowest]]
-        ends, corners = (_nearest(self._way_at(one), way)[0] for one in (self._ends, self._at_corners))
-        return "end" if ends <= corners else "corner"
+        return "end" if end_far <= corner_far else "corner"
 
     @cached_property
     def _from_stops(self) -> Array:
-        """Way of the tool from each instant to the next end or corner, (n,) [m]."""
-        return _nearest(self._way_at(np.concatenate([self._ends, self._at_corners])), self._way)
+        """Way of the tool from each instant to the nearest end of its path, and to a corner, (2, n) [m]."""
+        if not len(self.time):
+            return np.empty((2, 0))
+        stops = self._ends, self.motion.time[[k for k, _ in self._turns]]
+        return np.stack([_nearest(np.interp(times, self.time, self._way), self._way) for times in stops])
 
     @cached_property
     def _braking(self) -> float:
@@ -126,21 +127,11 @@ class _HeldSpeed:
         step = np.where(span < 1.5 / RATE, span * (self.speed[1:] + self.speed[:-1]) / 2, 0.0)
         return np.concatenate([[0.0], np.cumsum(step)])[: len(self.time)]
 
-    def _way_at(self, times: Array) -> Array:
-        found: Array = np.interp(times, self.time, self._way) if len(self.time) else np.empty(0)
-        return found
-
     @cached_property
     def _ends(self) -> Array:
         """Times at which the tool comes to its path, or leaves it [s]."""
         on_path = np.concatenate([[False], segments_on_path(self.motion), [False]])
-        found: Array = self.motion.time[np.flatnonzero(np.diff(on_path))]
-        return found
-
-    @property
-    def _at_corners(self) -> Array:
-        """Times at which they are passed [s]."""
-        return self.motion.time[[k for k, _ in self._turns]]
+        return self.motion.time[np.flatnonzero(np.diff(on_path))]
 
     @cached_property
     def _turns(self) -> list[tuple[int, float]]:
@@ -163,13 +154,11 @@ class _HeldSpeed:
         """
         speeds, change = self.limits.speeds, 2 * self.asked * np.sin(angle / 2)
         steep = 0.0 if speeds.base_jerk is None else change**1.5 / (6 * np.sqrt(speeds.base_jerk))
-        found: Array = np.maximum(change**2 / (8 * speeds.base_acceleration), steep)
-        return found
+        return np.maximum(change**2 / (8 * speeds.base_acceleration), steep)
 
 
 def _nearest(stops: Array, ways: Array) -> Array:
     """Distance of each way (n,) to the nearest stop; infinite without any."""
     ends = np.concatenate([[-np.inf], np.sort(stops), [np.inf]])
     after = np.searchsorted(ends, ways)
-    found: Array = np.minimum(ways - ends[after - 1], ends[after] - ways)
-    return found
+    return np.minimum(ways - ends[after - 1], ends[after] - ways)
