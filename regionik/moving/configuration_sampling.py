@@ -106,25 +106,19 @@ class ConfigurationSampler:
         """
         poses = iter(()) if self.layers is None else self.layers.onward(i, components, here.base)
         known = self.nominal(i, components, here, nominal), self.resolved_onward(i, here)
-        found = one_after_another(
-            self._stood(i, poses, here),
-            *(known[::-1] if together else known),
-            self._sought(i, components, here),
-        )
-        return (candidate for candidate in found if self.meets(candidate.pose))
+        likely = known[::-1] if together else known
+        return self._meeting(self._stood(i, poses, here), *likely, self._sought(i, components, here))
 
     def arrivals(
         self, i: int, components: Sequence[int], here: Pose, nominal: Candidate
     ) -> Iterator[Candidate]:
         """Clear configurations as `options` has them, for a base that comes with the tool lifted."""
         poses = iter(()) if self.layers is None else self.layers.arrivals(i, components, here.base)
-        found = one_after_another(
-            self._settled(i, poses, here),
-            self.nominal(i, components, here, nominal),
-            self.nearest(i, components, here),
-            self._sought(i, components, here),
-        )
-        return (candidate for candidate in found if self.meets(candidate.pose))
+        known = self.nominal(i, components, here, nominal), self.nearest(i, components, here)
+        return self._meeting(self._settled(i, poses, here), *known, self._sought(i, components, here))
+
+    def _meeting(self, *found: Iterator[Candidate]) -> Iterator[Candidate]:
+        return (candidate for candidate in one_after_another(*found) if self.meets(candidate.pose))
 
     def meets(self, at: Pose) -> bool:
         """True if a posture at a set-point meets the rules' criteria; those of `Solver` do anyway."""
@@ -301,9 +295,8 @@ class ConfigurationSampler:
             base = pose_of(robot, axis_of(robot, base), yaw)
             joints = np.where(np.arange(robot.chain.dof) == pivot, ahead, joints)
         if self.clear(i, Pose(base, joints)):
-            yield Candidate(
-                replace(candidate.found, base=base, joints=joints, error=error), candidate.component
-            )
+            found = replace(candidate.found, base=base, joints=joints, error=error)
+            yield replace(candidate, found=found)
 
     def _elsewhere(self, i: int, k: int, here: Pose) -> Iterator[Candidate]:
         """Clear postures at places of the base in a component, near places first."""

@@ -84,8 +84,9 @@ class ResolvedStates:
             turned = float(np.linalg.norm(miss[3:]))
             missed.append(max(math.hypot(*miss[:3], max(turned - cone, 0.0)), EXACT))
             touch, met = NOTHING, missed[-1] == EXACT
-            if met or len(missed) == 1:  # between these the half-spaces of the first hold
-                touch = self._near(pose)
+            if self.guard.on and (met or len(missed) == 1):  # between these those of the first hold
+                bodies, contact = self.guard.bodies, self.guard.contact
+                touch = nearest(bodies, pose.base, pose.joints, contact=contact, within=NEAR)
             tight = abs(motion[1]) * self.world.robot.drive.turning_radius > abs(motion[0]) + 1e-12
             if met and self.guard.room(touch) > self.guard.spare and not tight:
                 return pose
@@ -125,12 +126,6 @@ class ResolvedStates:
         spaces = self._keeper.on_floor(np.concatenate([start.base, start.joints])[None])
         ways = self._by_motion(spaces.normal, start, np.zeros(len(self._speeds)))
         return [_Row(*one) for one in zip(ways, np.minimum(spaces.least, 0.0), strict=True)]
-
-    def _near(self, pose: Pose) -> Touch:
-        bodies, contact = self.guard.bodies, self.guard.contact
-        if not self.guard.on:
-            return NOTHING
-        return nearest(bodies, pose.base, pose.joints, contact=contact, within=NEAR)
 
     def _touch_rows(self, touch: Touch, pose: Pose, start: Pose, motion: Array) -> list[_Row]:
         """How the arm may go on towards what it is near to; most of the way where there is much."""

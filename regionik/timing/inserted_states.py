@@ -35,13 +35,10 @@ def refined(limits: MotionLimits, motion: Motion) -> Motion:
     fine = _subdivided(limits, motion, count)
     position, rate = fastest_rates(limits, fine, tightenings=0)
     first = np.concatenate([[0], np.cumsum(count + 1)])  # where the motion's own states are
-    keep = np.zeros(len(fine), dtype=bool)
-    for a, b in pairwise(first.tolist()):
-        keep[a + np.array(_knots(position[a : b + 1], rate[a : b + 1] ** 2))] = True
-    own = np.zeros(len(fine), dtype=bool)
-    own[first] = True
-    base = without_slip(limits.robot.drive, fine.base[keep], ~own[keep])
-    return Motion(base, fine.joints[keep], fine.kind[keep], fine.setpoint[keep], fine.time[keep])
+    spans = [np.arange(a, b + 1) for a, b in pairwise(first.tolist())]
+    kept = np.unique(np.concatenate([span[_knots(position[span], rate[span] ** 2)] for span in spans]))
+    base = without_slip(limits.robot.drive, fine.base[kept], ~np.isin(kept, first))
+    return Motion(base, fine.joints[kept], fine.kind[kept], fine.setpoint[kept], fine.time[kept])
 
 
 def _knots(x: Array, y: Array) -> list[int]:
@@ -95,12 +92,14 @@ def with_rests(motion: Motion, states: Index) -> tuple[Motion, Index]:
 
 def _subdivided(limits: MotionLimits, motion: Motion, count: Index) -> Motion:
     """Motion with so many states inserted in each segment (n - 1,), next to its smooth path."""
-    path = timed_path(limits, motion)
-    if not count.any():
-        return motion
-    segment = np.repeat(np.arange(len(count)), count)
-    share = np.concatenate([np.arange(1, n + 1) / (n + 1) for n in count[count > 0].tolist()])
-    return with_rolled_states(limits, motion, segment, *path.states_at(segment, share))
+    segment, share = evenly(count)
+    return with_rolled_states(limits, motion, segment, *timed_path(limits, motion).states_at(segment, share))
+
+
+def evenly(count: Index) -> tuple[Index, Array]:
+    """Segments of so many states (n - 1,) evenly inserted in each, and their shares of these, (m,) each."""
+    shares = [np.arange(1, n + 1) / (n + 1) for n in count.tolist()]
+    return np.repeat(np.arange(len(count)), count), np.concatenate([np.empty(0), *shares])
 
 
 def with_rolled_states(

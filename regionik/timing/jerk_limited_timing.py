@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
-from regionik.timing.inserted_states import with_rolled_states, with_states
+from regionik.timing.inserted_states import evenly, with_rolled_states, with_states
 from regionik.timing.limits import MotionLimits, segments_on_path, tool_velocity
 from regionik.timing.parametrization import fastest_rates, path_of, steering_pauses, timed_path
 from regionik.timing.smooth_path import SmoothPath
@@ -131,7 +131,8 @@ def _resampled(limits: MotionLimits, fine: Motion, law: _TimeLaw) -> tuple[Motio
     least = np.maximum(alone, np.diff(rows) > 1)
     count = np.where(moves, np.maximum(np.ceil(np.diff(times) / PERIOD).astype(np.int64) - 1, least), 0)
     for left in range(HALVINGS, -1, -1):
-        gap, between = _within_gaps(times, count)
+        gap, share = evenly(count)
+        between = times[gap] + share * np.diff(times)[gap]
         position = law.at(between)
         segment = np.searchsorted(path.position, position, side="right") - 1
         segment = np.clip(segment, rows[gap], rows[gap + 1] - 1)
@@ -144,13 +145,6 @@ def _resampled(limits: MotionLimits, fine: Motion, law: _TimeLaw) -> tuple[Motio
             break
         count = np.where(far & moves, 2 * count + 1, count)
     return found, np.insert(path.position[rows], gap + 1, position)
-
-
-def _within_gaps(times: Array, count: Index) -> tuple[Index, Array]:
-    """So many instants (n - 1,) evenly between successive times (n,), and the gap that each is in."""
-    gap = np.repeat(np.arange(len(count)), count)
-    share = [np.arange(1, n + 1) / (n + 1) for n in count[count > 0].tolist()]
-    return gap, times[gap] + np.concatenate([np.empty(0), *share]) * np.diff(times)[gap]
 
 
 def _kept(fine: Motion, path: SmoothPath) -> Mask:
@@ -184,7 +178,8 @@ def _densely(limits: MotionLimits, timed: Motion) -> Motion:
     count = np.zeros(len(timed) - 1, dtype=np.int64)
     spline = time_spline(path_of(limits.robot, timed), timed.time)
     for _ in range(HALVINGS):
-        gap, between = _within_gaps(timed.time, count)
+        gap, share = evenly(count)
+        between = timed.time[gap] + share * np.diff(timed.time)[gap]
         q = spline.evaluate(between).q
         found = with_states(timed, gap, q[:, :3], q[:, 3:])
         found = replace(found, time=np.insert(timed.time, gap + 1, between))
