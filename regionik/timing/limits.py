@@ -196,9 +196,9 @@ def slowdowns(limits: MotionLimits, motion: Motion) -> Array:
     span, found = np.diff(motion.time), np.zeros(max(len(motion) - 1, 1))
     within = [motion.time[:-1] + share * span for share in SHARES]
     times = np.sort(np.concatenate([instants(motion), *within]))
-    for sample, on_path, jerk in sampled(limits, motion, times):
+    for sample, on_path in sampled(limits, motion, times):
         segment = np.searchsorted(motion.time, sample.time, side="right") - 1
-        factor = limits.slowdown(*sample.columns, on_path, jerk)
+        factor = limits.slowdown(*sample.columns, on_path, sample.jerk)
         np.maximum.at(found, np.minimum(segment, len(found) - 1), factor)
     return found
 
@@ -214,7 +214,7 @@ def check_tool_speed(limits: MotionLimits, motion: Motion) -> None:
     asked = limits.speeds.tool_velocity
     if asked is None:
         raise InputError("hold: expected a tool speed to hold; give tool_velocity")
-    for sample, on_path, _ in sampled(limits, motion, instants(motion)):
+    for sample, on_path in sampled(limits, motion, instants(motion)):
         q, velocity, _ = sample.columns
         speed = np.linalg.norm(tool_velocity(limits.robot, q, velocity), axis=1)
         moves = on_path & (speed > AT_REST)
@@ -234,12 +234,10 @@ def instants(motion: Motion) -> Array:
     return np.append(np.arange(0.0, motion.time[-1], 1 / RATE), motion.time[-1])
 
 
-def sampled(
-    limits: MotionLimits, motion: Motion, times: Array
-) -> Iterator[tuple[TrajectorySample, Mask, Array | None]]:
-    """The motion at instants, chunk by chunk, where the tool is on its path, and jerk where it is limited."""
+def sampled(limits: MotionLimits, motion: Motion, times: Array) -> Iterator[tuple[TrajectorySample, Mask]]:
+    """The motion at instants, chunk by chunk, and where the tool is on its path."""
     trajectory = trajectory_within(limits.robot, motion, limits.speeds)
     on_path = segments_on_path(motion) if len(motion) > 1 else np.zeros(1, dtype=bool)
     for some in np.array_split(times, 1 + len(times) // CHUNK):
         segment = np.searchsorted(motion.time, some, side="right") - 1
-        yield trajectory.sample(some), on_path[np.clip(segment, 0, len(on_path) - 1)], trajectory.jerk(some)
+        yield trajectory.sample(some), on_path[np.clip(segment, 0, len(on_path) - 1)]

@@ -26,9 +26,9 @@ def timing_figures(limits: MotionLimits, motion: Motion) -> dict[str, Any]:
     time: list[Array] = []
     speed: list[Array] = []
     asked = limits.speeds.tool_velocity
-    for sample, on_path, jerk in sampled(limits, motion, instants(motion)):
+    for sample, on_path in sampled(limits, motion, instants(motion)):
         q, velocity, _ = sample.columns
-        usage = limits.usage(*sample.columns, on_path, jerk)
+        usage = limits.usage(*sample.columns, on_path, sample.jerk)
         used = {name: max(used.get(name, 0.0), float(share.max())) for name, share in usage.items()}
         if asked is not None:
             time.append(sample.time[on_path])
@@ -73,9 +73,9 @@ class _HeldSpeed:
         trajectory = trajectory_within(self.limits.robot, self.motion, self.limits.speeds)
         first, last = self.time[starts] - BESIDE, self.time[ends] + BESIDE
         times = np.clip(first + SHARES[:, None] * (last - first), 0.0, self.motion.time[-1])
-        columns, jerk = trajectory.sample(times.ravel()).columns, trajectory.jerk(times.ravel())
-        factor = self.limits.slowdown(*columns, np.zeros(times.size, dtype=np.bool_), jerk)
-        names = np.array(self.limits.most_used(*columns, jerk), dtype=np.str_).reshape(times.shape)
+        sample = trajectory.sample(times.ravel())
+        factor = self.limits.slowdown(*sample.columns, np.zeros(times.size, dtype=np.bool_), sample.jerk)
+        names = np.array(self.limits.most_used(*sample.columns, sample.jerk)).reshape(times.shape)
         hardest = np.argmax(factor.reshape(times.shape), axis=0)
         slowest = [float(self.speed[a : b + 1].min()) for a, b in zip(starts, ends, strict=True)]
         reached = np.maximum.accumulate(np.where(self.motion.kind == "setpoint", self.motion.setpoint, -1))
