@@ -391,9 +391,9 @@ FAULTS = (
     ),
     Fault(
         "timing: what wheels slip is no velocity",
-        "regionik/timing/time_spline.py",
-        "np.column_stack([row.real, row.imag]) + slip",
-        "np.column_stack([row.real, row.imag]) + 0.0 * slip",
+        "regionik/timing/smooth_path.py",
+        "np.column_stack([row.real, row.imag]) + slip_rate",
+        "np.column_stack([row.real, row.imag]) + 0.0 * slip_rate",
         ("tests/test_jerk_limits.py",),
     ),
     Fault(

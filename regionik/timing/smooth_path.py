@@ -179,6 +179,23 @@ def rolled_over(cubics: Array, since: Array) -> Array:
     return np.column_stack([(way * np.cos(yaw)).sum(1), (way * np.sin(yaw)).sum(1)])
 
 
+def on_floor(place: Array, cubics: Array, slip: Array, since: Array) -> list[Array]:
+    """Base and joints q, and their first three derivatives, (m, 3 + dof) each.
+
+    By cubics of way rolled, heading and joints (m, 4, 2 + dof), which begin at a ``place`` (m, 2), and of
+    what the base slips besides (m, 4, 2) [m].
+    """
+    values = value, slope, bend, jerk = cubic_values(cubics, since)
+    slid, *slipping = cubic_values(slip, since)
+    ahead, (v, w) = np.exp(1j * value[:, 1]), slope[:, :2].T
+    last = jerk[:, 0] - v * w**2 + 1j * (2 * bend[:, 0] * w + v * bend[:, 1])
+    along = [ahead * rate for rate in (v, bend[:, 0] + 1j * v * w, last)]
+    flat = [place + rolled_over(cubics, since) + slid - slip[:, 0]]
+    for row, slip_rate in zip(along, slipping, strict=True):
+        flat.append(np.column_stack([row.real, row.imag]) + slip_rate)
+    return [np.column_stack([xy, rest[:, 1:]]) for xy, rest in zip(flat, values, strict=True)]
+
+
 def slips_far(left: Array, rolled: Array) -> Mask:
     """Whether wheels slip farther than they may by ways left (n, 2) beside ways rolled (n,), (n,)."""
     return np.hypot(*left.T) > SLIPPED + SLIP * np.abs(rolled)
@@ -284,21 +301,9 @@ class RollingPath(SmoothPath):
 
     def evaluate(self, position: Array, segment: Index) -> tuple[Array, Array, Array]:
         """Return base and joints with derivatives, as `SmoothPath.evaluate` does."""
-        z, z_s, z_ss = super().evaluate(position, segment)
         since = position - self.position[segment]
-        slip, slip_s, slip_ss, _ = cubic_values(self._slip[segment], since)
-        (roll, turn), gain, yaw = z_s[:, :2].T, z_ss[:, :1], z[:, 1]
-        ahead = np.column_stack([np.cos(yaw), np.sin(yaw)])
-        left = np.column_stack([-ahead[:, 1], ahead[:, 0]])
-        gone = rolled_over(self._cubics[segment], since)
-        place = self.base[segment, :2] + gone + slip - self._slip[segment, 0]
-        flat = roll[:, None] * ahead + slip_s
-        bent = gain * ahead + (roll * turn)[:, None] * left + slip_ss
-        return (
-            np.column_stack([place, z[:, 1:]]),
-            np.column_stack([flat, z_s[:, 1:]]),
-            np.column_stack([bent, z_ss[:, 1:]]),
-        )
+        q, q_s, q_ss, _ = on_floor(self.base[segment, :2], self._cubics[segment], self._slip[segment], since)
+        return q, q_s, q_ss
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,6 +17,7 @@ from regionik.timing.smooth_path import (
     SmoothPath,
     cubic_values,
     knot_curvatures,
+    on_floor,
     rolled_over,
     slips_far,
     spline_cubics,
@@ -153,22 +154,7 @@ class RollingSpline(TimeSpline):
 
     def _world(self, times: Array, piece: Index) -> MotionRates:
         since = times - self.instants[piece]
-        value, slope, bend, jerk = cubic_values(self._cubics[piece], since)
-        ahead = np.exp(1j * value[:, 1])
-        v, w = slope[:, 0], slope[:, 1]
-        along = [
-            v + 0j,
-            bend[:, 0] + 1j * v * w,
-            jerk[:, 0] - v * w**2 + 1j * (2 * bend[:, 0] * w + v * bend[:, 1]),
-        ]
-        slid, *slipping = cubic_values(self._slip[piece], since)
-        place = self._places[piece] + rolled_over(self._cubics[piece], since) + slid - self._slip[piece, 0]
-        flat = [
-            np.column_stack([row.real, row.imag]) + slip
-            for row, slip in zip((row * ahead for row in along), slipping, strict=True)
-        ]
-        rates = zip([place, *flat], (value, slope, bend, jerk), strict=True)
-        return MotionRates(*(np.column_stack([xy, rest[:, 1:]]) for xy, rest in rates))
+        return MotionRates(*on_floor(self._places[piece], self._cubics[piece], self._slip[piece], since))
 
 
 def time_spline(path: SmoothPath, time: Array) -> TimeSpline:
