@@ -7,7 +7,7 @@ the base in the area, and the arm's postures at each.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain as one_after_another
@@ -105,17 +105,25 @@ class ConfigurationSampler:
         joints have gone on ``together`` to here: then they go on so first.
         """
         poses = iter(()) if self.layers is None else self.layers.onward(i, components, here.base)
+        stood = (islice(self._near_postures(i, base, k, here), 1) for base, k in poses)
         known = self.nominal(i, components, here, nominal), self.resolved_onward(i, here)
         likely = known[::-1] if together else known
-        return self._meeting(self._stood(i, poses, here), *likely, self._sought(i, components, here))
+        sought = self._sought(i, components, here)
+        return self._meeting(one_after_another.from_iterable(stood), *likely, sought)
 
     def arrivals(
         self, i: int, components: Sequence[int], here: Pose, nominal: Candidate
     ) -> Iterator[Candidate]:
-        """Clear configurations as `options` has them, for a base that comes with the tool lifted."""
+        """Clear configurations as `options` has them, for a base that comes with the tool lifted.
+
+        Other postures are taken where no near one is clear, as an arm that comes may take any.
+        """
         poses = iter(()) if self.layers is None else self.layers.arrivals(i, components, here.base)
+        some = ((self._near_postures(i, *pose, here), self._other_postures(i, *pose)) for pose in poses)
+        stood = (islice(one_after_another(*postures), 1) for postures in some)
         known = self.nominal(i, components, here, nominal), self.nearest(i, components, here)
-        return self._meeting(self._settled(i, poses, here), *known, self._sought(i, components, here))
+        sought = self._sought(i, components, here)
+        return self._meeting(one_after_another.from_iterable(stood), *known, sought)
 
     def _meeting(self, *found: Iterator[Candidate]) -> Iterator[Candidate]:
         return (candidate for candidate in one_after_another(*found) if self.meets(candidate.pose))
@@ -181,11 +189,6 @@ class ConfigurationSampler:
         order = np.argsort(shapely.distance(parts, axis) + TURN_WEIGHT * np.array(turns), kind="stable")
         return [components[m] for m in order.tolist()]
 
-    def _stood(self, i: int, poses: Iterable[tuple[Array, int]], here: Pose) -> Iterator[Candidate]:
-        """Clear postures with the base at given poses, each the nearest to the present one that is found."""
-        for base, k in poses:
-            yield from islice(self._near_postures(i, base, k, here), 1)
-
     def resolved_onward(self, i: int, here: Pose, turning: float = 1.0) -> Iterator[Candidate]:
         """The configuration to which base and joints go on together by the least motion, in any component.
 
@@ -198,12 +201,6 @@ class ConfigurationSampler:
         found = Configuration(way[-1].base, way[-1].joints, 0.0, 0, True)  # measured on arrival
         for k in self._by_nearness(range(*self.ladder.rungs[i : i + 2]), way[-1])[:1]:
             yield Candidate(found, k, tuple(way))
-
-    def _settled(self, i: int, poses: Iterable[tuple[Array, int]], here: Pose) -> Iterator[Candidate]:
-        """The same, with other postures where no near one is clear, as an arm that comes may take any."""
-        for base, k in poses:
-            some = self._near_postures(i, base, k, here), self._other_postures(i, base, k)
-            yield from islice(one_after_another(*some), 1)
 
     def _near_postures(self, i: int, base: Array, k: int, here: Pose) -> Iterator[Candidate]:
         """Clear postures at a base pose that FABRIK and damped least squares come to from the present one."""

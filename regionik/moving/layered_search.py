@@ -124,8 +124,10 @@ class LayeredSearch:
                     mine, other = (_box(low - start, high - start) for start in (corner, after.corner))
                     value[mine] = np.where(free[mine], after.value[other], np.inf)
             value[free] = np.minimum(value[free], LIFT + after.value.min(initial=np.inf))
+        hop = [target.position for target in self.world.task[i : i + 2]]
+        stride = float(np.linalg.norm(hop[-1] - hop[0]))  # of the tool, on from here
         for one, where in zip(value, free, strict=True):
-            one += EDGE * self._stride(i) * _nearness(where, max(1, round(DEPTH / self.cell)))
+            one += EDGE * stride * _nearness(where, max(1, round(DEPTH / self.cell)))
             relax(one, where, self._moves)
         return Layer(corner, owner, value)
 
@@ -264,11 +266,6 @@ class LayeredSearch:
     def _kept(self, i: int) -> list[int]:
         rungs = self.ladder.rungs
         return [k for k in range(rungs[i], rungs[i + 1]) if self.keep[k]]
-
-    def _stride(self, i: int) -> float:
-        """Length of the tool's way on from a set-point [m]."""
-        task = self.world.task
-        return float(np.linalg.norm(task[min(i + 1, len(task) - 1)].position - task[i].position))
 
     def _poses(self, corner: Index, nodes: Index) -> Array:
         """Base poses (n, 3) of nodes (n, 3): heading, and cell from a corner."""

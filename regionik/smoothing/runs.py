@@ -15,7 +15,7 @@ from shapely.geometry.base import BaseGeometry
 from regionik.areas.ground import Geometries, united
 from regionik.areas.standing import Standing, room_for, turns_matter
 from regionik.moving.state_keeper import StateKeeper
-from regionik.planners.smoothing.path_smoothing import FIRST_TRUST, PathProblem, on_path, smooth_states
+from regionik.planners.smoothing.path_smoothing import PathProblem, on_path, smooth_states
 from regionik.planners.solvers.aims import in_columns
 from regionik.postures.arm import aim_of, goal_between
 from regionik.postures.arm_guard import guard_of
@@ -59,18 +59,13 @@ class PathRun:
     keeper: StateKeeper  # of all states
 
     def smoothed(self) -> Array:
-        """All states smoothed."""
-        begun = self._begun()
-        trust = FIRST_TRUST if begun is self.states else NEAR_TRUST
-        return self._within(smooth_states(self.problem, begun, trust))
-
-    def _begun(self) -> Array:
-        """States of the set-points alone smoothed, the others between them, which is soon done."""
+        """All states smoothed; of long runs first those of the set-points alone, which is soon done."""
         rows, t = _coarse_rows(self.worked), self.problem.parameter
         if len(self.states) < LONG or not SHORTEST_RUN <= len(rows) <= FEW * len(self.states):
-            return self.states
+            return self._within(smooth_states(self.problem, self.states))
         found = smooth_states(self.coarse, self.states[rows])
-        return np.stack([np.interp(t, t[rows], column) for column in found.T], axis=1)
+        begun = np.stack([np.interp(t, t[rows], column) for column in found.T], axis=1)
+        return self._within(smooth_states(self.problem, begun, NEAR_TRUST))
 
     def mended(self, states: Array, failed: list[int], tube: Array, demanded: Array) -> Array:
         """States smoothed anew about those that failed, the others kept.
@@ -170,10 +165,10 @@ class _Layout:
 
     def _places(self, first: int, last: int) -> Array:
         """Places of old states along the path: the set-point, and the share of the way to the next."""
-        task, motion = self.plan.world.task, self.plan.motion
-        places = motion.setpoint[first : last + 1].astype(float)
-        tools = self._tools[first : last + 1]
-        for k in np.flatnonzero(motion.kind[first : last + 1] == "step").tolist():
+        task, motion = self.plan.world.task, self.plan.motion.part(first, last + 1)
+        places = motion.setpoint.astype(float)
+        tools = self.plan.world.robot.tool(motion.base, motion.joints)[:, :3, 3]
+        for k in np.flatnonzero(motion.kind == "step").tolist():
             i = int(places[k])
             way = task[i + 1].position - task[i].position
             share = (tools[k] - task[i].position) @ way / max(float(way @ way), 1e-12)
@@ -268,10 +263,6 @@ class _Layout:
     @cached_property
     def _floor(self) -> BaseGeometry:
         return united(self.standing.pieces.polygon)
-
-    @cached_property
-    def _tools(self) -> Array:
-        return self.plan.tools()
 
 
 def _ways(robot: Robot, states: Array) -> Array:

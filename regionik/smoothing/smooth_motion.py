@@ -23,10 +23,9 @@ from regionik.planners.geometry.angles import wrap
 from regionik.planners.progress import track
 from regionik.postures.poses import Pose, axis_of, columns, lifted_rows, transits
 from regionik.smoothing.runs import SHORTEST_RUN, PathRun, runs_of
-from regionik.values import Configuration, Motion, Plan, Report
+from regionik.values import Motion, Plan, Report
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
-from regionik.worlds.scene import World
 
 OUTSIDE = 1e-9  # of its area, by rounding [m]
 STRIDES = 0.05, 0.025, math.inf  # of the tool from state to state; where these fail, those found may do [m]
@@ -101,10 +100,12 @@ def _rebuilt(plan: Plan, runs: list[PathRun], smoothed: list[Array], rejoin: Rec
         shared = int(run.first < done)  # where a long run was cut both of its parts have the state
         parts.append(_columns(run, states).part(shared, len(states)))
         done = run.last + 1
+        bases, joints = _wrapped(states[run.worked]), states[run.worked, 3:]
+        tools = plan.world.robot.tool(bases, joints)[:, :3, 3]
         owners = run.owner[run.worked].tolist()
-        moved = _moved_to(plan.world, [setpoints[i] for i in owners], owners, states[run.worked])
-        for i, found in zip(owners, moved, strict=True):
-            setpoints[i] = found
+        for i, base, posture, tool in zip(owners, bases, joints, tools, strict=True):
+            error = math.dist(tool, plan.world.task[i].position)
+            setpoints[i] = replace(setpoints[i], base=base, joints=posture, error=error)
     motion = rejoin.joined(old, Motion.joined([*parts, old.part(done, len(old))]))
     if motion is None:
         return None
@@ -112,16 +113,6 @@ def _rebuilt(plan: Plan, runs: list[PathRun], smoothed: list[Array], rejoin: Rec
     stats["states"], stats["base_travel"] = len(motion), plan.world.robot.drive.travel(motion.base)
     stats["largest_error"] = float(max(found.error for found in setpoints))
     return replace(plan, motion=motion, setpoints=tuple(setpoints), stats=stats)
-
-
-def _moved_to(
-    world: World, setpoints: list[Configuration], owners: list[int], states: Array
-) -> Iterator[Configuration]:
-    """Configurations at set-points, moved to states (n, m)."""
-    bases, joints = _wrapped(states), states[:, 3:]
-    tools = world.robot.tool(bases, joints)[:, :3, 3]
-    for found, i, base, posture, tool in zip(setpoints, owners, bases, joints, tools, strict=True):
-        yield replace(found, base=base, joints=posture, error=math.dist(tool, world.task[i].position))
 
 
 def _columns(run: PathRun, states: Array) -> Motion:
