@@ -31,7 +31,6 @@ from regionik.postures.poses import LARGEST_BEND, Pose, Row, arrays, configurati
 from regionik.values import Configuration
 from regionik.worlds.arms import pivot_index, reach_bound, with_pivot
 from regionik.worlds.arrays import Array, Index
-from regionik.worlds.errors import RegionikError
 from regionik.worlds.scene import Target, World
 
 TOOL_STRIDE = 0.05  # longest way of base or tool between two states on the path [m]
@@ -44,14 +43,6 @@ DEEPEST = 6  # halvings before a segment counts as discontinuous
 LOOKED_AT = np.array([0.25, 0.5, 0.75])  # shares of the way between two states
 AT_ONCE = 16  # states tried in one call: after one that fails, the rest is tried anew
 CLOSEST = 3  # halvings before a motion that is not proven clear counts as blocked
-
-
-class _BlockedError(RegionikError):
-    """The arm would touch something on the segment."""
-
-    def __init__(self, touch: Touch) -> None:
-        super().__init__("the arm would touch something")
-        self.touch = touch
 
 
 class SegmentPoint(NamedTuple):
@@ -135,17 +126,18 @@ class PathFollower:
         stride = min(TOOL_STRIDE, self.world.rules.step)
         try:
             for base in self.paths.between(here.component, goal.component, here.pose.base, goal.pose.base):
-                poses = self._states(PathSegment(base, ends, joints, families, stride), here.pose)
-                if poses is not None:
-                    return [Row(one, "step", i) for one in poses]
+                found = self._states(PathSegment(base, ends, joints, families, stride), here.pose)
+                if isinstance(found, Touch):
+                    self.stops.setdefault(i, found)
+                    return None
+                if found is not None:
+                    return [Row(one, "step", i) for one in found]
         except NoPathError:
-            return None
-        except _BlockedError as blocked:
-            self.stops.setdefault(i, blocked.touch)
+            pass
         return None
 
-    def _states(self, segment: PathSegment, here: Pose) -> list[Pose] | None:
-        """States on a way that keep the tool to its own and the arm clear.
+    def _states(self, segment: PathSegment, here: Pose) -> list[Pose] | Touch | None:
+        """States on a way that keep the tool to its own and the arm clear, or what the arm would touch.
 
         What holds is taken, up to a hop that does not: that one is halved, as often as it may help.
         """
@@ -163,7 +155,7 @@ class PathFollower:
                 return None
             leg, share, depth = ahead.pop()
             if touch is not None and (depth >= CLOSEST or not self.guard.clear(states[count])):
-                raise _BlockedError(touch)
+                return touch
             if depth >= DEEPEST:
                 return None
             done = at.share if at.leg == leg else 0.0
