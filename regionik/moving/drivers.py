@@ -149,15 +149,11 @@ class ByHeadingDriver(Driver):
     def route(self, here: Pose, there: Pose, label: int, berth: float = 0.0) -> Array:
         """Of the base, (n, 3)."""
         ground, robot = ground_of(self.world), self.world.robot
+        clearance = ground.clearance + GUARD + berth
         found = drive_footprint(
-            robot.footprint,
-            ground.floor,
-            here.base,
-            there.base,
-            obstacles=ground.shadows,
-            clearance=ground.clearance + GUARD + berth,
-            seed=self.seed,
-        )
+            robot.footprint, ground.floor, here.base, there.base,
+            obstacles=ground.shadows, clearance=clearance, seed=self.seed,
+        )  # fmt: skip
         self.count(found.method)
         return found.poses
 

@@ -61,11 +61,10 @@ class TransitPlanner:
             return None
         if not self.guard.passes(lead):
             return None
-        if self.world.robot.drive.rolls:
-            way, method = None, ""
-        else:
+        way, method = None, "whole body"
+        if not self.world.robot.drive.rolls:
             body = WholeBodyPlanner(self.guard, self.driver, piece)
-            way, method = body.way(lead[-1], there, self.driver.seed, ITERATIONS), "whole body"
+            way = body.way(lead[-1], there, self.driver.seed, ITERATIONS)
         if way is None:
             way, method = self._arm_first(lead[-1], there, piece), "arm alone"
         if way is None:
@@ -258,13 +257,8 @@ class TransitPlanner:
         if len(route) <= 2:
             return self.driver.states(here, there, route)
         raised, lowered = lifted(self.world.robot, here), lifted(self.world.robot, there)
-        return [
-            *arm_states(here, raised),
-            raised,
-            *self.driver.states(raised, lowered, route),
-            lowered,
-            *arm_states(lowered, there),
-        ]
+        drive = self.driver.states(raised, lowered, route)
+        return [*arm_states(here, raised), raised, *drive, lowered, *arm_states(lowered, there)]
 
     def carried(self, here: Pose, there: Pose, piece: int) -> list[Pose] | None:
         """States strictly between two poses: a still arm, given the widest berth needed."""

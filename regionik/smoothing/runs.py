@@ -75,12 +75,8 @@ class PathRun:
         """
         mended = states.copy()
         for rows in _windows(failed, len(states)):
-            keeper = replace(
-                self.keeper,
-                within=self.keeper.within[rows],
-                demanded=demanded[rows],
-                area_cost=STIFFER * self.keeper.area_cost,
-            )
+            keeper = replace(self.keeper, within=self.keeper.within[rows], demanded=demanded[rows])
+            keeper = replace(keeper, area_cost=STIFFER * self.keeper.area_cost)
             part = self.problem.part(rows, keeper.half_spaces)
             lower = np.maximum(part.lower, self.states[rows] - tube[rows, None])
             upper = np.minimum(part.upper, self.states[rows] + tube[rows, None])
@@ -156,11 +152,8 @@ class _Layout:
         problem = self._problem(states, within, at, held, beyond)
         states = on_path(problem, states) if self.evenly else states
         few = _coarse_rows(worked)
-        coarse = replace(
-            self._problem(states[few], within[few], at[few], held, beyond[few]),
-            parameter=problem.parameter[few],
-        )
-        keeper = self._keeper(within)
+        coarse = self._problem(states[few], within[few], at[few], held, beyond[few])
+        coarse, keeper = replace(coarse, parameter=problem.parameter[few]), self._keeper(within)
         return PathRun(first, last, owner, worked, states, within[worked], problem, coarse, keeper)
 
     def _places(self, first: int, last: int) -> Array:
@@ -202,17 +195,10 @@ class _Layout:
             for i, p in zip(np.floor(at).astype(int).tolist(), at, strict=True)
         ]
         position = np.array([aim.position for aim in aims])
-        lower, upper = self._limits(states, held)
+        parameter, limits = self._parameter(position, states), self._limits(states, held)
+        keep, corner = self._keeper(within).half_spaces, _corners(position)
         return PathProblem(
-            world.robot,
-            self._parameter(position, states),
-            _corners(position),
-            in_columns(aims),
-            _scale(world),
-            lower,
-            upper,
-            beyond,
-            self._keeper(within).half_spaces,
+            world.robot, parameter, corner, in_columns(aims), _scale(world), *limits, beyond, keep
         )
 
     def _beyond(self, first: int, last: int, states: Array) -> Array:

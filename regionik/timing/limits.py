@@ -179,12 +179,10 @@ def tool_velocity(robot: Robot, q: Array, velocity: Array) -> Array:
     """Velocity of the tool's point in the world, of base and joints q (n, 3 + dof), (n, 3) [m/s]."""
     frames = robot.frames(q[:, :3], q[:, 3:])
     tool = frames[:, -1, :3, 3]
-    found = np.zeros((len(q), 3))
-    found[:, :2] = velocity[:, :2]
-    arm = tool[:, :2] - q[:, :2]
-    found[:, :2] += velocity[:, 2, None] * np.column_stack([-arm[:, 1], arm[:, 0]])
+    arm, turn = tool[:, :2] - q[:, :2], velocity[:, 2, None]
     J = robot.chain.point_jacobian(frames, tool, len(robot.chain.joints))
-    found += np.einsum("nk,nkj->nj", velocity[:, 3:], J)
+    found = np.einsum("nk,nkj->nj", velocity[:, 3:], J)
+    found[:, :2] += velocity[:, :2] + turn * np.column_stack([-arm[:, 1], arm[:, 0]])
     return found
 
 
