@@ -213,12 +213,12 @@ def _excess(limits: MotionLimits, timed: Motion) -> Array:
     """Factor by which the squared path velocity is too large on each segment, (n - 1,)."""
     path = path_of(limits.robot, timed)
     spline, excess = time_spline(path, timed.time), np.zeros(len(timed) - 1)
-    on_path, piece = segments_on_path(timed), np.arange(len(spline.segments))
+    knots, segment = spline.knots.time, spline.knots.segment[:-1]
+    on_path, piece = segments_on_path(timed)[segment], np.arange(len(segment))
     for share in CHECKED_SHARES:
-        times = spline.instants[:-1] + share * np.diff(spline.instants)
+        times = knots[:-1] + share * np.diff(knots)
         q, velocity, acceleration, jerk = spline.evaluate(times, piece)
-        factor = limits.slowdown(q, velocity, acceleration, on_path[spline.segments], jerk)
-        np.maximum.at(excess, spline.segments, factor**2)
+        np.maximum.at(excess, segment, limits.slowdown(q, velocity, acceleration, on_path, jerk) ** 2)
     return excess
 
 

@@ -34,10 +34,10 @@ class MotionRates(NamedTuple):
     jerk: Array
 
 
-class _Knots(NamedTuple):
+class Knots(NamedTuple):
     """Knots of the splines: the states, and those between states."""
 
-    time: Array  # (p,)
+    time: Array  # (p,) [s]
     value: Array  # (p, k)
     acceleration: Array  # (p, k)
     segment: Index  # that a knot is on, or the last one is the end of, (p,)
@@ -62,7 +62,7 @@ class TimeSpline:
         moving = np.concatenate([[False], self.path.lengths > 0, [False]])
         return moving[1:-1] & ~moving[:-2], moving[1:-1] & ~moving[2:]
 
-    def _knots(self, z: Array) -> _Knots:
+    def _knots(self, z: Array) -> Knots:
         """States with values (n, k), and in the first and last segments of runs a knot halfway."""
         time, (first, last) = self.time, self._ends
         bend = knot_curvatures(np.diff(time), z, self.path.lengths > 0, np.stack(self._ends))
@@ -70,7 +70,7 @@ class TimeSpline:
         lead, span = first[at][:, None], np.diff(time)[at]
         inner, rest = np.where(lead, bend[at + 1], bend[at]), np.where(lead, z[at], z[at + 1])
         half = np.where(lead, 4, -4) * (z[at + 1] - z[at]) / span[:, None] ** 2 - inner / 6
-        return _Knots(
+        return Knots(
             np.insert(time, at + 1, time[at] + span / 2),
             np.insert(z, at + 1, rest + half * span[:, None] ** 2 / 24, axis=0),
             np.insert(bend, at + 1, half, axis=0),
@@ -78,28 +78,19 @@ class TimeSpline:
         )
 
     @cached_property
-    def _laid_out(self) -> _Knots:
+    def knots(self) -> Knots:
+        """Those of the coordinates."""
         return self._knots(self.path.coordinates)
 
     @cached_property
     def _cubics(self) -> Array:
         """Of the coordinates."""
-        return self._through(self._laid_out)
+        return self._through(self.knots)
 
-    def _through(self, knots: _Knots) -> Array:
+    def _through(self, knots: Knots) -> Array:
         """Coefficients by time from each knot on, constant first, (p - 1, 4, k)."""
         moving = (self.path.lengths > 0)[knots.segment[:-1]]
         return spline_cubics(np.diff(knots.time), knots.value, knots.acceleration, moving)
-
-    @property
-    def instants(self) -> Array:
-        """Times of the knots, (p,) [s]."""
-        return self._laid_out.time
-
-    @property
-    def segments(self) -> Index:
-        """Segment that each knot but the last begins or is on, (p - 1,)."""
-        return self._laid_out.segment[:-1]
 
     @property
     def slipping(self) -> Mask:
@@ -109,12 +100,12 @@ class TimeSpline:
     def evaluate(self, times: Array, piece: Index | None = None) -> MotionRates:
         """Base and joints at instants (m,) [s], which may be said to lie in pieces between knots (m,)."""
         if piece is None:
-            last = len(self.instants) - 2
-            piece = np.clip(np.searchsorted(self.instants, times, side="right") - 1, 0, last)
+            knots = self.knots.time
+            piece = np.clip(np.searchsorted(knots, times, side="right") - 1, 0, len(knots) - 2)
         return self._world(times, piece)
 
     def _world(self, times: Array, piece: Index) -> MotionRates:
-        return MotionRates(*cubic_values(self._cubics[piece], times - self.instants[piece]))
+        return MotionRates(*cubic_values(self._cubics[piece], times - self.knots.time[piece]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,8 +118,8 @@ class RollingSpline(TimeSpline):
     @cached_property
     def _left(self) -> Array:
         """What is left of the base's motion on each segment when all is rolled, (n - 1, 2) [m]."""
-        gone, count = rolled_over(self._cubics, np.diff(self.instants)), len(self.time) - 1
-        rolled = np.column_stack([np.bincount(self.segments, one, count) for one in gone.T])
+        gone, segment = rolled_over(self._cubics, np.diff(self.knots.time)), self.knots.segment[:-1]
+        rolled = np.column_stack([np.bincount(segment, one, len(self.time) - 1) for one in gone.T])
         left = np.diff(self.path.base[:, :2], axis=0) - rolled
         return np.where(self.path.lengths[:, None] > 0, left, 0.0)
 
@@ -144,7 +135,7 @@ class RollingSpline(TimeSpline):
     @cached_property
     def _places(self) -> Array:
         """Of the base at each knot, (p, 2) [m]: at states their own."""
-        knots = self._laid_out
+        knots = self.knots
         places = self.path.base[knots.segment, :2].copy()
         between = np.flatnonzero(np.diff(knots.segment, prepend=-1) == 0)
         slid = self._slip[between, 0] - self._slip[between - 1, 0]
@@ -153,7 +144,7 @@ class RollingSpline(TimeSpline):
         return places
 
     def _world(self, times: Array, piece: Index) -> MotionRates:
-        since = times - self.instants[piece]
+        since = times - self.knots.time[piece]
         return MotionRates(*on_floor(self._places[piece], self._cubics[piece], self._slip[piece], since))
 
 
