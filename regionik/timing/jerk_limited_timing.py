@@ -37,14 +37,10 @@ CHECKED_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the time of each piece, at wh
 
 
 def jerk_limited_motion(limits: MotionLimits, fine: Motion) -> Motion:
-    """Motion timed within limits of jerk.
+    """Motion timed within limits of jerk, by a ``fine`` one with constant path accelerations between states.
 
-    Parameters
-    ----------
-    limits : MotionLimits
-    fine : Motion
-        With states inserted so that path accelerations are constant between them. By ``limits.blend`` any
-        point of the robot may leave its path, and then the segments between the states that are found.
+    Any point of the robot may leave its path, and then the segments between the states that are found, by
+    ``limits.blend``.
     """
     path, factor = timed_path(limits, fine), np.ones(len(fine) - 1)
     best, least, found = fine, np.inf, 0

@@ -76,10 +76,9 @@ class MotionLimits:
     def ramp(self) -> float:
         """Time in which every limited jerk brings its acceleration from zero to its limit [s]."""
         s = self.speeds
-        times = [self.joint_acceleration / self.joint_jerk]
-        for most, jerk in ((s.base_acceleration, s.base_jerk), (s.turn_acceleration, s.turn_jerk)):
-            times.append(np.array([0.0 if jerk is None else most / jerk]))
-        return float(np.concatenate(times).max())
+        base = (s.base_acceleration, s.base_jerk), (s.turn_acceleration, s.turn_jerk)
+        times = [most / jerk for most, jerk in base if jerk is not None]
+        return float(max(*times, *(self.joint_acceleration / self.joint_jerk), 0.0))
 
     def usage(
         self, q: Array, velocity: Array, acceleration: Array, on_path: Mask, jerk: Array | None = None

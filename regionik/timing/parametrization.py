@@ -104,8 +104,6 @@ class _MovingSegments:
 
     def take(self, some: Index) -> _MovingSegments:
         """Some of the segments, whole runs of them."""
-        if len(some) == len(self.segments):
-            return self
         return replace(self, segments=self.segments[some], on_path=self.on_path[some])
 
     @cached_property

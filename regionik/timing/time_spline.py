@@ -51,21 +51,15 @@ class TimeSpline:
     time: Array  # (n,) of the states, rising wherever something moves [s]
 
     @cached_property
-    def single(self) -> Mask:
-        """Segments that are a run of their own, on which no such motion is, (n - 1,)."""
-        first, last = self._ends
-        return first & last
-
-    @cached_property
-    def _ends(self) -> tuple[Mask, Mask]:
-        """Segments that are the first, and the last, of a run, (n - 1,) each."""
+    def ends(self) -> tuple[Mask, Mask]:
+        """Segments that are the first, and the last, of a run, (n - 1,) each; no motion is on one alone."""
         moving = np.concatenate([[False], self.path.lengths > 0, [False]])
         return moving[1:-1] & ~moving[:-2], moving[1:-1] & ~moving[2:]
 
     def _knots(self, z: Array) -> Knots:
         """States with values (n, k), and in the first and last segments of runs a knot halfway."""
-        time, (first, last) = self.time, self._ends
-        bend = knot_curvatures(np.diff(time), z, self.path.lengths > 0, np.stack(self._ends))
+        time, (first, last) = self.time, self.ends
+        bend = knot_curvatures(np.diff(time), z, self.path.lengths > 0, np.stack(self.ends))
         at = np.flatnonzero(first | last)
         lead, span = first[at][:, None], np.diff(time)[at]
         inner, rest = np.where(lead, bend[at + 1], bend[at]), np.where(lead, z[at], z[at + 1])

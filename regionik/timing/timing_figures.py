@@ -104,8 +104,10 @@ class _HeldSpeed:
         """Way of the tool from each instant to the nearest end of its path, and to a corner, (2, n) [m]."""
         if not len(self.time):
             return np.empty((2, 0))
-        stops = self._ends, self.motion.time[[k for k, _ in self._turns]]
-        return np.stack([_nearest(np.interp(times, self.time, self._way), self._way) for times in stops])
+        on_path = np.concatenate([[False], segments_on_path(self.motion), [False]])
+        stops = np.flatnonzero(np.diff(on_path)), [k for k, _ in self._turns]
+        ways = (np.interp(self.motion.time[rows], self.time, self._way) for rows in stops)
+        return np.stack([_nearest(way, self._way) for way in ways])
 
     @cached_property
     def _braking(self) -> float:
@@ -126,12 +128,6 @@ class _HeldSpeed:
         span = np.diff(self.time)
         step = np.where(span < 1.5 / RATE, span * (self.speed[1:] + self.speed[:-1]) / 2, 0.0)
         return np.concatenate([[0.0], np.cumsum(step)])[: len(self.time)]
-
-    @cached_property
-    def _ends(self) -> Array:
-        """Times at which the tool comes to its path, or leaves it [s]."""
-        on_path = np.concatenate([[False], segments_on_path(self.motion), [False]])
-        return self.motion.time[np.flatnonzero(np.diff(on_path))]
 
     @cached_property
     def _turns(self) -> list[tuple[int, float]]:

@@ -147,8 +147,8 @@ class SplineTrajectory(Trajectory):
     """
 
     def __post_init__(self) -> None:
-        lengths, span = self._path.lengths, np.diff(self.motion.time)
-        wrong = (lengths > 0) & ((span <= 0) | self.spline.single)
+        first, last = self.spline.ends
+        wrong = (self._path.lengths > 0) & ((np.diff(self.motion.time) <= 0) | (first & last))
         if wrong.any():
             at = self.motion.time[int(np.argmax(wrong))]
             raise InputError(f"times: no motion without jumps has these at {at:g} s; time the plan anew")
