@@ -609,7 +609,7 @@ FAULTS = (
     Fault(
         "shortcuts: wheels slide where the base goes at another pace",
         "regionik/moving/shortcuts.py",
-        "self.driver.world.robot.drive.sampled(drives.rows, _index(drives, share))",
+        "self.driver.world.robot.drive.sampled(drives.rows, index)",
         "_rows_at(drives, share)",
         ("tests/test_shortcuts.py",),
     ),

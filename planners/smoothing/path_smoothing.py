@@ -84,10 +84,6 @@ class _Roughness(NamedTuple):
         flat = states.ravel()
         return self.form @ flat + self.spring * (flat - self.beyond)
 
-    @property
-    def hessian(self) -> csc_array:
-        return csc_array(self.form + diags_array(self.spring))
-
 
 class _Equations(NamedTuple):
     """What states miss of the tool's path and of rolling without slip, (k,), and how changes mend it."""
@@ -155,7 +151,7 @@ def _step(
 ) -> Array | None:
     """Change of all states that one quadratic program finds best within the trust region."""
     miss, J = missed
-    hessian = csc_array(rough.hessian + MISS_WEIGHT * (J.T @ J))
+    hessian = csc_array(rough.form + diags_array(rough.spring) + MISS_WEIGHT * (J.T @ J))
     gradient = rough.gradient(states) - MISS_WEIGHT * (J.T @ miss)
     n, m = states.shape
     columns = kept.state[:, None] * m + np.arange(m)

@@ -133,7 +133,8 @@ class LayeredSearch:
 
     def _nodes(self, i: int) -> tuple[Index, Labels]:
         """First cell of a set-point's window, and the component of every node in it."""
-        ladder, kept = self.ladder, self._kept(i)
+        ladder = self.ladder
+        kept = [k for k in range(*ladder.rungs[i : i + 2]) if self.keep[k]]
         around = np.ceil(np.hypot(*self.world.robot.mount[:2]) / self.cell)
         cells = shapely.get_coordinates(ladder.component[kept]) @ self._turn / self.cell
         corner = np.floor(cells.min(axis=0) - around).astype(np.intp)
@@ -262,10 +263,6 @@ class LayeredSearch:
         """Width of the lattice's cells [m]."""
         low, high = np.split(shapely.bounds(self.ladder.component[self.keep]), 2, axis=1)
         return float(np.clip(np.median(np.max(high - low, axis=1)) / ACROSS, *CELL))
-
-    def _kept(self, i: int) -> list[int]:
-        rungs = self.ladder.rungs
-        return [k for k in range(rungs[i], rungs[i + 1]) if self.keep[k]]
 
     def _poses(self, corner: Index, nodes: Index) -> Array:
         """Base poses (n, 3) of nodes (n, 3): heading, and cell from a corner."""

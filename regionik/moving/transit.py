@@ -248,9 +248,7 @@ class TransitPlanner:
         route = self.driver.route(lead[-1], there, piece)
         poses = [*lead, *self._carried(lead[-1], there, route), there]
         met = next((touch for touch in map(self.guard.touch, poses) if touch.kind != "none"), None)
-        if met is not None:  # tells how deep, where a proof only tells that it ended
-            return met
-        return self.guard.stop(poses)
+        return met or self.guard.stop(poses)  # a proof only tells that it ended, not how deep
 
     def _carried(self, here: Pose, there: Pose, route: Array) -> list[Pose]:
         """Fold where the robot stands, drive in the carry posture, unfold; short ways without folding."""
