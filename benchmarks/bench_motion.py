@@ -32,7 +32,7 @@ from regionik import pipeline
 from regionik.postures.poses import axis_of
 from regionik.regions import admissible_area
 from regionik.timing import timing_figures
-from regionik.timing.limits import motion_limits, segments_on_path
+from regionik.timing.limits import MotionLimits, segments_on_path
 from regionik.timing.retime import retime
 from regionik.values import Plan
 from regionik.worlds.arrays import Array, Index
@@ -110,7 +110,7 @@ def base_way(plan: Plan) -> float:
 
 def least_time(plan: Plan) -> float:
     """Lower bound for the time of any motion that does the task at the robot's speeds [s]."""
-    limits = motion_limits(plan.world.robot, ROBOT)
+    limits = MotionLimits(plan.world.robot, ROBOT)
     mount = float(np.hypot(*plan.world.robot.mount[:2]))
     fastest = ROBOT.base_velocity + ROBOT.turn_velocity * mount
     strongest = math.inf if mount else ROBOT.base_acceleration

@@ -88,11 +88,11 @@ class _Connection:
         starts = self._starts(i, here) if wheels else ()
         begun = (first for first in starts if search.sampler.meets(first.pose))
         for first, turning in ((first, turning) for first in begun for turning in TURNING):
-            steps = search.run(i, count, first, partial(self._together, turning))
+            steps = search.run(i, count, first, partial(self._together, turning)).longest()
             if len(steps) == count and (way := self._unfolded(i, here, first)) is not None:
                 return way, steps
         way, first = self._arrive(i, here)
-        run = search.begun(i, count, first, self._ahead)
+        run = search.run(i, count, first, self._ahead)
         if not wheels and len(run.longest(SOON)) < count:
             other = self._in_other_postures(run, here, first)
             if other is not None:
@@ -111,7 +111,7 @@ class _Connection:
         for other in islice(self.search.sampler.arrivals(i, self._kept(i), start, goal), TRIES):
             if min(float(np.abs(other.pose.joints - joints).max()) for joints in tried) < ALIKE:
                 continue
-            steps = self.search.run(i, run.count, other, partial(self._together, 1.0))
+            steps = self.search.run(i, run.count, other, partial(self._together, 1.0)).longest()
             if len(steps) == run.count and (way := self._unfolded(i, here, other)) is not None:
                 return way, steps
             if len(steps) <= len(run.best):

@@ -391,9 +391,9 @@ FAULTS = (
     ),
     Fault(
         "timing: what wheels slip is no velocity",
-        "regionik/timing/time_spline.py",
-        "np.column_stack([row.real, row.imag]) + slip",
-        "np.column_stack([row.real, row.imag]) + 0.0 * slip",
+        "regionik/timing/smooth_path.py",
+        "np.column_stack([row.real, row.imag]) + slip_rate",
+        "np.column_stack([row.real, row.imag]) + 0.0 * slip_rate",
         ("tests/test_jerk_limits.py",),
     ),
     Fault(
@@ -503,9 +503,9 @@ FAULTS = (
     ),
     Fault(
         "resolved motion: the arm is not proven clear",
-        "regionik/moving/resolved_motion.py",
-        "return self.guard.proven(bases, joints)[0] == len(asked) - 1",
-        "return True",
+        "regionik/moving/path_following.py",
+        "return guard.proven(bases[: count + 1], joints[: count + 1])",
+        "return count, None",
         ("tests/test_resolved_motion.py",),
     ),
     Fault(
@@ -595,21 +595,21 @@ FAULTS = (
     Fault(
         "transits: ways of the arm alone are not looked at between states",
         "regionik/moving/transit.py",
-        "return self.interpolator.clear([here, *arm_states(here, there), there])",
-        "return self.interpolator.guard.clear(there)",
+        "return self.guard.passes([a, *arm_states(a, b), b])",
+        "return self.guard.clear(b)",
         ("tests/test_transit.py",),
     ),
     Fault(
         "shortcuts: base and arm at once are not looked at",
         "regionik/moving/shortcuts.py",
-        " or not self.interpolator.clear(part):",
+        " or not self.guard.passes(part):",
         ":",
         ("tests/test_shortcuts.py",),
     ),
     Fault(
         "shortcuts: wheels slide where the base goes at another pace",
         "regionik/moving/shortcuts.py",
-        "self.driver.world.robot.drive.sampled(drives.rows, _index(drives, share))",
+        "self.driver.world.robot.drive.sampled(drives.rows, index)",
         "_rows_at(drives, share)",
         ("tests/test_shortcuts.py",),
     ),

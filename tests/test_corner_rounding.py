@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from regionik.pipeline import search
-from regionik.smoothing.reconnection import Reconnection
+from regionik.smoothing.smooth_motion import Reconnection
 from regionik.timing.corner_rounding import rounded
 from regionik.timing.jerk_limited_timing import stretched
-from regionik.timing.limits import THICKNESS, MotionLimits, motion_limits
+from regionik.timing.limits import THICKNESS, MotionLimits
 from regionik.timing.retime import retime
 from regionik.values import Motion
 from regionik.verification.verifier import verify
@@ -35,7 +35,7 @@ ASKED = Speeds(
     blend=3e-4,
     **JERKS,
 )
-LIMITS = motion_limits(robot_named("youbot"), ASKED)
+LIMITS = MotionLimits(robot_named("youbot"), ASKED)
 
 
 def motion_of(q: Array) -> Motion:
@@ -106,7 +106,7 @@ def test_a_corner_bends_less_the_more_room_there_is() -> None:
     sharpest = []
     for blend in (1e-5, 1e-4, 1e-3):
         motion = bent([0.0, 0.2, 0.0])
-        limits = motion_limits(LIMITS.robot, replace(ASKED, blend=blend))
+        limits = MotionLimits(LIMITS.robot, replace(ASKED, blend=blend))
         base = rounded_within(limits, motion, np.full(len(motion), blend)).base[:, :2]
         hops = np.diff(base, axis=0)
         turn = np.abs(np.diff(np.arctan2(hops[:, 1], hops[:, 0])))

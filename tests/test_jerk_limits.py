@@ -11,7 +11,7 @@ from hypothesis import example, given, settings
 
 from regionik.output.plan_file import load_plan
 from regionik.timing import retime as stage
-from regionik.timing.limits import motion_limits
+from regionik.timing.limits import MotionLimits
 from regionik.timing.retime import retime
 from regionik.timing.smooth_path import SLIP
 from regionik.timing.trajectory import SplineTrajectory, trajectory
@@ -115,7 +115,8 @@ def test_the_polynomials_are_those_of_the_trajectory(kind: BaseKind) -> None:
     for share in (0.1, 0.5, 0.9):
         base, joints, slip = course.polynomials
         times = start + share * span
-        sample, jerk = trajectory(found).sample(times), trajectory(found).jerk(times)
+        sample = trajectory(found).sample(times)
+        jerk = sample.jerk
         assert jerk is not None
         value = []
         for _ in range(4):
@@ -210,7 +211,7 @@ def test_a_bundled_plan_holds_near_its_path_and_reads_back(tmp_path: pytest.Temp
     before = planned("l_shape")
     found = retime(before, Speeds(tool_velocity=0.2, base_jerk=10.0, turn_jerk=30.0, joint_jerk=30.0))
     assert verify(found).ok
-    limits, spline = motion_limits(found.world.robot, Speeds()), trajectory(found)
+    limits, spline = MotionLimits(found.world.robot, Speeds()), trajectory(found)
     time = found.motion.time
     for share in (0.3, 0.5, 0.8):  # near the segments that were verified
         moves = np.flatnonzero(np.diff(time) > 0)

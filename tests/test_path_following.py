@@ -10,7 +10,7 @@ import pytest
 import shapely
 
 from regionik.mfabrik import Solver
-from regionik.moving.base_motion import BasePath, Candidate, Interpolator
+from regionik.moving.base_motion import BasePath, Candidate
 from regionik.moving.drivers import driver_for
 from regionik.moving.path_following import PathFollower, PathSegment, SegmentPoint, _solve, turned_as_asked
 from regionik.planners.geometry.angles import wrap
@@ -40,7 +40,7 @@ def world_of(name: str, solids: tuple[Solid, ...] = (), **rules: object) -> Worl
 def follower(world: World) -> PathFollower:
     standing, _, pruned = whole_path(world)
     guard, ladder = guard_of(world), pruned.ladder
-    driver = driver_for(world, Interpolator(world, guard), standing, 0)
+    driver = driver_for(world, standing, 0)
     return PathFollower(world, ladder, guard, driver.paths(ladder))
 
 

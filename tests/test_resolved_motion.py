@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from regionik.moving.resolved_motion import ResolvedMotion
+from regionik.moving.path_following import ResolvedMotion
 from regionik.postures.arm import deviation
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import Pose, arrays

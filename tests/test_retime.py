@@ -15,7 +15,7 @@ from regionik.output.plan_file import load_plan
 from regionik.pipeline import plan, search
 from regionik.planners.timing.time_optimal import PathDerivatives, time_optimal_velocities
 from regionik.timing import retime as stage
-from regionik.timing.limits import motion_limits, segments_on_path, tool_velocity
+from regionik.timing.limits import MotionLimits, segments_on_path, tool_velocity
 from regionik.timing.parametrization import path_of
 from regionik.timing.retime import retime
 from regionik.timing.smooth_path import smooth_path
@@ -157,7 +157,7 @@ def test_corners_are_cut_where_the_tool_is_lifted_and_not_on_its_path(
 
 def engine_alone(found: Plan, finer: int) -> float:
     """Duration by TOPP-RA on a plan's own path, on a grid so many times as fine as its states are."""
-    limits, best = motion_limits(found.world.robot, Speeds()), 0.0
+    limits, best = MotionLimits(found.world.robot, Speeds()), 0.0
     path = path_of(found.world.robot, found.motion)
     for a, b in path.runs:
         hop = np.repeat(np.arange(a, b), finer)
@@ -342,6 +342,6 @@ def test_a_pointer_in_the_tool_keeps_it_from_turning() -> None:
     other = q + 1e-3 * rng.normal(size=q.shape)
     turns = [robot.tool(one[:, :3], one[:, 3:])[:, :3, :3] for one in (q, other)]
     angle = Rotation.from_matrix(turns[0].swapaxes(1, 2) @ turns[1]).magnitude()
-    bare, pointed = (motion_limits(robot, Speeds(), length).displacement(q, other) for length in (0.0, 2.0))
+    bare, pointed = (MotionLimits(robot, Speeds(), length).displacement(q, other) for length in (0.0, 2.0))
     assert (pointed >= bare).all()
     assert (pointed >= 2.0 * angle * (1 - 1e-6)).all()

@@ -30,7 +30,7 @@ def wound(planner: TransitPlanner, corners: list[Pose]) -> list[Pose]:
     poses = corners[:1]
     for there in corners[1:]:
         states = planner.driver.direct(poses[-1], there, 0)
-        if states is not None and planner.interpolator.clear([poses[-1], *states, there]):
+        if states is not None and planner.guard.passes([poses[-1], *states, there]):
             poses += [*states, there]
     return poses
 
@@ -44,12 +44,12 @@ def test_the_base_goes_no_farther_and_all_stays_clear(seed: int) -> None:
     spans = rng.uniform(-1.0, 1.0, (12, 5)) * [0.9, 0.9, 3.0, 0.5, 0.2]
     first = posed(world, np.array([-0.9, -0.9, 0.0]))
     poses = wound(planner, [first, *(posed(world, row[:3], *row[3:]) for row in spans)])
-    short = Shortcuts(planner.interpolator, planner.driver, 0).shorter(poses)
+    short = Shortcuts(planner.guard, planner.driver, 0).shorter(poses)
     check(world, short[0], short[1:-1], short[-1])
     assert short[0] is poses[0]
     assert short[-1] is poses[-1]
     assert travel(short) <= travel(poses) + 1e-12
-    again = Shortcuts(planner.interpolator, planner.driver, 0).shorter(poses)
+    again = Shortcuts(planner.guard, planner.driver, 0).shorter(poses)
     assert [pose.base.tolist() for pose in again] == [pose.base.tolist() for pose in short]
 
 
@@ -65,7 +65,7 @@ def test_a_quicker_motion_keeps_clear_and_its_base_goes_no_farther(seed: int, ba
     if way is None:
         return
     poses = [here, *way, there]
-    quick = Shortcuts(planner.interpolator, planner.driver, 0).quicker(poses)
+    quick = Shortcuts(planner.guard, planner.driver, 0).quicker(poses)
     assert clock.whole(quick) <= clock.whole(poses)
     assert travel(quick) <= travel(poses) + 1e-9
     if base == "omni":
@@ -90,7 +90,7 @@ def test_wheels_roll_on_however_the_arm_moves(base: BaseKind) -> None:
     poses = [posed(world, arc[0], bend, 0.2 * (-1) ** k) for k, bend in enumerate(bends)]
     poses += [Pose(place, poses[-1].joints) for place in arc[1:]]
     assert planner.guard.passes(poses)
-    shortcuts, clock = Shortcuts(planner.interpolator, planner.driver, 0), Clock(world)
+    shortcuts, clock = Shortcuts(planner.guard, planner.driver, 0), Clock(world)
     quick = shortcuts.quicker(poses)
     assert clock.whole(quick) < 0.8 * clock.whole(poses)
     for other in (quick, *(shortcuts._between(poses, *paces) for paces in PACES)):
@@ -104,7 +104,7 @@ def test_base_and_arm_go_at_once() -> None:
     here, there = posed(world, HERE, 0.9, -0.4), posed(world, THERE, -0.9, 0.4)
     way = planner.folded(here, there, 0)
     assert way is not None
-    quick = Shortcuts(planner.interpolator, planner.driver, 0).quicker([here, *way, there])
+    quick = Shortcuts(planner.guard, planner.driver, 0).quicker([here, *way, there])
     alone = Pose(there.base, here.joints), Pose(here.base, there.joints)  # of the base, of the arm
     assert clock.whole(quick) <= 1.1 * max(clock.whole([here, one]) for one in alone)
 
@@ -114,7 +114,7 @@ def test_over_open_floor_the_base_goes_straight() -> None:
     planner = carrier(world)
     places = [(0.0, 0.0), (0.6, 0.8), (-0.5, 0.9), (0.3, 0.0)]
     poses = wound(planner, [posed(world, np.array([*place, 0.0])) for place in places])
-    short = Shortcuts(planner.interpolator, planner.driver, 0).shorter(poses)
+    short = Shortcuts(planner.guard, planner.driver, 0).shorter(poses)
     assert travel(short) <= DETOUR * 0.3 + SAVED
 
 
@@ -136,7 +136,7 @@ def test_wheels_keep_their_way(base: str) -> None:
     here, there = posed(world, np.zeros(3)), posed(world, np.array([0.3, 0.4, 1.0]))
     way = planner.folded(here, there, 0)
     assert way is not None
-    assert Shortcuts(planner.interpolator, planner.driver, 0).shorter([here, *way, there])[1:-1] == way
+    assert Shortcuts(planner.guard, planner.driver, 0).shorter([here, *way, there])[1:-1] == way
 
 
 @pytest.mark.parametrize(

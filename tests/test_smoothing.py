@@ -26,8 +26,7 @@ from regionik.postures.poses import axis_of
 from regionik.pruning import whole_path
 from regionik.smoothing import runs
 from regionik.smoothing import smooth_motion as stage
-from regionik.smoothing.reconnection import Reconnection
-from regionik.smoothing.smooth_motion import smooth_motion
+from regionik.smoothing.smooth_motion import Reconnection, smooth_motion
 from regionik.timing.retime import retime
 from regionik.values import Plan, Report, Violation
 from regionik.verification.verifier import verify

@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from regionik.areas.ground import ground_of
 from regionik.areas.standing import anywhere
 from regionik.moving import transit
-from regionik.moving.base_motion import TURN_STRIDE, Interpolator
+from regionik.moving.base_motion import TURN_STRIDE
 from regionik.moving.drivers import driver_for
-from regionik.moving.transit import ArmPlanner, TransitPlanner
+from regionik.moving.transit import TransitPlanner
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.geometry.angles import wrap
 from regionik.postures.arm_guard import guard_of
@@ -36,9 +36,7 @@ def world_of(name: str, *solids: Solid, heading: Heading = "free") -> World:
 
 
 def carrier(world: World) -> TransitPlanner:
-    guard = guard_of(world)
-    interpolator = Interpolator(world, guard)
-    return TransitPlanner(world, guard, interpolator, driver_for(world, interpolator, anywhere(world), 0))
+    return TransitPlanner(world, guard_of(world), driver_for(world, anywhere(world), 0))
 
 
 def posed(world: World, base: np.ndarray, *bends: float) -> Pose:
@@ -104,13 +102,14 @@ def test_folded_ways_over_open_floor(name: str) -> None:
 def test_a_base_that_turns_round_its_arm_keeps_its_steps(way: float, turn: float, step: float) -> None:
     world = world_of("youbot-real")
     world = replace(world, rules=replace(world.rules, step=step))
-    interpolator = Interpolator(world, guard_of(world))
     here = posed(world, np.zeros(3))
     start = axis_of(world.robot, here.base)
     there_base = np.array([*(start + (way, 0.0)), turn])
     there_base[:2] -= axis_of(world.robot, np.array([0.0, 0.0, turn]))
     there = posed(world, there_base)
-    bases = [pose.base for pose in [here, *interpolator.straight(here, there), there]]
+    route = np.array([axis_of(world.robot, pose.base) for pose in (here, there)])
+    states = carrier(world).driver.states(here, there, route)
+    bases = [pose.base for pose in [here, *states, there]]
     assert np.hypot(*np.diff(bases, axis=0)[:, :2].T).max() <= step
 
 
@@ -154,9 +153,9 @@ def test_ways_of_the_arm_alone_lead_round_things() -> None:
     world = world_of("youbot", post)
     out = np.array([0.0, 0.4, 0.0, 1.2, 0.0])
     left, right = (Pose(np.zeros(3), out + [turn, 0, 0, 0, 0]) for turn in (0.5, -0.5))
-    interpolator = Interpolator(world, guard_of(world))
-    assert not interpolator.clear([left, right])
-    way = ArmPlanner(world, interpolator, 0).way(left, right.joints)
+    planner = carrier(world)
+    assert not planner.guard.passes([left, right])
+    way = planner.arm_way(left, right.joints)
     assert way is not None
     assert np.array_equal(way[-1].joints, right.joints)
     check(world, left, way[:-1], way[-1])

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from regionik.timing.limits import motion_limits
+from regionik.timing.limits import MotionLimits
 from regionik.timing.parametrization import fastest_times
 from regionik.timing.retime import retime
 from regionik.timing.trajectory import trajectory
@@ -110,7 +110,7 @@ def test_steering_as_a_car_rolls_is_bounded_closely() -> None:
 def test_a_car_beyond_its_lock_is_named() -> None:
     """Of arcs that are none too tight, a smooth curvature through them."""
     plan = driven("car", [(0.06, False, bend) for bend in (0.9, 0.95, 1.0, 0.95, 0.9)])
-    times = fastest_times(motion_limits(plan.world.robot, SPEEDS), plan.motion)
+    times = fastest_times(MotionLimits(plan.world.robot, SPEEDS), plan.motion)
     found = replace(plan, motion=replace(plan.motion, time=times), stats={})
     assert any("the steering's lock reaches 1.0" in one.text for one in verify(found).violations)
 

@@ -20,9 +20,8 @@ from benchmarks.bench_drive import MAPS, STEP, clutter, length, shortest
 from benchmarks.speed.harness import Row, Rows, Size, Spread, Wanted, Work, against, counted, timed
 from regionik.mfabrik import configurations
 from regionik.motion import connect_configurations
-from regionik.moving.base_motion import Interpolator
 from regionik.moving.drivers import driver_for
-from regionik.moving.transit import TransitPlanner, WholeBodyPlanner
+from regionik.moving.transit import ITERATIONS, TransitPlanner, WholeBodyPlanner
 from regionik.pipeline import search
 from regionik.planners.driving.point_planner import drive_point
 from regionik.postures.arm_guard import guard_of
@@ -131,11 +130,10 @@ def _jump(size: Size) -> Iterator[Row]:
     here, there = (Pose(motion.base[k], motion.joints[k]) for k in (run[0] - 1, run[-1] + 1))
     standing, _, _ = whole_path(world)
     guard = guard_of(world)
-    interpolator = Interpolator(world, guard)
-    driver = driver_for(world, interpolator, standing, 0)
+    driver = driver_for(world, standing, 0)
     piece = standing.piece_at(here.base[:2], float(here.base[2]))
     assert piece is not None
-    transits = TransitPlanner(world, guard, interpolator, driver)
+    transits = TransitPlanner(world, guard, driver)
 
     def staged() -> list[Pose]:
         way = transits.folded(here, there, piece)
@@ -148,7 +146,7 @@ def _jump(size: Size) -> Iterator[Row]:
         way = None
         while way is None:  # a run that finds none counts with the one that does
             seeded = replace(driver, seed=next(seeds))
-            way = WholeBodyPlanner(world, interpolator, seeded, piece).way(here, there)
+            way = WholeBodyPlanner(guard, seeded, piece).way(here, there, seeded.seed, ITERATIONS)
         return way
 
     lengths = [world.robot.drive.travel(np.array([pose.base for pose in work()])) for work in (staged, whole)]

@@ -82,12 +82,7 @@ class _Roughness(NamedTuple):
 
     def gradient(self, states: Array) -> Array:
         flat = states.ravel()
-        slope: Array = self.form @ flat + self.spring * (flat - self.beyond)
-        return slope
-
-    @property
-    def hessian(self) -> csc_array:
-        return csc_array(self.form + diags_array(self.spring))
+        return self.form @ flat + self.spring * (flat - self.beyond)
 
 
 class _Equations(NamedTuple):
@@ -134,15 +129,11 @@ def _roughness(problem: PathProblem) -> _Roughness:
     t, n = problem.parameter, len(problem.parameter)
     h = np.diff(t)
     weight = np.sqrt(np.where(problem.corner[1:-1], CORNER_WEIGHT, 1.0) * (h[:-1] + h[1:]) / 2)
-    apart = (h[:-1] + h[1:]) / 2
-    inner = np.arange(n - 2)
-    values = np.concatenate([1 / h[:-1], -(1 / h[:-1] + 1 / h[1:]), 1 / h[1:]]) * np.tile(weight / apart, 3)
-    columns = np.concatenate([inner, inner + 1, inner + 2])
-    bend = csr_array((values, (np.tile(inner, 3), columns)), shape=(n - 2, n))
-    hop, slope = np.arange(n - 1), np.sqrt(LENGTH_COST / h)
-    length = csr_array(
-        (np.concatenate([-slope, slope]), (np.tile(hop, 2), np.concatenate([hop, hop + 1]))), shape=(n - 1, n)
-    )
+    by_hop, weight = 1 / h, weight / ((h[:-1] + h[1:]) / 2)
+    second = by_hop[:-1] * weight, -(by_hop[:-1] + by_hop[1:]) * weight, by_hop[1:] * weight
+    bend = csr_array(diags_array(second, offsets=[0, 1, 2], shape=(n - 2, n)))
+    slope = np.sqrt(LENGTH_COST / h)
+    length = csr_array(diags_array([-slope, slope], offsets=[0, 1], shape=(n - 1, n)))
     form = kron(bend.T @ bend + length.T @ length, diags_array(problem.scale**2), format="csc")
     mean = form.diagonal().mean()
     springs = LENGTH_COST / LIFTED * np.where(np.isnan(problem.beyond), 0.0, problem.scale**2)
@@ -160,7 +151,7 @@ def _step(
 ) -> Array | None:
     """Change of all states that one quadratic program finds best within the trust region."""
     miss, J = missed
-    hessian = csc_array(rough.hessian + MISS_WEIGHT * (J.T @ J))
+    hessian = csc_array(rough.form + diags_array(rough.spring) + MISS_WEIGHT * (J.T @ J))
     gradient = rough.gradient(states) - MISS_WEIGHT * (J.T @ miss)
     n, m = states.shape
     columns = kept.state[:, None] * m + np.arange(m)

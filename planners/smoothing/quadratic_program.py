@@ -53,8 +53,7 @@ def minimize_quadratic(
     )
     if solver.solve() != piqp.PIQP_SOLVED:
         return None
-    found: Array = np.array(solver.result.x)[:n]
-    return found
+    return np.array(solver.result.x)[:n]
 
 
 def least_weighted(

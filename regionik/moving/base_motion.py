@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
@@ -13,15 +13,13 @@ from regionik.areas.standing import Index, Standing, room_for
 from regionik.ladder import Ladder
 from regionik.planners.collision.robot_motion import bases_between
 from regionik.planners.driving.footprint import FootprintScene, fits
-from regionik.planners.geometry.polylines import leg_lengths, spread_along
-from regionik.postures.arm_guard import Guard
+from regionik.planners.geometry.polylines import leg_lengths
 from regionik.postures.poses import LARGEST_BEND, Pose, axis_of, configuration_pose, pose_of
 from regionik.values import Configuration
 from regionik.worlds.arrays import Array
 from regionik.worlds.drives import displacement
 from regionik.worlds.scene import World
 
-EVENLY = np.array([0.0, 1.0])  # from one knot to another
 WAYS = 16  # directions of drawing back
 TURN_STRIDE = 0.1  # largest turn of the base between two states [rad]
 
@@ -57,8 +55,6 @@ def simultaneous(rolls: bool, knots: Array) -> BasePath:
     """The tool goes on as the base does; a base that is there already stands while it does."""
     if len(knots) == 1:
         knots = np.concatenate([knots, knots])
-    if len(knots) == 2:
-        return BasePath(rolls, knots, EVENLY)
     far = np.concatenate([[0.0], np.cumsum(leg_lengths(knots))])
     return BasePath(rolls, knots, far / far[-1] if far[-1] > 0 else np.linspace(0.0, 1.0, len(knots)))
 
@@ -97,7 +93,6 @@ class Driver(ABC):
     """One kind of base that moves: by its footprint, proven free, where it has no other way."""
 
     world: World
-    interpolator: Interpolator
     standing: Standing
     seed: int  # of sampling planners
     methods: dict[str, int] = field(default_factory=dict)  # number of moves that each made
@@ -126,8 +121,26 @@ class Driver(ABC):
         return self
 
     def states(self, here: Pose, there: Pose, route: Array) -> list[Pose]:
-        """States strictly between two poses along a route."""
-        return self.interpolator.over(here, there, route)
+        """States strictly between two poses: base along a route (n, 3), joints spread over its way."""
+        drive, change = self.world.robot.drive, there.joints - here.joints
+        moves = displacement(route[:-1], route[1:])
+        ways = np.hypot(moves[:, 0], moves[:, 1])
+        efforts = ways + np.abs(moves[:, 2])
+        total = float(efforts.sum())
+        shares = efforts / total if total > 0 else np.full(len(moves), 1.0 / max(len(moves), 1))
+        most = float(np.abs(change).max()) / LARGEST_BEND
+        rows: list[Pose] = []
+        last = here
+        for move, way, share, base in zip(moves, ways, shares, route[1:], strict=True):
+            next_ = Pose(base, last.joints + share * change)
+            parts = max(way / self.world.rules.step, abs(move[2]) / TURN_STRIDE, share * most)
+            count = max(1, int(np.ceil(parts * 1.001)))
+            parted = np.arange(1, count) / count
+            joints = last.joints + parted[:, None] * (next_.joints - last.joints)
+            inner = zip(drive.between(last.base, base, parted), joints, strict=True)
+            rows += [*(Pose(*pose) for pose in inner), next_]
+            last = next_
+        return rows[:-1]
 
     def inside(self, at: Pose, label: int) -> bool:
         """True if the base may stand there."""
@@ -161,58 +174,3 @@ class Driver(ABC):
     def count(self, method: str) -> None:
         """Note that a method made a move."""
         self.methods[method] = self.methods.get(method, 0) + 1
-
-
-@dataclass(frozen=True, eq=False)
-class Interpolator:
-    """States between poses, and the proof that the arm is clear on them."""
-
-    world: World
-    guard: Guard
-
-    def along(self, here: Pose, there: Pose, path: Array) -> list[Pose]:
-        """States strictly between two poses: axis along a path, heading and joints spread over it."""
-        robot = self.world.robot
-        turn = displacement(here.base, there.base)[2]
-        # The base moves by no more than the axis does and the mount swings about it.
-        way = float(np.hypot(*np.diff(path, axis=0).T).sum())
-        way += abs(turn) * float(np.hypot(*robot.mount[:2]))
-        step = self.world.rules.step * 0.999
-        bend = float(np.abs(there.joints - here.joints).max())
-        parts = max(abs(turn) / TURN_STRIDE, bend / LARGEST_BEND, way / step)
-        shares, axes = spread_along(np.array(path), step, int(np.ceil(parts)))
-        bases = np.column_stack([np.zeros((len(shares), 2)), here.base[2] + shares * turn])
-        bases[:, :2] = axes - axis_of(robot, bases)
-        joints = here.joints + shares[:, None] * (there.joints - here.joints)
-        return [Pose(*pose) for pose in zip(bases, joints, strict=True)]
-
-    def over(self, here: Pose, there: Pose, bases: Array) -> list[Pose]:
-        """States strictly between two poses: base through given poses (n, 3), joints spread over its way."""
-        drive, change = self.world.robot.drive, there.joints - here.joints
-        moves = displacement(bases[:-1], bases[1:])
-        ways = np.hypot(moves[:, 0], moves[:, 1])
-        efforts = ways + np.abs(moves[:, 2])
-        total = float(efforts.sum())
-        shares = efforts / total if total > 0 else np.full(len(moves), 1.0 / max(len(moves), 1))
-        most = float(np.abs(change).max()) / LARGEST_BEND
-        rows: list[Pose] = []
-        last = here
-        for move, way, share, base in zip(moves, ways, shares, bases[1:], strict=True):
-            next_ = Pose(base, last.joints + share * change)
-            parts = max(way / self.world.rules.step, abs(move[2]) / TURN_STRIDE, share * most)
-            count = max(1, int(np.ceil(parts * 1.001)))
-            parted = np.arange(1, count) / count
-            joints = last.joints + parted[:, None] * (next_.joints - last.joints)
-            inner = zip(drive.between(last.base, base, parted), joints, strict=True)
-            rows += [*(Pose(*pose) for pose in inner), next_]
-            last = next_
-        return rows[:-1]
-
-    def straight(self, here: Pose, there: Pose) -> list[Pose]:
-        """States strictly between two poses, the axis moving straight."""
-        ends = [axis_of(self.world.robot, pose.base) for pose in (here, there)]
-        return self.along(here, there, np.array(ends))
-
-    def clear(self, poses: Sequence[Pose]) -> bool:
-        """True if a motion is proven clear, its two ends aside."""
-        return self.guard.passes(poses)

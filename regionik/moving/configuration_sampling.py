@@ -7,15 +7,14 @@ the base in the area, and the arm's postures at each.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache, partial
+from functools import partial
 from itertools import chain as one_after_another
 from itertools import islice
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely.geometry import Point
 
 from regionik.areas.held_reach import held_reach
@@ -25,7 +24,7 @@ from regionik.ladder import Ladder
 from regionik.mfabrik import Solver, solver_for
 from regionik.moving.base_motion import Candidate
 from regionik.moving.layered_search import LayeredSearch
-from regionik.moving.resolved_motion import ResolvedMotion
+from regionik.moving.path_following import ResolvedMotion
 from regionik.planners.avoidance.clear_posture import (
     ClearPosture,
     clear_posture,
@@ -44,7 +43,6 @@ from regionik.postures.serial_solver import serial_solver
 from regionik.values import Configuration
 from regionik.worlds.arms import pivot_index, with_pivot
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain
 from regionik.worlds.scene import World
 
 PLACES = 24  # of the base, looked through in one component
@@ -107,26 +105,28 @@ class ConfigurationSampler:
         joints have gone on ``together`` to here: then they go on so first.
         """
         poses = iter(()) if self.layers is None else self.layers.onward(i, components, here.base)
+        stood = (islice(self._near_postures(i, base, k, here), 1) for base, k in poses)
         known = self.nominal(i, components, here, nominal), self.resolved_onward(i, here)
-        found = one_after_another(
-            self._stood(i, poses, here),
-            *(known[::-1] if together else known),
-            self._sought(i, components, here),
-        )
-        return (candidate for candidate in found if self.meets(candidate.pose))
+        likely = known[::-1] if together else known
+        sought = self._sought(i, components, here)
+        return self._meeting(one_after_another.from_iterable(stood), *likely, sought)
 
     def arrivals(
         self, i: int, components: Sequence[int], here: Pose, nominal: Candidate
     ) -> Iterator[Candidate]:
-        """Clear configurations as `options` has them, for a base that comes with the tool lifted."""
+        """Clear configurations as `options` has them, for a base that comes with the tool lifted.
+
+        Other postures are taken where no near one is clear, as an arm that comes may take any.
+        """
         poses = iter(()) if self.layers is None else self.layers.arrivals(i, components, here.base)
-        found = one_after_another(
-            self._settled(i, poses, here),
-            self.nominal(i, components, here, nominal),
-            self.nearest(i, components, here),
-            self._sought(i, components, here),
-        )
-        return (candidate for candidate in found if self.meets(candidate.pose))
+        some = ((self._near_postures(i, *pose, here), self._other_postures(i, *pose)) for pose in poses)
+        stood = (islice(one_after_another(*postures), 1) for postures in some)
+        known = self.nominal(i, components, here, nominal), self.nearest(i, components, here)
+        sought = self._sought(i, components, here)
+        return self._meeting(one_after_another.from_iterable(stood), *known, sought)
+
+    def _meeting(self, *found: Iterator[Candidate]) -> Iterator[Candidate]:
+        return (candidate for candidate in one_after_another(*found) if self.meets(candidate.pose))
 
     def meets(self, at: Pose) -> bool:
         """True if a posture at a set-point meets the rules' criteria; those of `Solver` do anyway."""
@@ -189,11 +189,6 @@ class ConfigurationSampler:
         order = np.argsort(shapely.distance(parts, axis) + TURN_WEIGHT * np.array(turns), kind="stable")
         return [components[m] for m in order.tolist()]
 
-    def _stood(self, i: int, poses: Iterable[tuple[Array, int]], here: Pose) -> Iterator[Candidate]:
-        """Clear postures with the base at given poses, each the nearest to the present one that is found."""
-        for base, k in poses:
-            yield from islice(self._near_postures(i, base, k, here), 1)
-
     def resolved_onward(self, i: int, here: Pose, turning: float = 1.0) -> Iterator[Candidate]:
         """The configuration to which base and joints go on together by the least motion, in any component.
 
@@ -206,12 +201,6 @@ class ConfigurationSampler:
         found = Configuration(way[-1].base, way[-1].joints, 0.0, 0, True)  # measured on arrival
         for k in self._by_nearness(range(*self.ladder.rungs[i : i + 2]), way[-1])[:1]:
             yield Candidate(found, k, tuple(way))
-
-    def _settled(self, i: int, poses: Iterable[tuple[Array, int]], here: Pose) -> Iterator[Candidate]:
-        """The same, with other postures where no near one is clear, as an arm that comes may take any."""
-        for base, k in poses:
-            near = list(islice(self._near_postures(i, base, k, here), 1))
-            yield from near or islice(self._other_postures(i, base, k), 1)
 
     def _near_postures(self, i: int, base: Array, k: int, here: Pose) -> Iterator[Candidate]:
         """Clear postures at a base pose that FABRIK and damped least squares come to from the present one."""
@@ -236,14 +225,11 @@ class ConfigurationSampler:
     def _turns(self, candidate: Candidate, here: Pose) -> Iterator[Candidate]:
         """A candidate, its endless joints turned the shorter way from here, then each the longer way."""
         chain, found = self.world.robot.chain, candidate.found
-        turns = _endless(chain)
+        turns = chain.turning & np.isinf(chain.upper - chain.lower)  # without end
         change = found.joints - here.joints
         near = here.joints + np.where(turns, np.remainder(change + np.pi, 2 * np.pi) - np.pi, change)
-        yield (
-            replace(candidate, found=replace(found, joints=near))
-            if (near != found.joints).any()
-            else candidate
-        )
+        turned = (near != found.joints).any()
+        yield replace(candidate, found=replace(found, joints=near)) if turned else candidate
         for k in np.flatnonzero(turns & (np.abs(near - here.joints) > FAR)).tolist():
             far = near - 2 * np.pi * np.sign(near - here.joints) * (np.arange(chain.dof) == k)
             yield replace(candidate, found=replace(found, joints=far))
@@ -271,11 +257,6 @@ class ConfigurationSampler:
             around = list(self._looked(i, candidate))
         self._futile[key] = 0 if around else self._futile.get(key, 0) + 1
         yield from around
-
-    def _searched(self, i: int, candidate: Candidate) -> Iterator[Candidate]:
-        """The base stays; every posture of the arm is looked for, or there is proven to be none."""
-        if self.world.task[i].direction is None:
-            yield from self._asked(i, candidate, partial(clear_posture, most_boxes=BOXES))
 
     def _looked(self, i: int, candidate: Candidate) -> Iterator[Candidate]:
         """The base stays; the arm is tried in other postures on the pose."""
@@ -311,9 +292,8 @@ class ConfigurationSampler:
             base = pose_of(robot, axis_of(robot, base), yaw)
             joints = np.where(np.arange(robot.chain.dof) == pivot, ahead, joints)
         if self.clear(i, Pose(base, joints)):
-            yield Candidate(
-                replace(candidate.found, base=base, joints=joints, error=error), candidate.component
-            )
+            found = replace(candidate.found, base=base, joints=joints, error=error)
+            yield replace(candidate, found=found)
 
     def _elsewhere(self, i: int, k: int, here: Pose) -> Iterator[Candidate]:
         """Clear postures at places of the base in a component, near places first."""
@@ -331,8 +311,9 @@ class ConfigurationSampler:
         nearest = [candidate for _, candidate in sorted(nearly, key=lambda one: -one[0])[:MENDED]]
         for candidate in nearest:
             yield from self.around(i, candidate)
-        for candidate in nearest[:SEARCHED]:
-            yield from self._searched(i, candidate)
+        if self.world.task[i].direction is None:
+            for candidate in nearest[:SEARCHED]:
+                yield from self._asked(i, candidate, partial(clear_posture, most_boxes=BOXES))
 
     def _at(self, i: int, k: int, m: int) -> list[Candidate]:
         """All clear postures at one place, looked through once."""
@@ -372,9 +353,3 @@ class ConfigurationSampler:
         if k not in self._places:
             self._places[k] = spread(self.ladder.component[k], PLACES, self.seed)
         return self._places[k]
-
-
-@lru_cache(maxsize=64)
-def _endless(chain: Chain) -> NDArray[np.bool_]:
-    """Mask of the joints that turn without end, (dof,)."""
-    return chain.turning & np.isinf(chain.upper - chain.lower)

@@ -20,9 +20,9 @@ from shapely.geometry import LineString, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import GUARD, Geometries, ground_of
-from regionik.areas.standing import Standing, into_span, room_for
+from regionik.areas.standing import Standing, into_span
 from regionik.ladder import Ladder
-from regionik.moving.base_motion import BasePath, Driver, Interpolator, halting, simultaneous
+from regionik.moving.base_motion import TURN_STRIDE, BasePath, Driver, halting, simultaneous
 from regionik.planners.driving.arcs import WheeledPath, arc_end
 from regionik.planners.driving.footprint import FootprintScene, arc_is_free, footprint_scene, slide_is_free
 from regionik.planners.driving.footprint_planner import drive_footprint, path_through_slabs
@@ -30,8 +30,10 @@ from regionik.planners.driving.heading_slabs import Slab
 from regionik.planners.driving.point_planner import NoPathError, drive_point, drive_point_inside
 from regionik.planners.driving.pose_planner import drive_wheeled
 from regionik.planners.geometry.polygons import FlatPolygon, segment_in_either
-from regionik.postures.poses import Pose, axis_of, pose_of
+from regionik.planners.geometry.polylines import spread_along
+from regionik.postures.poses import LARGEST_BEND, Pose, axis_of, pose_of
 from regionik.worlds.arrays import Array
+from regionik.worlds.drives import displacement
 from regionik.worlds.scene import World
 
 INSET = 0.002  # kept from the edge of what two areas share, where there is room [m]
@@ -39,12 +41,12 @@ ROUNDING = 1e-6  # by which ends of a way may lie off the floor [m]
 TURN_PART = 0.1  # of a turn about the arm axis, which a base frame elsewhere does by short slides [rad]
 
 
-def driver_for(world: World, interpolator: Interpolator, standing: Standing, seed: int) -> Driver:
+def driver_for(world: World, standing: Standing, seed: int) -> Driver:
     """Return the driver that suits a base and where it may stand."""
     if world.robot.drive.rolls:
-        return WheeledDriver(world, interpolator, standing, seed)
+        return WheeledDriver(world, standing, seed)
     at_any_heading = len(standing.sides) == 1
-    return (AnyHeadingDriver if at_any_heading else ByHeadingDriver)(world, interpolator, standing, seed)
+    return (AnyHeadingDriver if at_any_heading else ByHeadingDriver)(world, standing, seed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,16 +94,28 @@ class AnyHeadingDriver(Driver):
         return points
 
     def states(self, here: Pose, there: Pose, route: Array) -> list[Pose]:
-        """Heading and joints spread over the route."""
-        return self.interpolator.along(here, there, route)
+        """Axis along a route (n, 2), heading and joints spread over it."""
+        robot = self.world.robot
+        turn = displacement(here.base, there.base)[2]
+        # The base moves by no more than the axis does and the mount swings about it.
+        way = float(np.hypot(*np.diff(route, axis=0).T).sum())
+        way += abs(turn) * float(np.hypot(*robot.mount[:2]))
+        step = self.world.rules.step * 0.999
+        bend = float(np.abs(there.joints - here.joints).max())
+        parts = max(abs(turn) / TURN_STRIDE, bend / LARGEST_BEND, way / step)
+        shares, axes = spread_along(np.array(route), step, int(np.ceil(parts)))
+        bases = np.column_stack([np.zeros((len(shares), 2)), here.base[2] + shares * turn])
+        bases[:, :2] = axes - axis_of(robot, bases)
+        joints = here.joints + shares[:, None] * (there.joints - here.joints)
+        return [Pose(*pose) for pose in zip(bases, joints, strict=True)]
 
     def direct(self, here: Pose, there: Pose, label: int) -> list[Pose] | None:
         """The base goes straight and turns evenly; the axis does where the footprint has no room for that."""
         bases = np.stack([here.base, there.base])
         if slide_is_free(self.room, *bases):
-            return self.interpolator.over(here, there, bases)
+            return super().states(here, there, bases)
         a, b = (axis_of(self.world.robot, pose.base) for pose in (here, there))
-        return self.interpolator.straight(here, there) if self._flat(label).sees(a, b) else None
+        return self.states(here, there, np.array([a, b])) if self._flat(label).sees(a, b) else None
 
     def inside(self, at: Pose, label: int) -> bool:
         return self._flat(label).holds(axis_of(self.world.robot, at.base))
@@ -113,10 +127,10 @@ class AnyHeadingDriver(Driver):
         """It turns, which a fixed heading forbids."""
         if self.world.rules.heading == "fixed":
             return self
-        return ByHeadingDriver(self.world, self.interpolator, self.standing, self.seed, self.methods)
+        return ByHeadingDriver(self.world, self.standing, self.seed, self.methods)
 
     def paths(self, ladder: Ladder) -> AnyHeadingPaths:
-        return AnyHeadingPaths(self.world, ladder, self)
+        return AnyHeadingPaths(ladder, self)
 
     def _piece(self, label: int) -> BaseGeometry:
         return self.standing.pieces.polygon[label]
@@ -135,25 +149,21 @@ class ByHeadingDriver(Driver):
     def route(self, here: Pose, there: Pose, label: int, berth: float = 0.0) -> Array:
         """Of the base, (n, 3)."""
         ground, robot = ground_of(self.world), self.world.robot
+        clearance = ground.clearance + GUARD + berth
         found = drive_footprint(
-            robot.footprint,
-            ground.floor,
-            here.base,
-            there.base,
-            obstacles=ground.shadows,
-            clearance=ground.clearance + GUARD + berth,
-            seed=self.seed,
-        )
+            robot.footprint, ground.floor, here.base, there.base,
+            obstacles=ground.shadows, clearance=clearance, seed=self.seed,
+        )  # fmt: skip
         self.count(found.method)
         return found.poses
 
     def direct(self, here: Pose, there: Pose, label: int) -> list[Pose] | None:
         """The base goes straight and turns evenly."""
         bases = np.stack([here.base, there.base])
-        return self.interpolator.over(here, there, bases) if slide_is_free(self.room, *bases) else None
+        return self.states(here, there, bases) if slide_is_free(self.room, *bases) else None
 
     def paths(self, ladder: Ladder) -> ByHeadingPaths:
-        return ByHeadingPaths(self.world, ladder, self.standing, self.seed)
+        return ByHeadingPaths(ladder, self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +185,7 @@ class WheeledDriver(Driver):
     def direct(self, here: Pose, there: Pose, label: int) -> list[Pose] | None:
         """Straight motions of base and arm are no rolling."""
         still = np.array_equal(here.base, there.base)
-        return self.interpolator.over(here, there, np.stack([here.base, there.base])) if still else None
+        return self.states(here, there, np.stack([here.base, there.base])) if still else None
 
     def retreats(self, at: Pose, far: float, label: int) -> Iterator[list[Pose]]:
         """Straight back and straight ahead."""
@@ -183,22 +193,21 @@ class WheeledDriver(Driver):
         for length in (-far, far) if far else (0.0,):
             if arc_is_free(self.room, at.base, length, 0.0):
                 back = replace(at, base=np.array(arc_end(x, y, yaw, length, 0.0)))
-                yield [*self.interpolator.over(at, back, np.stack([at.base, back.base])), back]
+                yield [*self.states(at, back, np.stack([at.base, back.base])), back]
 
     def paths(self, ladder: Ladder) -> WheeledPaths:
-        return WheeledPaths(self.world, self)
+        return WheeledPaths(self)
 
 
 @dataclass(frozen=True, eq=False)
 class AnyHeadingPaths:
     """The arm axis is led through areas that hold at every heading."""
 
-    world: World
     ladder: Ladder
     driver: AnyHeadingDriver
 
     def between(self, k: int, j: int, here: Array, goal: Array) -> Iterator[BasePath]:
-        a, b = (axis_of(self.world.robot, pose) for pose in (here, goal))
+        a, b = (axis_of(self.driver.world.robot, pose) for pose in (here, goal))
         if self._within(k, j, a, b):
             yield simultaneous(False, _at_any_heading(np.array([a, b])))
         for over in self._handovers(k, j, a, b):
@@ -231,15 +240,13 @@ class AnyHeadingPaths:
 class ByHeadingPaths:
     """The base turns and drives through the slabs of a component's group."""
 
-    world: World
     ladder: Ladder
-    standing: Standing
-    seed: int
+    driver: ByHeadingDriver
     _slabs: dict[int, tuple[Slab, ...]] = field(default_factory=dict)
     _overlaps: dict[tuple[int, int], tuple[list[list[int]], Geometries]] = field(default_factory=dict)
 
     def between(self, k: int, j: int, here: Array, goal: Array) -> Iterator[BasePath]:
-        if slide_is_free(room_for(self.world), here, goal):
+        if slide_is_free(self.driver.room, here, goal):
             yield simultaneous(False, np.stack([here, goal]))
         over = self._shared(k, j, here, goal)
         if over is None:
@@ -251,15 +258,15 @@ class ByHeadingPaths:
     def _shared(self, k: int, j: int, here: Array, goal: Array) -> Array | None:
         """Pose that components of both groups hold, the nearest to the way; None where they share none."""
         pairs, areas = self._common(int(self.ladder.group[k]), int(self.ladder.group[j]))
-        ends = [axis_of(self.world.robot, pose) for pose in (here, goal)]
+        ends = [axis_of(self.driver.world.robot, pose) for pose in (here, goal)]
         best: tuple[float, Array] | None = None
         for pair, spot in zip(pairs, _nearest_to(areas, *ends), strict=True):
             yaw = float(here[2])
             for c in (*pair, pair[0]):  # neighbouring slabs share the heading between them
-                yaw = into_span(yaw, self.standing.sides[int(self.ladder.side[c])].span)
+                yaw = into_span(yaw, self.driver.standing.sides[int(self.ladder.side[c])].span)
             cost = sum(float(np.hypot(*(spot - end))) for end in ends) + abs(yaw - here[2])
             if best is None or cost < best[0]:
-                best = cost, pose_of(self.world.robot, spot, yaw)
+                best = cost, pose_of(self.driver.world.robot, spot, yaw)
         return None if best is None else best[1]
 
     def _common(self, one: int, other: int) -> tuple[list[list[int]], Geometries]:
@@ -272,11 +279,13 @@ class ByHeadingPaths:
 
     def _through(self, k: int, a: Array, b: Array) -> Array | None:
         """Base poses from one to another, the arm axis inside the slabs of a component's group."""
-        robot, room = self.world.robot, room_for(self.world)
+        robot, room = self.driver.world.robot, self.driver.room
         if slide_is_free(room, a, b):
             return np.stack([a, b])
         seen = [np.array([*axis_of(robot, pose), pose[2]]) for pose in (a, b)]
-        found = path_through_slabs(_axis_room(self.world), self._group(k), seen[0], seen[1], self.seed)
+        ground, about_axis = ground_of(self.driver.world), robot.footprint - robot.mount[:2]
+        scene = footprint_scene(about_axis, ground.floor, ground.shadows, ground.clearance)
+        found = path_through_slabs(scene, self._group(k), seen[0], seen[1], self.driver.seed)
         if found is None:
             return None
         poses = np.array([pose_of(robot, p[:2], float(p[2])) for p in _short_turns(found)])
@@ -291,7 +300,7 @@ class ByHeadingPaths:
             members, part = self.ladder.group == group, self.ladder.component
             self._slabs[group] = tuple(
                 Slab(*one.span, shapely.union_all(part[members & (self.ladder.side == s)]), shapely.Polygon())
-                for s, one in enumerate(self.standing.sides)
+                for s, one in enumerate(self.driver.standing.sides)
             )
         return self._slabs[group]
 
@@ -300,7 +309,6 @@ class ByHeadingPaths:
 class WheeledPaths:
     """A base that rolls: while the tool goes on, after it, or before."""
 
-    world: World
     driver: WheeledDriver
 
     def between(self, k: int, j: int, here: Array, goal: Array) -> Iterator[BasePath]:
@@ -308,17 +316,11 @@ class WheeledPaths:
             yield simultaneous(True, np.stack([here, here]))
             return
         path = self.driver.path(self.driver.room, here, goal)
-        poses = np.array(path.sample(self.world.rules.step))
+        poses = np.array(path.sample(self.driver.world.rules.step))
         poses[-1] = goal
         yield simultaneous(True, poses)
         yield halting(True, here[None], poses)
         yield halting(True, poses, goal[None])
-
-
-def _axis_room(world: World) -> FootprintScene:
-    """Scene of the footprint as seen from the arm axis."""
-    ground, robot = ground_of(world), world.robot
-    return footprint_scene(robot.footprint - robot.mount[:2], ground.floor, ground.shadows, ground.clearance)
 
 
 def _short_turns(poses: Array) -> Array:
@@ -342,9 +344,7 @@ def _nearest_inside(free: BaseGeometry, spot: Array) -> Array:
 
 def _at_any_heading(axes: Array) -> Array:
     """Knots (k, 3) of a way of the arm axis (k, 2)."""
-    knots = np.full((len(axes), 3), np.nan)
-    knots[:, :2] = axes
-    return knots
+    return np.column_stack([axes, np.full(len(axes), np.nan)])
 
 
 def _shared_area(one: Geometries, other: Geometries) -> Geometries:
@@ -357,5 +357,4 @@ def _shared_area(one: Geometries, other: Geometries) -> Geometries:
 def _nearest_to(areas: Geometries, a: Array, b: Array) -> Array:
     """Places in areas nearest to the way from a to b, (n, 2)."""
     lines = shapely.shortest_line(areas, LineString([a, b]))
-    places: Array = shapely.get_coordinates(lines).reshape(-1, 2, 2)[:, 0]
-    return places
+    return np.array(shapely.get_coordinates(lines)[::2])

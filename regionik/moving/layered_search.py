@@ -17,6 +17,7 @@ from functools import cached_property
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_cdt
 
 from regionik.areas.ground import united
 from regionik.areas.held_reach import held_reach
@@ -31,7 +32,7 @@ from regionik.planners.progress import track
 from regionik.postures.families import BACK, FRONT
 from regionik.postures.poses import axis_of
 from regionik.worlds.arms import with_pivot
-from regionik.worlds.arrays import Array, Index
+from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.scene import World
 
 ACROSS = 36  # cells across the areas of half the set-points
@@ -47,7 +48,6 @@ ROUND = 10.0  # cost of a way that steering does not find [m]
 INSIDE = 1e-9  # slack of headings [rad]
 
 Labels = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,14 +124,17 @@ class LayeredSearch:
                     mine, other = (_box(low - start, high - start) for start in (corner, after.corner))
                     value[mine] = np.where(free[mine], after.value[other], np.inf)
             value[free] = np.minimum(value[free], LIFT + after.value.min(initial=np.inf))
+        hop = [target.position for target in self.world.task[i : i + 2]]
+        stride = float(np.linalg.norm(hop[-1] - hop[0]))  # of the tool, on from here
         for one, where in zip(value, free, strict=True):
-            one += EDGE * self._stride(i) * _nearness(where, max(1, round(DEPTH / self.cell)))
+            one += EDGE * stride * _nearness(where, max(1, round(DEPTH / self.cell)))
             relax(one, where, self._moves)
         return Layer(corner, owner, value)
 
     def _nodes(self, i: int) -> tuple[Index, Labels]:
         """First cell of a set-point's window, and the component of every node in it."""
-        ladder, kept = self.ladder, self._kept(i)
+        ladder = self.ladder
+        kept = [k for k in range(*ladder.rungs[i : i + 2]) if self.keep[k]]
         around = np.ceil(np.hypot(*self.world.robot.mount[:2]) / self.cell)
         cells = shapely.get_coordinates(ladder.component[kept]) @ self._turn / self.cell
         corner = np.floor(cells.min(axis=0) - around).astype(np.intp)
@@ -200,11 +203,9 @@ class LayeredSearch:
         """Lower bound of the cost of steering to poses (n, 3), (n,) [m]."""
         drive, (dx, dy, turn) = self.world.robot.drive, (poses - here).T
         far, turn = np.hypot(dx, dy), np.abs(np.remainder(turn + np.pi, 2 * np.pi) - np.pi)
-        return (
-            far + TURN_WEIGHT * turn
-            if drive.turns_on_the_spot
-            else np.maximum(far, drive.turning_radius * turn)
-        )
+        if drive.turns_on_the_spot:
+            return far + TURN_WEIGHT * turn
+        return np.maximum(far, drive.turning_radius * turn)
 
     def _steered(self, i: int, here: Array, there: Array) -> float:
         """Cost of steering to a pose of set-point i, infinite where that is not free or leaves nodes [m]."""
@@ -263,15 +264,6 @@ class LayeredSearch:
         low, high = np.split(shapely.bounds(self.ladder.component[self.keep]), 2, axis=1)
         return float(np.clip(np.median(np.max(high - low, axis=1)) / ACROSS, *CELL))
 
-    def _kept(self, i: int) -> list[int]:
-        rungs = self.ladder.rungs
-        return [k for k in range(rungs[i], rungs[i + 1]) if self.keep[k]]
-
-    def _stride(self, i: int) -> float:
-        """Length of the tool's way on from a set-point [m]."""
-        task = self.world.task
-        return float(np.linalg.norm(task[min(i + 1, len(task) - 1)].position - task[i].position))
-
     def _poses(self, corner: Index, nodes: Index) -> Array:
         """Base poses (n, 3) of nodes (n, 3): heading, and cell from a corner."""
         return np.column_stack([(corner + nodes[:, 1:]) * self.cell @ self._turn.T, self._yaws[nodes[:, 0]]])
@@ -283,12 +275,6 @@ def _box(low: Index, high: Index) -> tuple[slice, ...]:
 
 
 def _nearness(free: Mask, depth: int) -> Array:
-    """Nearness of nodes (..., nx, ny) to the edge of what is free: 1 there, 0 ``depth`` cells inside."""
-    near, inside = np.ones(free.shape), free
-    for _ in range(depth):
-        shrunk = np.zeros_like(inside)
-        middle = inside[..., 1:-1, 1:-1] & inside[..., 2:, 1:-1] & inside[..., :-2, 1:-1]
-        shrunk[..., 1:-1, 1:-1] = middle & inside[..., 1:-1, 2:] & inside[..., 1:-1, :-2]
-        inside = shrunk
-        near -= inside / depth
-    return near
+    """Nearness of nodes (16, nx, ny) to the edge of what is free: 1 there, 0 ``depth`` cells inside."""
+    cells = [distance_transform_cdt(np.pad(one, 1), "taxicab")[1:-1, 1:-1] for one in free]
+    return 1 - np.clip(np.stack(cells) - 1, 0, depth) / depth

@@ -1,22 +1,25 @@
 """The tool goes on along its path from one set-point to the next, and base and arm with it.
 
 The base moves as `base_motion.BasePaths` offers; the arm is solved along the way so that the tool keeps to
-its own and nothing jumps.
+its own and nothing jumps. Or both are solved together.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
+from regionik.areas.standing import room_for
 from regionik.ladder import Ladder
 from regionik.mfabrik import Solver, solver_between
 from regionik.moving.base_motion import BasePath, BasePaths, Candidate
 from regionik.moving.resolved_states import TO_SPARE, ResolvedStates
 from regionik.planners.collision.proximity import Touch
+from regionik.planners.driving.footprint import arc_is_free, slide_is_free
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.polylines import between, laid_out
@@ -26,12 +29,13 @@ from regionik.postures.arm_guard import Guard
 from regionik.postures.families import Family
 from regionik.postures.poses import LARGEST_BEND, Pose, Row, arrays, configuration_pose, pose_of
 from regionik.values import Configuration
-from regionik.worlds.arms import pivot_index, with_pivot
+from regionik.worlds.arms import pivot_index, reach_bound, with_pivot
 from regionik.worlds.arrays import Array, Index
-from regionik.worlds.errors import RegionikError
 from regionik.worlds.scene import Target, World
 
 TOOL_STRIDE = 0.05  # longest way of base or tool between two states on the path [m]
+REACH_STRIDE = 0.06  # of the tool where base and arm go on together, at most, as a share of the arm's reach
+TURN_STRIDE = 0.1  # of its frame [rad]
 SOLVE_TOLERANCE = 0.1  # arms between set-points are solved to this share of the tolerance
 SAG_SHARE = 0.3  # share of the path tolerance that motion between two states may use
 TURN_SLACK = 1e-7  # rounding allowed at the edge of a cone [rad]
@@ -39,14 +43,6 @@ DEEPEST = 6  # halvings before a segment counts as discontinuous
 LOOKED_AT = np.array([0.25, 0.5, 0.75])  # shares of the way between two states
 AT_ONCE = 16  # states tried in one call: after one that fails, the rest is tried anew
 CLOSEST = 3  # halvings before a motion that is not proven clear counts as blocked
-
-
-class _BlockedError(RegionikError):
-    """The arm would touch something on the segment."""
-
-    def __init__(self, touch: Touch) -> None:
-        super().__init__("the arm would touch something")
-        self.touch = touch
 
 
 class SegmentPoint(NamedTuple):
@@ -130,17 +126,18 @@ class PathFollower:
         stride = min(TOOL_STRIDE, self.world.rules.step)
         try:
             for base in self.paths.between(here.component, goal.component, here.pose.base, goal.pose.base):
-                poses = self._states(PathSegment(base, ends, joints, families, stride), here.pose)
-                if poses is not None:
-                    return [Row(one, "step", i) for one in poses]
+                found = self._states(PathSegment(base, ends, joints, families, stride), here.pose)
+                if isinstance(found, Touch):
+                    self.stops.setdefault(i, found)
+                    return None
+                if found is not None:
+                    return [Row(one, "step", i) for one in found]
         except NoPathError:
-            return None
-        except _BlockedError as blocked:
-            self.stops.setdefault(i, blocked.touch)
+            pass
         return None
 
-    def _states(self, segment: PathSegment, here: Pose) -> list[Pose] | None:
-        """States on a way that keep the tool to its own and the arm clear.
+    def _states(self, segment: PathSegment, here: Pose) -> list[Pose] | Touch | None:
+        """States on a way that keep the tool to its own and the arm clear, or what the arm would touch.
 
         What holds is taken, up to a hop that does not: that one is halved, as often as it may help.
         """
@@ -158,7 +155,7 @@ class PathFollower:
                 return None
             leg, share, depth = ahead.pop()
             if touch is not None and (depth >= CLOSEST or not self.guard.clear(states[count])):
-                raise _BlockedError(touch)
+                return touch
             if depth >= DEEPEST:
                 return None
             done = at.share if at.leg == leg else 0.0
@@ -200,16 +197,9 @@ class PathFollower:
     def _proven(
         self, segment: PathSegment, places: list[SegmentPoint], poses: list[Pose]
     ) -> tuple[int, Touch | None]:
-        """Number of hops that lead the tool as asked, jump nowhere and are clear, and what stops the next."""
-        (leg, share), (bases, joints) = _columns(places), arrays(poses)
-        line, sag = between(segment.points, leg, share), SAG_SHARE * self.world.rules.planned_path_tolerance
-        count = self.guard.led(bases, joints, line, LOOKED_AT, sag)
-        if not segment.bare:
-            tools = self.guard.tools(bases[: count + 1], joints[: count + 1], LOOKED_AT)
-            asked = [segment.target(place) for place in places[: count + 1]]
-            turned = [turned_as_asked(*hop) for hop in zip(asked[:-1], asked[1:], tools, strict=True)]
-            count = [*turned, False].index(False)
-        return self.guard.proven(bases[: count + 1], joints[: count + 1])
+        line = between(segment.points, *_columns(places))
+        asked = [] if segment.bare else [segment.target(place) for place in places]
+        return proven_hops(self.guard, poses, line, asked)
 
     def _solver(self, family: Family) -> Solver:
         """Solver for what lies between set-points, kept for families that are asked for again."""
@@ -217,6 +207,81 @@ class PathFollower:
             solver = solver_between(self.world, family)
             self._solvers[family] = replace(solver, tolerance=solver.tolerance * SOLVE_TOLERANCE)
         return self._solvers[family]
+
+
+@dataclass(frozen=True, eq=False)
+class ResolvedMotion:
+    """Base and arm go on together by the least motion, by their speeds, that leads the tool on its path.
+
+    Where an arm has few joints, the places from which a base of some heading meets a pose lie on a line,
+    which no lattice of places finds; where it has many, postures found place by place may be of another kind
+    each.
+    """
+
+    world: World
+    guard: Guard
+
+    def onward(self, i: int, here: Pose, turning: float = 1.0) -> list[Pose] | None:
+        """States with the tool on its path from set-point i to the next; None where no such way is free.
+
+        How lightly the base turns is weighed by ``turning``.
+        """
+        asked = self._asked(i)
+        aims = in_columns([aim_of(target) for target in asked])
+        poses = [here]
+        for k in range(len(asked)):
+            pose = self.states.state(aims.part(slice(k, k + 1)), poses[-1], turning=turning)
+            if pose is None or math.dist(poses[-1].base[:2], pose.base[:2]) > self.world.rules.step:
+                return None
+            poses.append(pose)
+        return poses[1:] if self._holds([self.world.task[i], *asked], poses) else None
+
+    @cached_property
+    def states(self) -> ResolvedStates:
+        return ResolvedStates(self.world, self.guard)
+
+    def _asked(self, i: int) -> list[Target]:
+        """Targets at most a stride apart from set-point i to the next, that one the last."""
+        a, b = self.world.task[i : i + 2]
+        turn = 0.0
+        if a.direction is not None and b.direction is not None:
+            turn = math.acos(min(max(float(a.direction @ b.direction), -1.0), 1.0))
+        stride = min(TOOL_STRIDE, REACH_STRIDE * reach_bound(self.world.robot.chain).length)
+        way = math.dist(a.position, b.position)
+        count = max(1, math.ceil(way / stride), math.ceil(turn / TURN_STRIDE))
+        return [*goals_between(a, b, np.arange(1, count) / count), b]
+
+    def drives(self, poses: list[Pose]) -> bool:
+        """Whether the base's way through poses is proven free."""
+        bases, _ = arrays(poses)
+        drive, room = self.world.robot.drive, room_for(self.world)
+        hops = zip(bases[:-1], bases[1:], drive.rolled(bases), np.diff(bases[:, 2]), strict=True)
+        return all(
+            arc_is_free(room, a, float(rolled), float(turn)) if drive.rolls else slide_is_free(room, a, b)
+            for a, b, rolled, turn in hops
+        )
+
+    def _holds(self, asked: list[Target], poses: list[Pose]) -> bool:
+        """Whether the base's way is free, and the tool led along its path with the arm clear."""
+        line = np.array([target.position for target in asked])
+        return self.drives(poses) and proven_hops(self.guard, poses, line, asked)[0] == len(asked) - 1
+
+
+def proven_hops(
+    guard: Guard, poses: list[Pose], line: Array, asked: list[Target]
+) -> tuple[int, Touch | None]:
+    """Number of hops that lead the tool as asked, jump nowhere and are clear, and what stops the next.
+
+    The tool goes along a ``line`` (n, 3), turned as ``asked`` in each of n poses, if in any.
+    """
+    bases, joints = arrays(poses)
+    sag = SAG_SHARE * guard.world.rules.planned_path_tolerance
+    count = guard.led(bases, joints, line, LOOKED_AT, sag)
+    if asked:
+        tools = guard.tools(bases[: count + 1], joints[: count + 1], LOOKED_AT)
+        turned = [turned_as_asked(*hop) for hop in zip(asked[:-1], asked[1:], tools, strict=False)]
+        count = [*turned, False].index(False)
+    return guard.proven(bases[: count + 1], joints[: count + 1])
 
 
 def turned_as_asked(p: Target, q: Target, tools: Array) -> bool:

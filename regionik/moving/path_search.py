@@ -16,12 +16,11 @@ import numpy as np
 from regionik.areas.standing import Standing
 from regionik.explain import arm_failures, failures
 from regionik.ladder import Ladder
-from regionik.moving.base_motion import Candidate, Interpolator, StandingPaths
+from regionik.moving.base_motion import Candidate, StandingPaths
 from regionik.moving.configuration_sampling import ConfigurationSampler, Evidence
 from regionik.moving.drivers import driver_for
 from regionik.moving.layered_search import LayeredSearch
-from regionik.moving.path_following import PathFollower
-from regionik.moving.resolved_motion import ResolvedMotion
+from regionik.moving.path_following import PathFollower, ResolvedMotion
 from regionik.moving.transit import TransitPlanner
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.progress import tell
@@ -110,13 +109,7 @@ class PathSearch:
         for candidate in asked[:hard]:
             yield candidate, self.transits.sampled(here, candidate.pose, int(floor[candidate.component]))
 
-    def run(
-        self, i: int, count: int, first: Candidate, ahead: Ahead, patience: int = PATIENCE
-    ) -> list[SearchStep]:
-        """The longest run found from a candidate at set-point i, see `RunSearch`."""
-        return self.begun(i, count, first, ahead).longest(patience)
-
-    def begun(self, i: int, count: int, first: Candidate, ahead: Ahead) -> RunSearch:
+    def run(self, i: int, count: int, first: Candidate, ahead: Ahead) -> RunSearch:
         """The search for a run from a candidate at set-point i, over ``count`` set-points at most.
 
         Given a set-point and a candidate there, ``ahead`` has those of the next one, the likeliest first.
@@ -236,6 +229,4 @@ def search_from_places(world: World, ladder: Ladder, standing: Standing, seed: i
 
 def transit_planner(world: World, standing: Standing, seed: int) -> TransitPlanner:
     """The planner of motions with the tool lifted."""
-    guard = guard_of(world)
-    interpolator = Interpolator(world, guard)
-    return TransitPlanner(world, guard, interpolator, driver_for(world, interpolator, standing, seed))
+    return TransitPlanner(world, guard_of(world), driver_for(world, standing, seed))

@@ -26,7 +26,6 @@ from regionik.planners.solvers.aims import ANGLE_LENGTH, missed_by
 from regionik.planners.solvers.damped_least_squares import POSITION, Aims
 from regionik.postures.arm_guard import Guard
 from regionik.postures.poses import LARGEST_BEND, Pose
-from regionik.timing.limits import motion_limits
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 from regionik.worlds.speeds import Speeds
@@ -85,9 +84,11 @@ class ResolvedStates:
             turned = float(np.linalg.norm(miss[3:]))
             missed.append(max(math.hypot(*miss[:3], max(turned - cone, 0.0)), EXACT))
             touch, met = NOTHING, missed[-1] == EXACT
-            if met or len(missed) == 1:  # between these the half-spaces of the first hold
-                touch = self._near(pose)
-            if met and self.guard.room(touch) > self.guard.spare and self._turns_enough(motion):
+            if self.guard.on and (met or len(missed) == 1):  # between these those of the first hold
+                bodies, contact = self.guard.bodies, self.guard.contact
+                touch = nearest(bodies, pose.base, pose.joints, contact=contact, within=NEAR)
+            tight = abs(motion[1]) * self.world.robot.drive.turning_radius > abs(motion[0]) + 1e-12
+            if met and self.guard.room(touch) > self.guard.spare and not tight:
                 return pose
             if min(missed[-PATIENCE:]) > min(missed):
                 return None
@@ -107,9 +108,6 @@ class ResolvedStates:
             motion = np.clip(motion + step, low, high)
         return None
 
-    def _turns_enough(self, motion: Array) -> bool:
-        return abs(motion[1]) * self.world.robot.drive.turning_radius <= abs(motion[0]) + 1e-12
-
     def _arc_rows(self, motion: Array) -> list[_Row]:
         """A car turns no more than its steering allows, going on as it goes."""
         radius, ways = self.world.robot.drive.turning_radius, np.zeros((2, len(motion)))
@@ -128,12 +126,6 @@ class ResolvedStates:
         spaces = self._keeper.on_floor(np.concatenate([start.base, start.joints])[None])
         ways = self._by_motion(spaces.normal, start, np.zeros(len(self._speeds)))
         return [_Row(*one) for one in zip(ways, np.minimum(spaces.least, 0.0), strict=True)]
-
-    def _near(self, pose: Pose) -> Touch:
-        bodies, contact = self.guard.bodies, self.guard.contact
-        if not self.guard.on:
-            return NOTHING
-        return nearest(bodies, pose.base, pose.joints, contact=contact, within=NEAR)
 
     def _touch_rows(self, touch: Touch, pose: Pose, start: Pose, motion: Array) -> list[_Row]:
         """How the arm may go on towards what it is near to; most of the way where there is much."""
@@ -171,10 +163,10 @@ class ResolvedStates:
     @cached_property
     def _speeds(self) -> Array:
         """Of the base, x, y and yaw, or what it rolls and turns, and of the joints."""
-        limits = motion_limits(self.world.robot, self.world.speeds or Speeds())
-        turning = 0.0 if self.world.rules.heading == "fixed" else limits.speeds.turn_velocity
-        driving = [limits.speeds.base_velocity] * (self.base_parts - 1)
-        return np.array([*driving, turning, *limits.joint_velocity])
+        speeds = self.world.speeds or Speeds()
+        turning = 0.0 if self.world.rules.heading == "fixed" else speeds.turn_velocity
+        driving = [speeds.base_velocity] * (self.base_parts - 1)
+        return np.array([*driving, turning, *speeds.joint_limits(self.world.robot.chain)[0]])
 
     @property
     def base_parts(self) -> int:

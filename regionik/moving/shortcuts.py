@@ -14,9 +14,10 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from regionik.moving.base_motion import Driver, Interpolator
+from regionik.moving.base_motion import Driver
+from regionik.postures.arm_guard import Guard
 from regionik.postures.poses import LARGEST_BEND, Pose, arrays, distinct, pose_between
-from regionik.worlds.arrays import Array, Index
+from regionik.worlds.arrays import Array
 from regionik.worlds.drives import displacement
 from regionik.worlds.scene import World
 from regionik.worlds.speeds import Speeds
@@ -42,18 +43,10 @@ class Course(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Shortcuts:
-    """Shortcuts on one piece of the free floor.
+    """Shortcuts on one piece of the free floor."""
 
-    Attributes
-    ----------
-    interpolator, driver
-        Prove the arm clear and the base on the floor.
-    piece
-        Of the free floor.
-    """
-
-    interpolator: Interpolator
-    driver: Driver
+    guard: Guard  # proves the arm clear
+    driver: Driver  # and the base on the floor
     piece: int
 
     def shorter(self, poses: list[Pose]) -> list[Pose]:
@@ -103,7 +96,7 @@ class Shortcuts:
         states = self._between(distinct([here, *poses[i + 1 : j], there]), *paces)
         part = distinct([poses[i], *states, poses[j]])
         whole = [*poses[:i], *part, *poses[j + 1 :]]
-        if not states or cost(whole) > cost(poses) - saved or not self.interpolator.clear(part):
+        if not states or cost(whole) > cost(poses) - saved or not self.guard.passes(part):
             return None
         return whole
 
@@ -127,9 +120,11 @@ class Shortcuts:
         apart = np.abs(swings.share[:, None] - drives.share).min(axis=1) > JOINED
         share = np.sort(np.concatenate([drives.share, swings.share[apart]]))
         bends = np.abs(np.diff(_rows_at(swings, share), axis=0)).max(axis=1)
-        parts = np.maximum(np.ceil(bends / LARGEST_BEND * 1.001), 1).astype(int)
-        share = np.interp(_places(parts), np.arange(len(share)), share)
-        bases = self.driver.world.robot.drive.sampled(drives.rows, _index(drives, share))
+        parts = np.maximum(np.ceil(bends / LARGEST_BEND * 1.001), 1).astype(int).tolist()
+        cuts = [k + np.arange(count) / count for k, count in enumerate(parts)]
+        share = np.interp(np.concatenate([*cuts, [len(parts)]]), np.arange(len(share)), share)
+        index = np.interp(share, drives.share, np.arange(len(drives.share)))
+        bases = self.driver.world.robot.drive.sampled(drives.rows, index)
         return [Pose(*one) for one in zip(bases, _rows_at(swings, share), strict=True)]
 
     def _at(self, poses: list[Pose], u: float) -> Pose:
@@ -158,8 +153,7 @@ class Clock:
     def arm(self, joints: Array) -> Array:
         """Of each hop of the arm through postures (n, dof) at full speed, (n - 1,) [s]."""
         speed = self._speeds.joint_limits(self.world.robot.chain)[0]
-        time: Array = (np.abs(np.diff(joints, axis=0)) / speed).max(axis=1)
-        return time
+        return (np.abs(np.diff(joints, axis=0)) / speed).max(axis=1)
 
     def times(self, poses: list[Pose]) -> Array:
         """When the robot comes to each pose at full speed, (n,) [s]."""
@@ -191,18 +185,6 @@ def _sums(hops: Array) -> Array:
 def _shares(times: Array) -> Array:
     """Times as shares of the last one, even where that is 0."""
     return times / times[-1] if times[-1] > 0 else np.linspace(0, 1, len(times))
-
-
-def _places(parts: Index) -> Array:
-    """Where to cut hops into so many even parts each, in hops."""
-    ends = [k + np.arange(count) / count for k, count in enumerate(parts)]
-    return np.concatenate([*ends, [len(parts)]])
-
-
-def _index(course: Course, share: Array) -> Array:
-    """Places on a course at shares of its time, in rows: 2.5 is halfway from the third to the fourth."""
-    index: Array = np.interp(share, course.share, np.arange(len(course.share)))
-    return index
 
 
 def _rows_at(course: Course, share: Array) -> Array:

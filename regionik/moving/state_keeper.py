@@ -64,10 +64,9 @@ class StateKeeper:
     def on_floor(self, states: Array) -> HalfSpaces:
         """Front, back, left and right of the footprint keep their distances from what is nearest to each."""
         assert self.room is not None
-        turned = np.einsum("nij,kj->nki", _turns(states[:, 2]), self.room.corners)
-        outlines = shapely.convex_hull(
-            shapely.multipoints(turned + states[:, None, :2])
-        )  # of one corner, too
+        (x, y), c, s = self.room.corners.T, np.cos(states[:, 2:3]), np.sin(states[:, 2:3])
+        turned = np.stack([c * x - s * y, s * x + c * y], axis=-1)
+        outlines = shapely.convex_hull(shapely.multipoints(turned + states[:, None, :2]))  # of one, too
         reach = float(self.room.clearance.max(initial=0.0)) + NEAR
         k, edge = self._floor_edges.query(outlines, predicate="dwithin", distance=reach)
         lines = shapely.shortest_line(self._floor_edges.geometries[edge], outlines[k])
@@ -151,14 +150,7 @@ class StateKeeper:
 
 def _quadrant(ways: Array, yaw: Array) -> Index:
     """Which quarter of a turn from the heading ways (n, 2) point to, (n,)."""
-    quarter: Index = np.floor((np.arctan2(ways[:, 1], ways[:, 0]) - yaw) / (np.pi / 2)).astype(np.int64) % 4
-    return quarter
-
-
-def _turns(yaw: Array) -> Array:
-    """Rotations of the plane by angles (n,), (n, 2, 2)."""
-    c, s = np.cos(yaw), np.sin(yaw)
-    return np.stack([np.stack([c, -s], axis=1), np.stack([s, c], axis=1)], axis=1)
+    return np.floor((np.arctan2(ways[:, 1], ways[:, 0]) - yaw) / (np.pi / 2)).astype(np.int64) % 4
 
 
 def _least(room: Array, margin: float) -> Array:

@@ -14,7 +14,7 @@ from itertools import islice, pairwise
 import numpy as np
 
 from regionik.areas.ground import ground_of
-from regionik.moving.base_motion import Driver, Interpolator
+from regionik.moving.base_motion import Driver
 from regionik.moving.shortcuts import DETOUR, SAVED, Clock, Shortcuts, travel
 from regionik.planners.collision.proximity import Touch
 from regionik.planners.driving.point_planner import NoPathError, drive_point
@@ -44,7 +44,6 @@ class TransitPlanner:
 
     world: World
     guard: Guard
-    interpolator: Interpolator
     driver: Driver
     # Why the base found no way, one for each time it did not
     refusals: list[NoPathError] = field(default_factory=list)
@@ -53,20 +52,19 @@ class TransitPlanner:
     def sampled(self, here: Pose, there: Pose, piece: int) -> list[Pose] | None:
         """States strictly between two poses, on a way found in the space of the whole robot or of its arm."""
         direct = self.driver.direct(here, there, piece)
-        if direct is not None and self.interpolator.clear([here, *direct, there]):
+        if direct is not None and self.guard.passes([here, *direct, there]):
             self.driver.count("straight")
             return direct
         try:
             lead = self.driver.onto(here, piece)
         except NoPathError:
             return None
-        if not self.interpolator.clear(lead):
+        if not self.guard.passes(lead):
             return None
-        if self.world.robot.drive.rolls:
-            way, method = None, ""
-        else:
-            body = WholeBodyPlanner(self.world, self.interpolator, self.driver, piece)
-            way, method = body.way(lead[-1], there, self.driver.seed, ITERATIONS), "whole body"
+        way, method = None, "whole body"
+        if not self.world.robot.drive.rolls:
+            body = WholeBodyPlanner(self.guard, self.driver, piece)
+            way = body.way(lead[-1], there, self.driver.seed, ITERATIONS)
         if way is None:
             way, method = self._arm_first(lead[-1], there, piece), "arm alone"
         if way is None:
@@ -84,10 +82,10 @@ class TransitPlanner:
         carried = {"carry": self.world.robot.carry, "here": here.joints, "there": there.joints}
         for name in sorted(carried, key=lambda name: self._missed.get(name, 0)):
             joints = carried[name]
-            folds = [(out, way) for out in leaving if (way := self._arm_way(out[-1], joints)) is not None]
+            folds = [(out, way) for out in leaving if (way := self.arm_way(out[-1], joints)) is not None]
             self._missed[name] = self._missed.get(name, 0) + (not folds)
             for back in coming if folds else ():
-                unfold = self._arm_way(back[-1], joints)
+                unfold = self.arm_way(back[-1], joints)
                 if unfold is None:
                     continue
                 for out, fold in folds:
@@ -96,18 +94,36 @@ class TransitPlanner:
                         return [*out, *fold, *drive, *unfold[::-1], *back[::-1]][1:-1]
         return None
 
-    def _arm_way(self, here: Pose, joints: Array) -> list[Pose] | None:
-        """States after a pose, to the last with other joints, the base standing still."""
-        if not self.guard.proves(Pose(here.base, joints)):
+    def arm_way(self, here: Pose, joints: Array) -> list[Pose] | None:
+        """States after a pose, to the last with other joints, the base standing; None for none."""
+        there, chain = Pose(here.base, joints), self.world.robot.chain
+        if not self.guard.proves(there):
             return None
-        return ArmPlanner(self.world, self.interpolator, self.driver.seed).way(here, joints)
+        if np.array_equal(here.joints, joints):
+            return []
+
+        def goes(a: Pose, b: Pose) -> bool:
+            return self.guard.passes([a, *arm_states(a, b), b])
+
+        path: Array | None = np.stack([here.joints, joints])
+        if not goes(here, there):
+            problem = PlanningProblem(
+                *joint_box(chain, here.joints, joints), here.joints, joints,
+                lambda q: self.guard.proves(Pose(here.base, q)),
+                lambda p, q: goes(Pose(here.base, p), Pose(here.base, q)),
+            )  # fmt: skip
+            path = connect(problem, seed=self.driver.seed, iterations=ARM_ITERATIONS, stride=STRIDE)
+        if path is None:
+            return None
+        poses = shortened([Pose(here.base, q) for q in path], goes)
+        return [row for a, b in pairwise(poses) for row in [*arm_states(a, b), b]]
 
     def _stations(self, at: Pose, piece: int) -> Iterator[list[Pose]]:
         """Clear motions of the base with a still arm, from a pose on: none first, then the nearest back."""
         yield [at]
         for far in WITHDRAWALS[1:]:
             ways = ([at, *back] for back in self.driver.retreats(at, far, piece))
-            yield from islice((way for way in ways if self.interpolator.clear(way)), 1)
+            yield from islice((way for way in ways if self.guard.passes(way)), 1)
 
     def folded(self, here: Pose, there: Pose, piece: int) -> list[Pose] | None:
         """States strictly between two poses on one piece of free floor; None where the arm cannot pass so.
@@ -122,21 +138,23 @@ class TransitPlanner:
             self.refusals.append(refusal)
             return None
         plain = [*lead[1:], *self._carried(lead[-1], there, route)]
-        if self.interpolator.clear([here, *plain, there]):
+        if self.guard.passes([here, *plain, there]):
             return plain
-        if not self.interpolator.clear(lead):
+        if not self.guard.passes(lead):
             return None
         way = self._withdrawn(lead[-1], there, piece)
         if way is None:
             way = self.driver.states(lead[-1], there, route)
-            way = way if self.interpolator.clear([lead[-1], *way, there]) else None
+            way = way if self.guard.passes([lead[-1], *way, there]) else None
         return None if way is None else [*lead[1:], *way]
 
     def _withdrawn(self, here: Pose, there: Pose, piece: int) -> list[Pose] | None:
         """States strictly between two poses, the arm folded and unfolded where the base has drawn back."""
-        out, back = (next(self._withdrawals(at, piece), None) for at in (here, there))
-        drive = None if out is None or back is None else self.carried(out[-1], back[-1], piece)
-        return None if out is None or back is None or drive is None else [*out, *drive, *back[::-1]]
+        out, back = (self._withdrawal(at, piece) for at in (here, there))
+        if out is None or back is None:
+            return None
+        drive = self.carried(out[-1], back[-1], piece)
+        return None if drive is None else [*out, *drive, *back[::-1]]
 
     def shortened(self, here: Pose, way: list[Pose], there: Pose, piece: int) -> list[Pose]:
         """States strictly between two poses, on a way whose base goes no farther than on the one given.
@@ -144,7 +162,7 @@ class TransitPlanner:
         Where shortcuts alone do not make it short, other ways of base and arm are looked for that are shorter
         by so much that the arm may move more for it.
         """
-        shortcuts = Shortcuts(self.interpolator, self.driver, piece)
+        shortcuts = Shortcuts(self.guard, self.driver, piece)
         return shortcuts.quicker(self._shortest(shortcuts, [here, *way, there]))[1:-1]
 
     def rejoined(self, here: Pose, old: list[Pose], there: Pose, piece: int) -> list[Pose] | None:
@@ -153,11 +171,11 @@ class TransitPlanner:
         The quicker of both; none where neither is clear, or the base would go farther round than before.
         """
         lead, tail = self.driver.direct(here, old[0], piece), self.driver.direct(old[-1], there, piece)
-        folded, shortcuts = self.folded(here, there, piece), Shortcuts(self.interpolator, self.driver, piece)
+        folded, shortcuts = self.folded(here, there, piece), Shortcuts(self.guard, self.driver, piece)
         ways = [] if folded is None else [[here, *folded, there]]
         if lead is not None and tail is not None:
             ways.append(distinct([here, *lead, *old, *tail, there]))
-        clear = [shortcuts.quicker(shortcuts.shorter(way)) for way in ways if self.interpolator.clear(way)]
+        clear = [shortcuts.quicker(shortcuts.shorter(way)) for way in ways if self.guard.passes(way)]
         if not clear:
             return None
         way = self.shortened(here, min(clear, key=Clock(self.world).whole)[1:-1], there, piece)
@@ -177,9 +195,7 @@ class TransitPlanner:
             if failed == PATIENCE or travel(best) <= WINDING * least + SAVED:
                 break
             most = travel(best) / DETOUR
-            body = WholeBodyPlanner(
-                self.world, self.interpolator, self.driver.shaped(), shortcuts.piece, most
-            )
+            body = WholeBodyPlanner(self.guard, self.driver.shaped(), shortcuts.piece, most)
             other = body.way(here, there, self.driver.seed * ROUNDS + k, ROUND_ITERATIONS)
             short = best if other is None else shortcuts.shorter([here, *other, there])
             best, failed = (short, 0) if travel(short) <= most else (best, failed + 1)
@@ -204,7 +220,7 @@ class TransitPlanner:
         for between in ((), (lifted(self.world.robot, here), lifted(self.world.robot, there))):
             stations = distinct([here, *between, there])
             way = [row for a, b in pairwise(stations) for row in [*arm_states(a, b), b]]
-            if self.interpolator.clear([here, *way]):
+            if self.guard.passes([here, *way]):
                 return way[:-1]
         return None
 
@@ -214,14 +230,16 @@ class TransitPlanner:
         for joints in (here.joints, there.joints) if way is None else ():
             start, end = Pose(here.base, joints), Pose(there.base, joints)
             leaving, coming = self.swung(here, start, piece), self.swung(end, there, piece)
-            drive = None if leaving is None or coming is None else self.carried(start, end, piece)
-            if leaving is not None and coming is not None and drive is not None:
+            if leaving is None or coming is None:
+                continue
+            drive = self.carried(start, end, piece)
+            if drive is not None:
                 return distinct([here, *leaving, start, *drive, end, *coming, there])[1:-1]
         return way
 
     def round_about(self, here: Pose, there: Pose, _: int) -> list[Pose] | None:
         """States strictly between two postures on a base that stands, on a way found in the joints' space."""
-        found = self._arm_way(here, there.joints)
+        found = self.arm_way(here, there.joints)
         return None if found is None else found[:-1]
 
     def obstruction(self, here: Pose, there: Pose, piece: int) -> Touch | None:
@@ -230,22 +248,15 @@ class TransitPlanner:
         route = self.driver.route(lead[-1], there, piece)
         poses = [*lead, *self._carried(lead[-1], there, route), there]
         met = next((touch for touch in map(self.guard.touch, poses) if touch.kind != "none"), None)
-        if met is not None:  # tells how deep, where a proof only tells that it ended
-            return met
-        return self.guard.stop(poses)
+        return met or self.guard.stop(poses)  # a proof only tells that it ended, not how deep
 
     def _carried(self, here: Pose, there: Pose, route: Array) -> list[Pose]:
         """Fold where the robot stands, drive in the carry posture, unfold; short ways without folding."""
         if len(route) <= 2:
             return self.driver.states(here, there, route)
         raised, lowered = lifted(self.world.robot, here), lifted(self.world.robot, there)
-        return [
-            *arm_states(here, raised),
-            raised,
-            *self.driver.states(raised, lowered, route),
-            lowered,
-            *arm_states(lowered, there),
-        ]
+        drive = self.driver.states(raised, lowered, route)
+        return [*arm_states(here, raised), raised, *drive, lowered, *arm_states(lowered, there)]
 
     def carried(self, here: Pose, there: Pose, piece: int) -> list[Pose] | None:
         """States strictly between two poses: a still arm, given the widest berth needed."""
@@ -254,20 +265,21 @@ class TransitPlanner:
             for berth in BERTHS:
                 route = self.driver.route(lead[-1], there, piece, berth)
                 drive = [*lead[1:], *self.driver.states(lead[-1], there, route)]
-                if self.interpolator.clear([here, *drive, there]):
+                if self.guard.passes([here, *drive, there]):
                     return drive
         except NoPathError:
             pass
         return None
 
-    def _withdrawals(self, here: Pose, piece: int) -> Iterator[list[Pose]]:
-        """Clear ways from a pose to the carry posture: back with a still arm, then fold."""
+    def _withdrawal(self, here: Pose, piece: int) -> list[Pose] | None:
+        """The shortest clear way from a pose to the carry posture: back with a still arm, then fold."""
         for far in WITHDRAWALS:
             for back in self.driver.retreats(here, far, piece):
                 folded = lifted(self.world.robot, back[-1])
                 way = [*back, *arm_states(back[-1], folded), folded]
-                if self.interpolator.clear([here, *way]):
-                    yield way
+                if self.guard.passes([here, *way]):
+                    return way
+        return None
 
 
 def lifted(robot: Robot, at: Pose) -> Pose:
@@ -276,37 +288,6 @@ def lifted(robot: Robot, at: Pose) -> Pose:
     if with_pivot(robot.chain) is robot.chain:
         q[pivot_index(robot.chain)] = at.joints[pivot_index(robot.chain)]
     return Pose(at.base, q)
-
-
-@dataclass(frozen=True, eq=False)
-class ArmPlanner:
-    """The space of the joints, for a base that stands still."""
-
-    world: World
-    interpolator: Interpolator
-    seed: int
-
-    def way(self, here: Pose, joints: Array) -> list[Pose] | None:
-        """States after a pose, to the last with other joints, proven clear; None where none were found."""
-        there = Pose(here.base, joints)
-        if np.array_equal(here.joints, joints):
-            return []
-        if self._goes(here, there):
-            return [*arm_states(here, there), there]
-        problem = PlanningProblem(
-            *joint_box(self.world.robot.chain, here.joints, joints), here.joints, joints,
-            lambda q: self.interpolator.guard.proves(Pose(here.base, q)),
-            lambda p, q: self._goes(Pose(here.base, p), Pose(here.base, q)),
-        )  # fmt: skip
-        path = connect(problem, seed=self.seed, iterations=ARM_ITERATIONS, stride=STRIDE)
-        if path is None:
-            return None
-        poses = shortened([Pose(here.base, q) for q in path], self._goes)
-        return [row for a, b in pairwise(poses) for row in [*arm_states(a, b), b]]
-
-    def _goes(self, here: Pose, there: Pose) -> bool:
-        """True if a straight motion keeps the arm clear."""
-        return self.interpolator.clear([here, *arm_states(here, there), there])
 
 
 def joint_box(chain: Chain, start: Array, goal: Array) -> tuple[Array, Array]:
@@ -334,8 +315,7 @@ class WholeBodyPlanner:
     informed set of Gammell, Srinivasa and Barfoot, Informed RRT*, 2014.
     """
 
-    world: World
-    interpolator: Interpolator
+    guard: Guard
     driver: Driver
     piece: int
     most: float = np.inf  # [m]
@@ -345,46 +325,43 @@ class WholeBodyPlanner:
         start, goal = self._row(here, here), self._row(there, here)
         problem = PlanningProblem(
             *self._box(start, goal), start, goal,
-            lambda q: travel([here, at := self._pose(q), there]) < self.most and self._free(at),
+            lambda q: travel([here, at := self._pose(q), there]) < self.most
+            and self.driver.inside(at, self.piece) and self.guard.proves(at),
             lambda p, q: self._goes(self._pose(p), self._pose(q)),
         )  # fmt: skip
         path = connect(problem, seed=seed, iterations=iterations, stride=STRIDE)
         if path is None:
             return None
         poses = shortened([here, *(self._pose(q) for q in path[1:-1]), there], self._goes)
-        rows = [row for a, b in pairwise(poses) for row in [*(self._direct(a, b) or []), b]]
-        return rows[:-1]
-
-    def _direct(self, here: Pose, there: Pose) -> list[Pose] | None:
-        return self.driver.direct(here, there, self.piece)
-
-    def _free(self, at: Pose) -> bool:
-        return self.driver.inside(at, self.piece) and self.interpolator.guard.proves(at)
+        ways = (self.driver.direct(a, b, self.piece) or [] for a, b in pairwise(poses))
+        return [row for way, b in zip(ways, poses[1:], strict=True) for row in [*way, b]][:-1]
 
     def _goes(self, here: Pose, there: Pose) -> bool:
         """True if a straight motion stays on the free floor and keeps the arm clear."""
-        states = self._direct(here, there)
-        return states is not None and self.interpolator.clear([here, *states, there])
+        states = self.driver.direct(here, there, self.piece)
+        return states is not None and self.guard.passes([here, *states, there])
 
     def _row(self, pose: Pose, near: Pose) -> Array:
         """A pose as axis, heading and joints in one row, the heading within half a turn of another's."""
         yaw = near.base[2] + displacement(near.base, pose.base)[2]
-        return np.array([*axis_of(self.world.robot, pose.base), yaw, *pose.joints])
+        return np.array([*axis_of(self.guard.world.robot, pose.base), yaw, *pose.joints])
 
     def _pose(self, q: Array) -> Pose:
         """Pose of a row as `_row` makes them, its heading the fixed one where the rules ask for that."""
-        start = self.world.start if self.world.rules.heading == "fixed" else None
+        world = self.guard.world
+        start = world.start if world.rules.heading == "fixed" else None
         yaw = q[2] if start is None else start.base[2]
-        return Pose(pose_of(self.world.robot, q[:2], float(yaw)), q[3:])
+        return Pose(pose_of(world.robot, q[:2], float(yaw)), q[3:])
 
     def _box(self, start: Array, goal: Array) -> tuple[Array, Array]:
         """Bounds to sample within: the floor's extent, a turn about the start's heading, joint limits."""
         ends = np.stack([start, goal])
         low, high = ends.min(axis=0), ends.max(axis=0)
-        extent, reach = self.driver.extent(self.piece), self.most / 2 + np.hypot(*self.world.robot.mount[:2])
+        world, extent = self.guard.world, self.driver.extent(self.piece)
+        reach = self.most / 2 + np.hypot(*world.robot.mount[:2])
         low[:2] = np.maximum(extent[0], ends[:, :2].mean(axis=0) - reach)
         high[:2] = np.minimum(extent[1], ends[:, :2].mean(axis=0) + reach)
-        if self.world.rules.heading != "fixed":
+        if world.rules.heading != "fixed":
             low[2], high[2] = start[2] - np.pi, start[2] + np.pi
-        low[3:], high[3:] = joint_box(self.world.robot.chain, start[3:], goal[3:])
+        low[3:], high[3:] = joint_box(world.robot.chain, start[3:], goal[3:])
         return low, high

@@ -220,7 +220,8 @@ class _StopConnection:
             before, left = len(done), len(placement.setpoints) - len(done)
             if placement.roadmap is not None and self.world.rules.max_lift_offs is None:
                 left = 1  # its postures are those of a tour of straight motions, which take less time
-            for step in self.search.run(i, left, came[1], partial(self._ahead, placement), patience):
+            run = self.search.run(i, left, came[1], partial(self._ahead, placement))
+            for step in run.longest(patience):
                 joints = step.candidate.found.joints
                 if not self._keeps(placement, placement.setpoints[len(done)], joints):
                     break

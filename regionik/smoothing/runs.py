@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -14,17 +15,11 @@ from shapely.geometry.base import BaseGeometry
 from regionik.areas.ground import Geometries, united
 from regionik.areas.standing import Standing, room_for, turns_matter
 from regionik.moving.state_keeper import StateKeeper
-from regionik.planners.smoothing.path_smoothing import (
-    FIRST_TRUST,
-    PathProblem,
-    on_path,
-    smooth_states,
-)
+from regionik.planners.smoothing.path_smoothing import PathProblem, on_path, smooth_states
 from regionik.planners.solvers.aims import in_columns
 from regionik.postures.arm import aim_of, goal_between
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import axis_of, transits
-from regionik.timing.limits import motion_limits
 from regionik.values import Plan
 from regionik.worlds.arms import pivot_index, with_pivot
 from regionik.worlds.arrays import Array, Index, Mask
@@ -64,18 +59,13 @@ class PathRun:
     keeper: StateKeeper  # of all states
 
     def smoothed(self) -> Array:
-        """All states smoothed."""
-        begun = self._begun()
-        trust = FIRST_TRUST if begun is self.states else NEAR_TRUST
-        return self._within(smooth_states(self.problem, begun, trust))
-
-    def _begun(self) -> Array:
-        """States of the set-points alone smoothed, the others between them, which is soon done."""
+        """All states smoothed; of long runs first those of the set-points alone, which is soon done."""
         rows, t = _coarse_rows(self.worked), self.problem.parameter
         if len(self.states) < LONG or not SHORTEST_RUN <= len(rows) <= FEW * len(self.states):
-            return self.states
+            return self._within(smooth_states(self.problem, self.states))
         found = smooth_states(self.coarse, self.states[rows])
-        return np.stack([np.interp(t, t[rows], column) for column in found.T], axis=1)
+        begun = np.stack([np.interp(t, t[rows], column) for column in found.T], axis=1)
+        return self._within(smooth_states(self.problem, begun, NEAR_TRUST))
 
     def mended(self, states: Array, failed: list[int], tube: Array, demanded: Array) -> Array:
         """States smoothed anew about those that failed, the others kept.
@@ -85,12 +75,8 @@ class PathRun:
         """
         mended = states.copy()
         for rows in _windows(failed, len(states)):
-            keeper = replace(
-                self.keeper,
-                within=self.keeper.within[rows],
-                demanded=demanded[rows],
-                area_cost=STIFFER * self.keeper.area_cost,
-            )
+            keeper = replace(self.keeper, within=self.keeper.within[rows], demanded=demanded[rows])
+            keeper = replace(keeper, area_cost=STIFFER * self.keeper.area_cost)
             part = self.problem.part(rows, keeper.half_spaces)
             lower = np.maximum(part.lower, self.states[rows] - tube[rows, None])
             upper = np.minimum(part.upper, self.states[rows] + tube[rows, None])
@@ -131,7 +117,9 @@ def runs_of(plan: Plan, standing: Standing, stride: float, loose: bool) -> Itera
     working = plan.motion.kind != "transit"
     edges = np.flatnonzero(np.diff(np.concatenate([[False], working, [False]])))
     for first, end in edges.reshape(-1, 2).tolist():
-        yield from layout.parts(first, end - 1)
+        count = 1 + (end - 1 - first) // MOST_STATES
+        cuts = np.linspace(first, end - 1, count + 1).astype(int).tolist()
+        yield from (layout.run(a, b) for a, b in pairwise(cuts))
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,13 +133,7 @@ class _Layout:
     def evenly(self) -> bool:
         return math.isfinite(self.stride)
 
-    def parts(self, first: int, last: int) -> Iterator[PathRun]:
-        count = 1 + (last - first) // MOST_STATES
-        cuts = np.linspace(first, last, count + 1).astype(int).tolist()
-        for a, b in zip(cuts[:-1], cuts[1:], strict=True):
-            yield self._run(a, b)
-
-    def _run(self, first: int, last: int) -> PathRun:
+    def run(self, first: int, last: int) -> PathRun:
         world, motion, rows = self.plan.world, self.plan.motion, slice(first, last + 1)
         before = np.column_stack([unwrapped(motion.base[rows]), motion.joints[rows]])
         owner, worked = motion.setpoint[rows], motion.kind[rows] == "setpoint"
@@ -170,19 +152,16 @@ class _Layout:
         problem = self._problem(states, within, at, held, beyond)
         states = on_path(problem, states) if self.evenly else states
         few = _coarse_rows(worked)
-        coarse = replace(
-            self._problem(states[few], within[few], at[few], held, beyond[few]),
-            parameter=problem.parameter[few],
-        )
-        keeper = self._keeper(within)
+        coarse = self._problem(states[few], within[few], at[few], held, beyond[few])
+        coarse, keeper = replace(coarse, parameter=problem.parameter[few]), self._keeper(within)
         return PathRun(first, last, owner, worked, states, within[worked], problem, coarse, keeper)
 
     def _places(self, first: int, last: int) -> Array:
         """Places of old states along the path: the set-point, and the share of the way to the next."""
-        task, motion = self.plan.world.task, self.plan.motion
-        places = motion.setpoint[first : last + 1].astype(float)
-        tools = self._tools[first : last + 1]
-        for k in np.flatnonzero(motion.kind[first : last + 1] == "step").tolist():
+        task, motion = self.plan.world.task, self.plan.motion.part(first, last + 1)
+        places = motion.setpoint.astype(float)
+        tools = self.plan.world.robot.tool(motion.base, motion.joints)[:, :3, 3]
+        for k in np.flatnonzero(motion.kind == "step").tolist():
             i = int(places[k])
             way = task[i + 1].position - task[i].position
             share = (tools[k] - task[i].position) @ way / max(float(way @ way), 1e-12)
@@ -216,17 +195,10 @@ class _Layout:
             for i, p in zip(np.floor(at).astype(int).tolist(), at, strict=True)
         ]
         position = np.array([aim.position for aim in aims])
-        lower, upper = self._limits(states, held)
+        parameter, limits = self._parameter(position, states), self._limits(states, held)
+        keep, corner = self._keeper(within).half_spaces, _corners(position)
         return PathProblem(
-            world.robot,
-            self._parameter(position, states),
-            _corners(position),
-            in_columns(aims),
-            _scale(world),
-            lower,
-            upper,
-            beyond,
-            self._keeper(within).half_spaces,
+            world.robot, parameter, corner, in_columns(aims), _scale(world), *limits, beyond, keep
         )
 
     def _beyond(self, first: int, last: int, states: Array) -> Array:
@@ -278,16 +250,11 @@ class _Layout:
     def _floor(self) -> BaseGeometry:
         return united(self.standing.pieces.polygon)
 
-    @cached_property
-    def _tools(self) -> Array:
-        return self.plan.tools()
-
 
 def _ways(robot: Robot, states: Array) -> Array:
     """How far the farthest corner of the footprint goes at most from state to state (n, m), (n - 1,) [m]."""
     moved, radius = np.diff(states[:, :3], axis=0), np.linalg.norm(robot.footprint, axis=1).max()
-    ways: Array = np.linalg.norm(moved[:, :2], axis=1) + radius * np.abs(moved[:, 2])
-    return ways
+    return np.linalg.norm(moved[:, :2], axis=1) + radius * np.abs(moved[:, 2])
 
 
 def _coarse_rows(worked: Mask) -> Index:
@@ -316,6 +283,6 @@ def _corners(position: Array) -> Mask:
 
 def _scale(world: World) -> Array:
     """Weight of each coordinate: the inverse of its limit of acceleration."""
-    limits = motion_limits(world.robot, world.speeds or Speeds())
-    base = limits.speeds.base_acceleration
-    return 1 / np.concatenate([[base, base, limits.speeds.turn_acceleration], limits.joint_acceleration])
+    speeds = world.speeds or Speeds()
+    base, turn = speeds.base_acceleration, speeds.turn_acceleration
+    return 1 / np.array([base, base, turn, *speeds.joint_limits(world.robot.chain)[1]])

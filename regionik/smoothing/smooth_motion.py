@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -18,15 +18,14 @@ import shapely
 
 from regionik.areas.standing import Standing
 from regionik.moving.path_search import transit_planner
+from regionik.moving.transit import TransitPlanner
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.progress import track
-from regionik.postures.poses import axis_of, transits
-from regionik.smoothing.reconnection import Reconnection
+from regionik.postures.poses import Pose, axis_of, columns, lifted_rows, transits
 from regionik.smoothing.runs import SHORTEST_RUN, PathRun, runs_of
-from regionik.values import Configuration, Motion, Plan, Report
+from regionik.values import Motion, Plan, Report
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
-from regionik.worlds.scene import World
 
 OUTSIDE = 1e-9  # of its area, by rounding [m]
 STRIDES = 0.05, 0.025, math.inf  # of the tool from state to state; where these fail, those found may do [m]
@@ -101,10 +100,12 @@ def _rebuilt(plan: Plan, runs: list[PathRun], smoothed: list[Array], rejoin: Rec
         shared = int(run.first < done)  # where a long run was cut both of its parts have the state
         parts.append(_columns(run, states).part(shared, len(states)))
         done = run.last + 1
+        bases, joints = _wrapped(states[run.worked]), states[run.worked, 3:]
+        tools = plan.world.robot.tool(bases, joints)[:, :3, 3]
         owners = run.owner[run.worked].tolist()
-        moved = _moved_to(plan.world, [setpoints[i] for i in owners], owners, states[run.worked])
-        for i, found in zip(owners, moved, strict=True):
-            setpoints[i] = found
+        for i, base, posture, tool in zip(owners, bases, joints, tools, strict=True):
+            error = math.dist(tool, plan.world.task[i].position)
+            setpoints[i] = replace(setpoints[i], base=base, joints=posture, error=error)
     motion = rejoin.joined(old, Motion.joined([*parts, old.part(done, len(old))]))
     if motion is None:
         return None
@@ -112,16 +113,6 @@ def _rebuilt(plan: Plan, runs: list[PathRun], smoothed: list[Array], rejoin: Rec
     stats["states"], stats["base_travel"] = len(motion), plan.world.robot.drive.travel(motion.base)
     stats["largest_error"] = float(max(found.error for found in setpoints))
     return replace(plan, motion=motion, setpoints=tuple(setpoints), stats=stats)
-
-
-def _moved_to(
-    world: World, setpoints: list[Configuration], owners: list[int], states: Array
-) -> Iterator[Configuration]:
-    """Configurations at set-points, moved to states (n, m)."""
-    bases, joints = _wrapped(states), states[:, 3:]
-    tools = world.robot.tool(bases, joints)[:, :3, 3]
-    for found, i, base, posture, tool in zip(setpoints, owners, bases, joints, tools, strict=True):
-        yield replace(found, base=base, joints=posture, error=math.dist(tool, world.task[i].position))
 
 
 def _columns(run: PathRun, states: Array) -> Motion:
@@ -171,3 +162,46 @@ def _held_closer(run: PathRun, smoothed: Array, tube: Array, rows: list[int]) ->
 
 def _beside(row: int) -> slice:
     return slice(max(0, row - BESIDE), row + BESIDE + 1)
+
+
+@dataclass(frozen=True, eq=False)
+class Reconnection:
+    """Moves the robot with its tool lifted to where runs begin now."""
+
+    planner: TransitPlanner
+    standing: Standing
+
+    def joined(self, old: Motion, new: Motion) -> Motion | None:
+        """The new motion, its ways with the tool lifted led to where they have to be now; None without one.
+
+        They are those of the old motion, which has as many, where their ends have not moved.
+        """
+        parts, done = list[Motion](), 0
+        for was, now in zip(transits(old), transits(new), strict=True):
+            here, there = _ends(new, now)
+            if all(map(_same, _ends(old, was), (here, there))):
+                continue
+            way = self._way(here, there, [_pose(old, k) for k in range(was.start - 1, was.stop + 1)])
+            if way is None:
+                return None
+            owner, drive = int(new.setpoint[now.start - 1]), self.planner.world.robot.drive
+            rows = lifted_rows(here, way, there, owner, drive)
+            parts += [new.part(done, now.start), *([columns(rows)] if rows else [])]
+            done = now.stop
+        return Motion.joined([*parts, new.part(done, len(new))])
+
+    def _way(self, here: Pose, there: Pose, old: list[Pose]) -> list[Pose] | None:
+        piece = self.standing.piece_at(axis_of(self.planner.world.robot, here.base), float(here.base[2]))
+        return None if piece is None else self.planner.rejoined(here, old, there, piece)
+
+
+def _ends(motion: Motion, rows: slice) -> tuple[Pose, Pose]:
+    return _pose(motion, rows.start - 1), _pose(motion, rows.stop)
+
+
+def _pose(motion: Motion, k: int) -> Pose:
+    return Pose(motion.base[k], motion.joints[k])
+
+
+def _same(one: Pose, other: Pose) -> bool:
+    return bool((one.base == other.base).all() and (one.joints == other.joints).all())

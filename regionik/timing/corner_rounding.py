@@ -14,11 +14,13 @@ from itertools import combinations_with_replacement
 import numpy as np
 from scipy.linalg import solveh_banded
 
+from regionik.planners.search.motion_bounds import longest_levers
 from regionik.timing.inserted_states import with_states
 from regionik.timing.limits import MotionLimits, segments_on_path
 from regionik.timing.parametrization import path_of
 from regionik.values import Motion
 from regionik.worlds.arrays import Array, Index
+from regionik.worlds.robot import Robot
 
 RAMP = 0.06  # of accelerations, at least [s]
 PERIOD = 0.0125  # between states that are laid out, at most [s]
@@ -90,15 +92,17 @@ def _smoothed(limits: MotionLimits, q: Array, time: Array, allowed: Array) -> Ar
         return q
     s, chain = limits.speeds, limits.robot.chain
     least = np.array([s.base_acceleration, s.base_acceleration, s.turn_acceleration])
-    lever = np.maximum(np.concatenate([[1.0, 1.0, limits.reach], limits.levers]), SHORTEST_LEVER)
-    pull = (np.concatenate([least, limits.joint_acceleration]) * lever / widest) ** 2
+    pull = (np.concatenate([least, limits.joint_acceleration]) * _levers(limits.robot) / widest) ** 2
     lower, upper = np.minimum(chain.lower, q[:, 3:]), np.maximum(chain.upper, q[:, 3:])
     form, best = _jerk_form(time) * max(limits.ramp, RAMP) ** 2, q
     weight = (widest / np.where(held, widest, allowed)) ** 2
     for k in range(ROUNDS[1]):
         weight = np.where(held, WEIGHTS[1], weight)
         found = np.column_stack(
-            [_fit(form, weight * one, column) for one, column in zip(pull, q.T, strict=True)]
+            [
+                solveh_banded(np.vstack([form[:1] + one, form[1:]]), one * column, lower=True)
+                for one, column in zip(np.outer(pull, weight), q.T, strict=True)
+            ]
         )
         found[:, 3:] = np.clip(found[:, 3:], lower, upper)
         found[held] = q[held]
@@ -111,12 +115,13 @@ def _smoothed(limits: MotionLimits, q: Array, time: Array, allowed: Array) -> Ar
     return best
 
 
-def _fit(form: Array, weight: Array, values: Array) -> Array:
-    """Values (n,) with least of a banded form, each held to what it was by a weight."""
-    whole = form.copy()
-    whole[0] += weight
-    found: Array = solveh_banded(whole, weight * values, lower=True)
-    return found
+def _levers(robot: Robot) -> Array:
+    """Upper bounds for the motion of any point per unit of each coordinate, (3 + dof,) [m]."""
+    chain = robot.chain
+    levers, reach = longest_levers(chain, len(chain.joints) - 1, chain.T_last_tool[:3, 3])
+    corners, mount = np.hypot(*robot.footprint.T).max(), np.hypot(*robot.mount[:2])
+    joints = np.abs(chain.coupling).T @ levers
+    return np.maximum([1.0, 1.0, max(mount + reach, corners), *joints], SHORTEST_LEVER)
 
 
 def _jerk_form(time: Array) -> Array:

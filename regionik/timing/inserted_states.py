@@ -6,13 +6,12 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from regionik.planners.geometry.rolling import without_slip
 from regionik.timing.limits import MotionLimits
 from regionik.timing.parametrization import fastest_rates, fastest_times, timed_path
 from regionik.values import Motion
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Index
 from regionik.worlds.errors import InputError
 
 ROUNDS = 30  # of inserting states until the smooth path keeps to the plan
@@ -36,13 +35,10 @@ def refined(limits: MotionLimits, motion: Motion) -> Motion:
     fine = _subdivided(limits, motion, count)
     position, rate = fastest_rates(limits, fine, tightenings=0)
     first = np.concatenate([[0], np.cumsum(count + 1)])  # where the motion's own states are
-    keep = np.zeros(len(fine), dtype=bool)
-    for a, b in pairwise(first.tolist()):
-        keep[a + np.array(_knots(position[a : b + 1], rate[a : b + 1] ** 2))] = True
-    own = np.zeros(len(fine), dtype=bool)
-    own[first] = True
-    base = without_slip(limits.robot.drive, fine.base[keep], ~own[keep])
-    return Motion(base, fine.joints[keep], fine.kind[keep], fine.setpoint[keep], fine.time[keep])
+    spans = [np.arange(a, b + 1) for a, b in pairwise(first.tolist())]
+    kept = np.unique(np.concatenate([span[_knots(position[span], rate[span] ** 2)] for span in spans]))
+    base = without_slip(limits.robot.drive, fine.base[kept], ~np.isin(kept, first))
+    return Motion(base, fine.joints[kept], fine.kind[kept], fine.setpoint[kept], fine.time[kept])
 
 
 def _knots(x: Array, y: Array) -> list[int]:
@@ -87,24 +83,27 @@ def _deviation(limits: MotionLimits, motion: Motion) -> Array:
     return np.where(path.slipping, np.inf, off)
 
 
-def with_rests(motion: Motion, states: NDArray[np.int64]) -> Motion:
-    """Motion that gives some states twice, at which the robot then rests."""
+def with_rests(motion: Motion, states: Index) -> tuple[Motion, Index]:
+    """Motion that gives some states twice, at which the robot then rests, and which state each of its is."""
     inner = states[states < len(motion) - 1]
-    return with_states(motion, inner, motion.base[inner], motion.joints[inner])
+    own = np.sort(np.append(np.arange(len(motion)), inner))
+    return with_states(motion, inner, motion.base[inner], motion.joints[inner]), own
 
 
-def _subdivided(limits: MotionLimits, motion: Motion, count: NDArray[np.int64]) -> Motion:
+def _subdivided(limits: MotionLimits, motion: Motion, count: Index) -> Motion:
     """Motion with so many states inserted in each segment (n - 1,), next to its smooth path."""
-    path = timed_path(limits, motion)
-    if not count.any():
-        return motion
-    segment = np.repeat(np.arange(len(count)), count)
-    share = np.concatenate([np.arange(1, n + 1) / (n + 1) for n in count[count > 0].tolist()])
-    return with_rolled_states(limits, motion, segment, *path.states_at(segment, share))
+    segment, share = evenly(count)
+    return with_rolled_states(limits, motion, segment, *timed_path(limits, motion).states_at(segment, share))
+
+
+def evenly(count: Index) -> tuple[Index, Array]:
+    """Segments of so many states (n - 1,) evenly inserted in each, and their shares of these, (m,) each."""
+    shares = [np.arange(1, n + 1) / (n + 1) for n in count.tolist()]
+    return np.repeat(np.arange(len(count)), count), np.concatenate([np.empty(0), *shares])
 
 
 def with_rolled_states(
-    limits: MotionLimits, motion: Motion, segment: NDArray[np.int64], base: Array, joints: Array
+    limits: MotionLimits, motion: Motion, segment: Index, base: Array, joints: Array
 ) -> Motion:
     """`with_states`, the inserted ones moved to where wheels roll from one to the next."""
     found = with_states(motion, segment, base, joints)
@@ -112,7 +111,7 @@ def with_rolled_states(
     return replace(found, base=without_slip(limits.robot.drive, found.base, inserted))
 
 
-def with_states(motion: Motion, segment: NDArray[np.int64], base: Array, joints: Array) -> Motion:
+def with_states(motion: Motion, segment: Index, base: Array, joints: Array) -> Motion:
     """Motion with states inserted in segments, in the order given, of the kind that the segment is."""
     from_setpoint = np.asarray(motion.kind[segment] == "setpoint")  # then the next state says the kind
     lead = np.where(from_setpoint, segment + 1, segment)

@@ -14,17 +14,16 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
-from regionik.timing.inserted_states import with_rolled_states, with_states
+from regionik.timing.inserted_states import evenly, with_rolled_states, with_states
 from regionik.timing.limits import MotionLimits, segments_on_path, tool_velocity
 from regionik.timing.parametrization import fastest_rates, path_of, steering_pauses, timed_path
 from regionik.timing.smooth_path import SmoothPath
 from regionik.timing.time_spline import time_spline
 from regionik.timing.timing_figures import HELD
 from regionik.values import Motion
-from regionik.worlds.arrays import Array, Index
+from regionik.worlds.arrays import Array, Index, Mask
 
 ROUNDS, PATIENCE = 12, 6  # of tightening limits: at most, and without gain
 EXCESS = 1e-3  # by which limits may be exceeded, before time is stretched
@@ -38,14 +37,10 @@ CHECKED_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the time of each piece, at wh
 
 
 def jerk_limited_motion(limits: MotionLimits, fine: Motion) -> Motion:
-    """Motion timed within limits of jerk.
+    """Motion timed within limits of jerk, by a ``fine`` one with constant path accelerations between states.
 
-    Parameters
-    ----------
-    limits : MotionLimits
-    fine : Motion
-        With states inserted so that path accelerations are constant between them. By ``limits.blend`` any
-        point of the robot may leave its path, and then the segments between the states that are found.
+    Any point of the robot may leave its path, and then the segments between the states that are found, by
+    ``limits.blend``.
     """
     path, factor = timed_path(limits, fine), np.ones(len(fine) - 1)
     best, least, found = fine, np.inf, 0
@@ -69,28 +64,19 @@ def jerk_limited_motion(limits: MotionLimits, fine: Motion) -> Motion:
 
 @dataclass(frozen=True, eq=False)
 class _TimeLaw:
-    """Path position as a function of time: with constant path accelerations, then averaged over a window.
-
-    Attributes
-    ----------
-    path : SmoothPath
-    rate : (n,) array
-        Path velocities at its states.
-    window : float
-        [s]
-    """
+    """Path position as a function of time: with constant path accelerations, then averaged over a window."""
 
     path: SmoothPath
-    rate: Array
-    window: float
+    rate: Array  # (n,) path velocities at its states
+    window: float  # [s]
 
     @cached_property
-    def _moving(self) -> NDArray[np.bool_]:
+    def _moving(self) -> Mask:
         """Segments with a length, between two that have none, (n + 1,)."""
         return np.concatenate([[False], self.path.lengths > 0, [False]])
 
     @property
-    def rests(self) -> NDArray[np.bool_]:
+    def rests(self) -> Mask:
         """States at which the robot rests, (n,)."""
         return ~(self._moving[:-1] & self._moving[1:])
 
@@ -112,14 +98,12 @@ class _TimeLaw:
         whole = np.concatenate([[0.0], np.cumsum(t * (powers[0] + t * (powers[1] + t * powers[2])))])
         segment = np.clip(np.searchsorted(self._start, times, side="right") - 1, 0, len(moving) - 1)
         t, (a, b, c) = times - self._start[segment], powers[:, segment]
-        found: Array = whole[segment] + t * (a + t * (b + t * c))
-        return found
+        return whole[segment] + t * (a + t * (b + t * c))
 
     def at(self, times: Array) -> Array:
         """Averaged path positions at times (m,)."""
         before = np.maximum(times - self.window, 0.0)  # where the position is 0
-        found: Array = (self._integral(times) - self._integral(before)) / self.window
-        return found
+        return (self._integral(times) - self._integral(before)) / self.window
 
     def times_of(self, states: Index) -> Array:
         """Times (m,) at which states are passed, or left where the robot rests."""
@@ -143,35 +127,28 @@ def _resampled(limits: MotionLimits, fine: Motion, law: _TimeLaw) -> tuple[Motio
     least = np.maximum(alone, np.diff(rows) > 1)
     count = np.where(moves, np.maximum(np.ceil(np.diff(times) / PERIOD).astype(np.int64) - 1, least), 0)
     for left in range(HALVINGS, -1, -1):
-        gap, between = _within_gaps(times, count)
+        gap, share = evenly(count)
+        between = times[gap] + share * np.diff(times)[gap]
         position = law.at(between)
         segment = np.searchsorted(path.position, position, side="right") - 1
         segment = np.clip(segment, rows[gap], rows[gap + 1] - 1)
         part = np.clip((position - path.position[segment]) / path.lengths[segment], 0.0, 1.0)
         found = with_rolled_states(limits, own, gap, *path.states_at(segment, part))
         found = replace(found, time=np.insert(times, gap + 1, between))
-        far = np.zeros(len(count), dtype=bool)
-        far[np.repeat(np.arange(len(count)), count + 1)[_strayed(limits, found, law) > limits.blend]] = True
+        strayed = _strayed(limits, found, law) > limits.blend
+        far = np.logical_or.reduceat(strayed, np.cumsum(count + 1) - count - 1)
         if not left or not (far & moves).any():
             break
         count = np.where(far & moves, 2 * count + 1, count)
     return found, np.insert(path.position[rows], gap + 1, position)
 
 
-def _within_gaps(times: Array, count: Index) -> tuple[Index, Array]:
-    """So many instants (n - 1,) evenly between successive times (n,), and the gap that each is in."""
-    gap = np.repeat(np.arange(len(count)), count)
-    share = [np.arange(1, n + 1) / (n + 1) for n in count[count > 0].tolist()]
-    return gap, times[gap] + np.concatenate([np.empty(0), *share]) * np.diff(times)[gap]
-
-
-def _kept(fine: Motion, path: SmoothPath) -> NDArray[np.bool_]:
+def _kept(fine: Motion, path: SmoothPath) -> Mask:
     """States that stay: set-points, ends of runs and transits."""
     lifted = fine.kind == "transit"
     cut = (lifted[1:] != lifted[:-1]) | (path.lengths == 0)
     cut = np.concatenate([[True], cut, [True]])
-    found: NDArray[np.bool_] = cut[:-1] | cut[1:] | (fine.kind == "setpoint")
-    return found
+    return cut[:-1] | cut[1:] | (fine.kind == "setpoint")
 
 
 def _strayed(limits: MotionLimits, timed: Motion, law: _TimeLaw) -> Array:
@@ -197,12 +174,14 @@ def _densely(limits: MotionLimits, timed: Motion) -> Motion:
     count = np.zeros(len(timed) - 1, dtype=np.int64)
     spline = time_spline(path_of(limits.robot, timed), timed.time)
     for _ in range(HALVINGS):
-        gap, between = _within_gaps(timed.time, count)
+        gap, share = evenly(count)
+        between = timed.time[gap] + share * np.diff(timed.time)[gap]
         q = spline.evaluate(between).q
         found = with_states(timed, gap, q[:, :3], q[:, 3:])
         found = replace(found, time=np.insert(timed.time, gap + 1, between))
-        far = np.zeros(len(count), dtype=bool)
-        far[np.repeat(np.arange(len(count)), count + 1)[_deviation(limits, found) > limits.blend]] = True
+        far = np.logical_or.reduceat(
+            _deviation(limits, found) > limits.blend, np.cumsum(count + 1) - count - 1
+        )
         if not far.any():
             break
         count = np.where(far, 2 * count + 1, count)  # halves, so that knots stay knots
@@ -230,12 +209,12 @@ def _excess(limits: MotionLimits, timed: Motion) -> Array:
     """Factor by which the squared path velocity is too large on each segment, (n - 1,)."""
     path = path_of(limits.robot, timed)
     spline, excess = time_spline(path, timed.time), np.zeros(len(timed) - 1)
-    on_path, piece = segments_on_path(timed), np.arange(len(spline.segments))
+    knots, segment = spline.knots.time, spline.knots.segment[:-1]
+    on_path, piece = segments_on_path(timed)[segment], np.arange(len(segment))
     for share in CHECKED_SHARES:
-        times = spline.instants[:-1] + share * np.diff(spline.instants)
+        times = knots[:-1] + share * np.diff(knots)
         q, velocity, acceleration, jerk = spline.evaluate(times, piece)
-        factor = limits.slowdown(q, velocity, acceleration, on_path[spline.segments], jerk)
-        np.maximum.at(excess, spline.segments, factor**2)
+        np.maximum.at(excess, segment, limits.slowdown(q, velocity, acceleration, on_path, jerk) ** 2)
     return excess
 
 

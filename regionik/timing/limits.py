@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from regionik.planners.search.motion_bounds import longest_levers
 from regionik.timing.trajectory import TrajectorySample, trajectory_within
 from regionik.values import Motion
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Mask
 from regionik.worlds.errors import InputError
 from regionik.worlds.robot import Robot
 from regionik.worlds.speeds import Speeds
-
-Mask = NDArray[np.bool_]
 
 RATE = 1000.0  # at which limits are checked [Hz]
 SHARES = (0.0, 0.25, 0.5, 0.75, 1 - 1e-6)  # of each segment, at which they are checked too
@@ -31,30 +29,27 @@ _INSIDE = np.cos(np.pi / 8)
 
 @dataclass(frozen=True, eq=False)
 class MotionLimits:
-    """Limits of a robot's coordinates q: x, y, yaw and joints.
-
-    Attributes
-    ----------
-    robot : Robot
-    speeds : Speeds
-    joint_velocity, joint_acceleration, joint_jerk : (dof,) arrays
-        Infinite where there is no limit of jerk.
-    levers : (dof,) array
-        Upper bounds for the motion of any point behind a joint per unit of the joint [m].
-    reach : float
-        Of any point from the base's origin [m].
-    pointer : float
-        Length of a line along each axis of the tool that counts as part of it [m].
-    """
+    """Limits of a robot's coordinates q: x, y, yaw and joints."""
 
     robot: Robot
     speeds: Speeds
-    joint_velocity: Array
-    joint_acceleration: Array
-    joint_jerk: Array
-    levers: Array
-    reach: float
+    # Length of lines along the tool's axes that count as part of it; long ones keep it from turning [m]
     pointer: float = 0.0
+
+    @cached_property
+    def joint_velocity(self) -> Array:
+        """Limits, (dof,)."""
+        return self.speeds.joint_limits(self.robot.chain)[0]
+
+    @cached_property
+    def joint_acceleration(self) -> Array:
+        """Limits, (dof,)."""
+        return self.speeds.joint_limits(self.robot.chain)[1]
+
+    @cached_property
+    def joint_jerk(self) -> Array:
+        """Limits, infinite for none, (dof,)."""
+        return self.speeds.joint_jerks(self.robot.chain)
 
     @property
     def blend(self) -> float:
@@ -81,10 +76,9 @@ class MotionLimits:
     def ramp(self) -> float:
         """Time in which every limited jerk brings its acceleration from zero to its limit [s]."""
         s = self.speeds
-        times = [self.joint_acceleration / self.joint_jerk]
-        for most, jerk in ((s.base_acceleration, s.base_jerk), (s.turn_acceleration, s.turn_jerk)):
-            times.append(np.array([0.0 if jerk is None else most / jerk]))
-        return float(np.concatenate(times).max())
+        base = (s.base_acceleration, s.base_jerk), (s.turn_acceleration, s.turn_jerk)
+        times = [most / jerk for most, jerk in base if jerk is not None]
+        return float(max(*times, *(self.joint_acceleration / self.joint_jerk), 0.0))
 
     def usage(
         self, q: Array, velocity: Array, acceleration: Array, on_path: Mask, jerk: Array | None = None
@@ -98,22 +92,18 @@ class MotionLimits:
         on_path : (n,) array of bool
             Where the tool is on its path.
         """
-        joints = np.abs(acceleration[:, 3:]) / self.joint_acceleration
-        used = {
+        s, joints = self.speeds, np.abs(acceleration[:, 3:]) / self.joint_acceleration
+        usage = {
             **self._velocity_usage(q, velocity, on_path),
             "joint_acceleration": joints.max(1, initial=0.0),
-            "base_acceleration": np.hypot(*acceleration[:, :2].T) / self.speeds.base_acceleration,
-            "turn_acceleration": np.abs(acceleration[:, 2]) / self.speeds.turn_acceleration,
+            "base_acceleration": np.hypot(*acceleration[:, :2].T) / s.base_acceleration,
+            "turn_acceleration": np.abs(acceleration[:, 2]) / s.turn_acceleration,
         }
-        return used if jerk is None else {**used, **self._jerk_usage(jerk)}
-
-    def _jerk_usage(self, jerk: Array) -> dict[str, Array]:
-        s, usage = self.speeds, dict[str, Array]()
-        if s.joint_jerk is not None:
+        if jerk is not None and s.joint_jerk is not None:
             usage["joint_jerk"] = (np.abs(jerk[:, 3:]) / self.joint_jerk).max(1, initial=0.0)
-        if s.base_jerk is not None:
+        if jerk is not None and s.base_jerk is not None:
             usage["base_jerk"] = np.hypot(*jerk[:, :2].T) / s.base_jerk
-        if s.turn_jerk is not None:
+        if jerk is not None and s.turn_jerk is not None:
             usage["turn_jerk"] = np.abs(jerk[:, 2]) / s.turn_jerk
         return usage
 
@@ -123,24 +113,18 @@ class MotionLimits:
         """Factors (n,) by which a motion must be slower to keep all limits; below 1 it may be faster."""
         usage = self.usage(q, velocity, acceleration, on_path, jerk)
         factors = [share ** ROOTS[name.rpartition("_")[2]] for name, share in usage.items()]
-        found: Array = np.max(factors, axis=0)
-        return found
+        return np.max(factors, axis=0)
 
     def most_used(
         self, q: Array, velocity: Array, acceleration: Array, jerk: Array | None = None
     ) -> list[str]:
         """Limit that a motion uses most at each instant (n,), but for the tool's speed."""
         usage = self.usage(q, velocity, acceleration, np.zeros(len(q), dtype=bool), jerk)
-        names = list(usage)
-        joints = np.array(self.robot.chain.names)
-        limits = {"joint_velocity": (velocity, self.joint_velocity)}
-        limits["joint_acceleration"] = (acceleration, self.joint_acceleration)
-        if jerk is not None:
-            limits["joint_jerk"] = (jerk, self.joint_jerk)
-        joint = {
-            name: joints[np.argmax(np.abs(rate[:, 3:]) / limit, axis=1)]
-            for name, (rate, limit) in limits.items()
-        }
+        names, joints, joint = list(usage), np.array(self.robot.chain.names), dict[str, NDArray[np.str_]]()
+        rates = {"joint_velocity": velocity, "joint_acceleration": acceleration, "joint_jerk": jerk}
+        for name, rate in rates.items():
+            if rate is not None:
+                joint[name] = joints[np.argmax(np.abs(rate[:, 3:]) / getattr(self, name), axis=1)]
         found = [names[row] for row in np.argmax(np.stack(list(usage.values())), axis=0).tolist()]
         return [f"{name} of {joint[name][k]}" if name in joint else name for k, name in enumerate(found)]
 
@@ -181,46 +165,23 @@ class MotionLimits:
         arm = np.maximum(moved[:, :-1], moved[:, 1:]) + THICKNESS * turned[:, :-1]
         arm[:, -1] = np.maximum(arm[:, -1], moved[:, -1] + self.pointer * turned[:, -1])
         base, corners = other[:, :3] - q[:, :3], float(np.hypot(*self.robot.footprint.T).max())
-        found: Array = np.maximum(arm.max(1), np.hypot(*base[:, :2].T) + corners * np.abs(base[:, 2]))
-        return found
-
-
-def motion_limits(robot: Robot, speeds: Speeds, pointer: float = 0.0) -> MotionLimits:
-    """Limits of a robot within given speeds; a long pointer keeps the tool from turning."""
-    velocity, acceleration = speeds.joint_limits(robot.chain)
-    chain = robot.chain
-    levers, reach = longest_levers(chain, len(chain.joints) - 1, chain.T_last_tool[:3, 3])
-    from_axis = float(np.hypot(*robot.mount[:2])) + reach
-    corners = float(np.hypot(*robot.footprint.T).max())
-    jerks = speeds.joint_jerks(robot.chain)
-    levers, far = np.abs(chain.coupling).T @ levers, max(from_axis, corners)
-    return MotionLimits(robot, speeds, velocity, acceleration, jerks, levers, far, pointer)
+        return np.maximum(arm.max(1), np.hypot(*base[:, :2].T) + corners * np.abs(base[:, 2]))
 
 
 def segments_on_path(motion: Motion) -> Mask:
     """Segments over which the tool is on its path, (n - 1,)."""
     lifted = motion.kind == "transit"
-    on_path: Mask = ~(lifted[:-1] | lifted[1:])
-    return on_path
+    return ~(lifted[:-1] | lifted[1:])
 
 
 def tool_velocity(robot: Robot, q: Array, velocity: Array) -> Array:
-    """Velocity of the tool's point in the world, (n, 3) [m/s].
-
-    Parameters
-    ----------
-    robot : Robot
-    q, velocity : (n, 3 + dof) arrays
-        Base and joints, and their velocities.
-    """
+    """Velocity of the tool's point in the world, of base and joints q (n, 3 + dof), (n, 3) [m/s]."""
     frames = robot.frames(q[:, :3], q[:, 3:])
     tool = frames[:, -1, :3, 3]
-    found = np.zeros((len(q), 3))
-    found[:, :2] = velocity[:, :2]
-    arm = tool[:, :2] - q[:, :2]
-    found[:, :2] += velocity[:, 2, None] * np.column_stack([-arm[:, 1], arm[:, 0]])
+    arm, turn = tool[:, :2] - q[:, :2], velocity[:, 2, None]
     J = robot.chain.point_jacobian(frames, tool, len(robot.chain.joints))
-    found += np.einsum("nk,nkj->nj", velocity[:, 3:], J)
+    found = np.einsum("nk,nkj->nj", velocity[:, 3:], J)
+    found[:, :2] += velocity[:, :2] + turn * np.column_stack([-arm[:, 1], arm[:, 0]])
     return found
 
 
@@ -232,9 +193,9 @@ def slowdowns(limits: MotionLimits, motion: Motion) -> Array:
     span, found = np.diff(motion.time), np.zeros(max(len(motion) - 1, 1))
     within = [motion.time[:-1] + share * span for share in SHARES]
     times = np.sort(np.concatenate([instants(motion), *within]))
-    for sample, on_path, jerk in sampled(limits, motion, times):
+    for sample, on_path in sampled(limits, motion, times):
         segment = np.searchsorted(motion.time, sample.time, side="right") - 1
-        factor = limits.slowdown(*sample.columns, on_path, jerk)
+        factor = limits.slowdown(*sample.columns, on_path, sample.jerk)
         np.maximum.at(found, np.minimum(segment, len(found) - 1), factor)
     return found
 
@@ -250,7 +211,7 @@ def check_tool_speed(limits: MotionLimits, motion: Motion) -> None:
     asked = limits.speeds.tool_velocity
     if asked is None:
         raise InputError("hold: expected a tool speed to hold; give tool_velocity")
-    for sample, on_path, _ in sampled(limits, motion, instants(motion)):
+    for sample, on_path in sampled(limits, motion, instants(motion)):
         q, velocity, _ = sample.columns
         speed = np.linalg.norm(tool_velocity(limits.robot, q, velocity), axis=1)
         moves = on_path & (speed > AT_REST)
@@ -270,12 +231,10 @@ def instants(motion: Motion) -> Array:
     return np.append(np.arange(0.0, motion.time[-1], 1 / RATE), motion.time[-1])
 
 
-def sampled(
-    limits: MotionLimits, motion: Motion, times: Array
-) -> Iterator[tuple[TrajectorySample, Mask, Array | None]]:
-    """The motion at instants, chunk by chunk, where the tool is on its path, and jerk where it is limited."""
+def sampled(limits: MotionLimits, motion: Motion, times: Array) -> Iterator[tuple[TrajectorySample, Mask]]:
+    """The motion at instants, chunk by chunk, and where the tool is on its path."""
     trajectory = trajectory_within(limits.robot, motion, limits.speeds)
     on_path = segments_on_path(motion) if len(motion) > 1 else np.zeros(1, dtype=bool)
     for some in np.array_split(times, 1 + len(times) // CHUNK):
         segment = np.searchsorted(motion.time, some, side="right") - 1
-        yield trajectory.sample(some), on_path[np.clip(segment, 0, len(on_path) - 1)], trajectory.jerk(some)
+        yield trajectory.sample(some), on_path[np.clip(segment, 0, len(on_path) - 1)]

@@ -8,13 +8,12 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from regionik.planners.timing.time_optimal import PathDerivatives, time_optimal_velocities
-from regionik.timing.limits import Mask, MotionLimits, segments_on_path
+from regionik.timing.limits import MotionLimits, segments_on_path
 from regionik.timing.smooth_path import STEERED, SmoothPath, smooth_path, spline_path
 from regionik.values import Motion
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.robot import Robot
 
 TIGHTENINGS = 6  # of limits, where they are exceeded between states
@@ -96,26 +95,15 @@ def fastest_rates(
 
 @dataclass(frozen=True, eq=False)
 class _MovingSegments:
-    """Segments of a path that have a length, whole runs of them, one after the other.
-
-    Attributes
-    ----------
-    limits : MotionLimits
-    path : SmoothPath
-    segments : (m,) array of int
-    on_path : (m,) array of bool
-        Where the tool is on its path.
-    """
+    """Segments of a path that have a length, whole runs of them, one after the other."""
 
     limits: MotionLimits
     path: SmoothPath
-    segments: NDArray[np.int64]
-    on_path: Mask
+    segments: Index  # (m,)
+    on_path: Mask  # (m,) where the tool is on its path
 
-    def take(self, some: NDArray[np.int64]) -> _MovingSegments:
+    def take(self, some: Index) -> _MovingSegments:
         """Some of the segments, whole runs of them."""
-        if len(some) == len(self.segments):
-            return self
         return replace(self, segments=self.segments[some], on_path=self.on_path[some])
 
     @cached_property
@@ -135,10 +123,9 @@ class _MovingSegments:
     def steered(self, shares: Sequence[float]) -> Array:
         """What a car's steering uses of its rate at a path velocity of 1, as `evaluate`, (k m,)."""
         limit = STEERING_SHARE * self.limits.speeds.steering_velocity
-        rate: Array = self.path.steering_rate(*self._places(shares)) / limit
-        return rate
+        return self.path.steering_rate(*self._places(shares)) / limit
 
-    def _places(self, shares: Sequence[float]) -> tuple[Array, NDArray[np.int64]]:
+    def _places(self, shares: Sequence[float]) -> tuple[Array, Index]:
         """Path positions and segments (k m,)."""
         length, start = self.path.lengths[self.segments], self.path.position[self.segments]
         position = np.concatenate([start + share * length for share in shares])
@@ -169,5 +156,4 @@ class _MovingSegments:
         acceleration = q_s * gain / (2 * length) + q_ss * velocity**2
         factor = self.limits.slowdown(q, q_s * velocity, acceleration, np.tile(self.on_path, count))
         factor = np.maximum(factor, self.steered(CHECKED_SHARES) * velocity[:, 0])
-        found: Array = (factor**2).reshape(count, -1).max(0)
-        return found
+        return (factor**2).reshape(count, -1).max(0)

@@ -61,15 +61,10 @@ def point_to_point(
     velocity, acceleration = (speeds or Speeds()).joint_limits(chain)
     asked = (speeds or Speeds()).joint_jerk if jerk is None else jerk
     jerks = acceleration / RAMP if asked is None else _each(asked, chain.dof, "jerk")
-    first, last = (
-        KinematicState(
-            frozen(joints, (chain.dof,), name),
-            _each(speed, chain.dof, f"{name}_velocity"),
-            np.zeros(chain.dof),
-        )
-        for name, joints, speed in (("start", start, start_velocity), ("goal", goal, goal_velocity))
-    )
-    motion = jerk_limited(first, last, velocity, acceleration, jerks)
+    rest = np.zeros(chain.dof)
+    at = frozen(start, (chain.dof,), "start"), _each(start_velocity, chain.dof, "start_velocity"), rest
+    to = frozen(goal, (chain.dof,), "goal"), _each(goal_velocity, chain.dof, "goal_velocity"), rest
+    motion = jerk_limited(KinematicState(*at), KinematicState(*to), velocity, acceleration, jerks)
     _check_joint_limits(chain, motion)
     return motion
 
@@ -78,11 +73,8 @@ def _check_joint_limits(chain: Chain, motion: JerkLimited) -> None:
     """Refuse a motion that leaves the joints' limits, with the joint and the time."""
     least, most, at_least, at_most = motion.extremes()
     for k, joint in enumerate(chain.active_joints):
-        for value, time, excess in (
-            (least[k], at_least[k], joint.lower - least[k]),
-            (most[k], at_most[k], most[k] - joint.upper),
-        ):
-            if excess > SLACK:
+        for value, time in ((least[k], at_least[k]), (most[k], at_most[k])):
+            if not joint.lower - SLACK <= value <= joint.upper + SLACK:
                 raise InputError(
                     f"{joint.name}: expected {joint.lower:g} to {joint.upper:g}, would be at {value:g} "
                     f"after {time:g} s"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 
@@ -14,13 +13,7 @@ from regionik.postures.arm import deviation
 from regionik.timing.corner_rounding import HELD, rounded
 from regionik.timing.inserted_states import blended, refined, with_rests
 from regionik.timing.jerk_limited_timing import jerk_limited_motion, stretched
-from regionik.timing.limits import (
-    MotionLimits,
-    check_tool_speed,
-    motion_limits,
-    segments_on_path,
-    slowdowns,
-)
+from regionik.timing.limits import MotionLimits, check_tool_speed, segments_on_path, slowdowns
 from regionik.timing.parametrization import fastest_times, path_of
 from regionik.timing.smooth_path import CORNER, GENTLE
 from regionik.timing.timing_figures import timing_figures
@@ -29,7 +22,6 @@ from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.errors import InputError
 from regionik.worlds.robot import Robot
-from regionik.worlds.scene import World
 from regionik.worlds.speeds import Speeds
 
 ROUNDED_CORNER = np.radians(60)  # where corners are rounded first, the robot stops at sharper ones
@@ -89,7 +81,9 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, hold: bool = False) -> P
     asked = speeds or plan.world.speeds or Speeds()
     stats = {key: value for key, value in plan.stats.items() if key not in ("margins", "timing")}
     plan = replace(plan, world=replace(plan.world, speeds=asked), stats=stats)
-    limits = _limits(plan.world, asked)
+    # The narrowest cone of the task bounds how far the blend turns the tool.
+    cone = min((target.cone for target in plan.world.task if target.direction is not None), default=np.inf)
+    limits = MotionLimits(plan.world.robot, asked, asked.blend / (TURN_SHARE * cone))
     timed, report = _fastest(limits, plan)
     if not report.ok:
         raise InputError(
@@ -104,35 +98,28 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, hold: bool = False) -> P
 def _fastest(limits: MotionLimits, plan: Plan) -> tuple[Plan, Report]:
     """The plan timed and its report; with usual corners too, where it rests at one that was to be rounder."""
     usual, found = min(limits.blend, Speeds.blend), list[tuple[Plan, Report]]()
-    near = replace(limits, speeds=replace(limits.speeds, blend=usual))
-    for room in _rooms(near, plan.motion, limits.blend):
-        timed, report, flows = _within(near, plan, room)
+    near, most = replace(limits, speeds=replace(limits.speeds, blend=usual)), _most(plan)
+    asked = np.where(plan.motion.kind == "transit", max(limits.blend, LIFTED), limits.blend)
+    rounder = not limits.robot.drive.rolls and (asked > usual).any()
+    for room in (asked, np.full(len(asked), usual))[not rounder :]:
+        timed, report, flows = _within(near, plan, room, most)
         found.append((timed, report))
         if report.ok and flows:
             break
     return min(found, key=lambda one: (not one[1].ok, float(one[0].motion.time[-1])))
 
 
-def _rooms(limits: MotionLimits, motion: Motion, blend: float) -> Iterator[Array]:
-    """Distances by which points may leave a motion about its states, (n,): as asked, then as usual [m]."""
-    usual = np.full(len(motion), limits.blend)
-    asked = np.where(motion.kind == "transit", max(blend, LIFTED), blend)
-    if _rounds(limits) and (asked > usual).any():
-        yield asked
-    yield usual
-
-
-def _within(limits: MotionLimits, plan: Plan, asked: Array) -> tuple[Plan, Report, bool]:
+def _within(limits: MotionLimits, plan: Plan, asked: Array, most: Array) -> tuple[Plan, Report, bool]:
     """The plan timed, its report, and whether no rule made it rest where corners were to be rounder.
 
-    Points leave the motion by at most what is ``asked`` (n,) about each state, by less where that breaks a
-    rule, and where that does not help the robot rests [m].
+    Points leave the motion by at most what is ``asked`` (n,) about each state, and ``most`` (n,) in it, by
+    less where that breaks a rule, and where that does not help the robot rests [m].
     """
-    room, most = asked.copy(), _most(plan)
+    room = asked.copy()
     first = rests = _rests(limits, plan.motion, np.minimum(room, most))
     widths = iter(BESIDE)
     for k in track("timing", range(NARROWED + len(BESIDE))):
-        motion, own = with_rests(plan.motion, rests), _twice(len(room), rests)
+        motion, own = with_rests(plan.motion, rests)
         timed, report = _verified(limits, plan, _timed(limits, motion, room[own], most[own]))
         if report.ok:
             break
@@ -147,23 +134,12 @@ def _within(limits: MotionLimits, plan: Plan, asked: Array) -> tuple[Plan, Repor
     return timed, report, not (asked[np.setdiff1d(rests, first)] > limits.blend).any()
 
 
-def _twice(count: int, rests: Index) -> Index:
-    """Which of so many states those of a motion with rests are."""
-    return np.sort(np.append(np.arange(count), rests[rests < count - 1]))
-
-
-def _limits(world: World, speeds: Speeds) -> MotionLimits:
-    """Limits of a world's motion; the narrowest cone of its task bounds how far the blend turns the tool."""
-    cone = min((target.cone for target in world.task if target.direction is not None), default=np.inf)
-    return motion_limits(world.robot, speeds, speeds.blend / (TURN_SHARE * cone))
-
-
 def _rests(limits: MotionLimits, motion: Motion, room: Array) -> Index:
     """States to rest at: corners, and both ends of a path on which the tool has a speed."""
     path = path_of(limits.robot, motion)
     gentle = 0.0 if limits.speeds.limit_jerk else GENTLE
     rests = path.corners(CORNER, gentle)
-    if _rounds(limits):
+    if not limits.robot.drive.rolls:  # corners are rounded before the motion is timed
         sharp = np.isin(rests, path.corners(ROUNDED_CORNER, gentle))
         rests = rests[(sharp & (room[rests] < LIFTED)) | (room[rests] <= HELD * limits.blend)]
     if limits.speeds.tool_velocity is None:
@@ -191,11 +167,6 @@ def _slower(limits: MotionLimits, motion: Motion, factor: Array) -> Motion:
     if limits.speeds.limit_jerk:
         return stretched(limits, motion, factor)
     return replace(motion, time=motion.time * factor.max() * (1 + SPARE))
-
-
-def _rounds(limits: MotionLimits) -> bool:
-    """Corners are rounded before the motion is timed; a base on wheels keeps to its arcs."""
-    return not limits.robot.drive.rolls
 
 
 def _most(plan: Plan) -> Array:
@@ -234,7 +205,7 @@ def _timed(limits: MotionLimits, motion: Motion, room: Array, most: Array) -> Mo
     """Motion with times, through its own states and more; a single state has time 0."""
     if len(motion) == 1:
         return replace(motion, time=np.zeros(1))
-    if _rounds(limits):
+    if not limits.robot.drive.rolls:  # wheels keep to their arcs
         motion = rounded(limits, motion, room, most)
     fine = blended(limits, refined(limits, blended(limits, motion)))
     if limits.speeds.limit_jerk:

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_banded
 
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.drives import BaseDrive, unwrapped
 
 SAME = 1e-9  # states that differ by less are the same [m], [rad]
@@ -26,24 +25,14 @@ GENTLE = 0.1  # change of it from segment to segment that a car makes as it roll
 CREEP = 1e-6  # part of the path's way that a car hardly rolls
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 
-Cubics = tuple[Array, Array, Array, Array]
-
 
 @dataclass(frozen=True, eq=False)
 class SmoothPath:
-    """Smooth path through states.
-
-    Attributes
-    ----------
-    drive : BaseDrive
-    base : (n, 3) array
-        x, y [m], yaw [rad], unwrapped.
-    joints : (n, dof) array
-    """
+    """Smooth path through states."""
 
     drive: BaseDrive
-    base: Array
-    joints: Array
+    base: Array  # (n, 3) x, y [m], yaw [rad], unwrapped
+    joints: Array  # (n, dof)
 
     @cached_property
     def lengths(self) -> Array:
@@ -60,8 +49,7 @@ class SmoothPath:
     @property
     def _way(self) -> Array:
         """Of the base on each segment, (n - 1,) [m]."""
-        way: Array = np.hypot(*np.diff(self.base[:, :2], axis=0).T)
-        return way
+        return np.hypot(*np.diff(self.base[:, :2], axis=0).T)
 
     @cached_property
     def position(self) -> Array:
@@ -71,11 +59,10 @@ class SmoothPath:
     @cached_property
     def runs(self) -> list[tuple[int, int]]:
         """First and last state of each run; the robot rests where a state is given twice."""
-        going = np.concatenate([[False], self.lengths > 0, [False]]).astype(int)
-        starts, ends = np.flatnonzero(np.diff(going) == 1), np.flatnonzero(np.diff(going) == -1)
-        return list(zip(starts.tolist(), ends.tolist(), strict=True))
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], self.lengths > 0, [False]])))
+        return [(a, b) for a, b in edges.reshape(-1, 2).tolist()]
 
-    def corners(self, sharp: float = CORNER, gentle: float = GENTLE) -> NDArray[np.int64]:
+    def corners(self, sharp: float = CORNER, gentle: float = GENTLE) -> Index:
         """States within runs where the robot must rest.
 
         At corners sharper than an angle [rad], and where a car has to stand to turn its steering: by more
@@ -87,7 +74,7 @@ class SmoothPath:
         within = (self.lengths[:-1] > 0) & (self.lengths[1:] > 0)
         return 1 + np.flatnonzero(within & (turned | self._stands_to_steer(gentle)))
 
-    def _stands_to_steer(self, gentle: float) -> NDArray[np.bool_]:
+    def _stands_to_steer(self, gentle: float) -> Mask:
         """States between two segments at which a car stands, as its steering is turned there, (n - 2,)."""
         return np.zeros(max(len(self.lengths) - 1, 0), dtype=np.bool_)
 
@@ -104,27 +91,27 @@ class SmoothPath:
         """
         return np.full(len(self.base) - 1, np.nan)
 
-    def steering_rate(self, position: Array, segment: NDArray[np.int64]) -> Array:
+    def steering_rate(self, position: Array, segment: Index) -> Array:
         """How fast the steering angle changes by path position, (m,); 0 where a car does not roll."""
         return np.zeros(len(position))
 
     @property
-    def slipping(self) -> NDArray[np.bool_]:
+    def slipping(self) -> Mask:
         """Segments on which wheels slip more than they may, (n - 1,)."""
         return np.zeros(len(self.lengths), dtype=np.bool_)
 
-    def states_at(self, segment: NDArray[np.int64], share: Array) -> tuple[Array, Array]:
+    def states_at(self, segment: Index, share: Array) -> tuple[Array, Array]:
         """Base (m, 3) and joints (m, dof) of states to insert at shares of segments."""
         q, _, _ = self.evaluate(self.position[segment] + share * self.lengths[segment], segment)
         return q[:, :3], q[:, 3:]
 
     @cached_property
-    def _cubics(self) -> Cubics:
-        """Of the coordinates."""
+    def _cubics(self) -> Array:
+        """Of the coordinates, (n - 1, 4, k)."""
         return self._through(self.coordinates)
 
-    def _through(self, z: Array) -> Cubics:
-        """Coefficients of cubics through values (n, k) at the states, constant first, (n - 1, k) each.
+    def _through(self, z: Array) -> Array:
+        """Coefficients (n - 1, 4, k) of cubics through values (n, k) at the states, constant first.
 
         Slopes at states are weighted harmonic means of those of the two segments, and 0 where these have
         opposite signs, so that nothing goes beyond its states (Fritsch and Butland, SIAM J. Sci. Stat.
@@ -140,18 +127,12 @@ class SmoothPath:
         mean = np.where(width[:-1] == 0, after, np.where(width[1:] == 0, before, mean))  # at rest
         slope = np.concatenate([secant[:1], mean, secant[-1:]])
         start, end = slope[:-1], slope[1:]
-        return z[:-1], start, (3 * secant - 2 * start - end) / far, (start + end - 2 * secant) / far**2
+        bend, twist = (3 * secant - 2 * start - end) / far, (start + end - 2 * secant) / far**2
+        return np.stack([z[:-1], start, bend, twist], axis=1)
 
-    def evaluate(self, position: Array, segment: NDArray[np.int64]) -> tuple[Array, Array, Array]:
+    def evaluate(self, position: Array, segment: Index) -> tuple[Array, Array, Array]:
         """Base and joints q (m, 3 + dof) at path positions (m,) on segments (m,), with q_s and q_ss."""
-        return self._values(self._cubics, position, segment)
-
-    def _values(
-        self, cubics: Cubics, position: Array, segment: NDArray[np.int64]
-    ) -> tuple[Array, Array, Array]:
-        t = (position - self.position[segment])[:, None]
-        a, b, c, d = (power[segment] for power in cubics)
-        return a + t * (b + t * (c + t * d)), b + t * (2 * c + 3 * t * d), 2 * c + 6 * t * d
+        return cubic_values(self._cubics[segment], position - self.position[segment])[:3]
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,41 +142,81 @@ class SplinePath(SmoothPath):
     @property
     def _largest_change(self) -> Array:
         """Euclidean length of the segments, in metres and radians alike."""
-        far: Array = np.linalg.norm(np.diff(self.coordinates, axis=0), axis=1)
-        return far
+        return np.linalg.norm(np.diff(self.coordinates, axis=0), axis=1)
 
-    def _through(self, z: Array) -> Cubics:
+    def _through(self, z: Array) -> Array:
         """See `SmoothPath._through`; at the ends of runs the path is straight."""
         moving = self.lengths > 0
-        h, change = np.where(moving, self.lengths, 1.0)[:, None], np.diff(z, axis=0)
-        bend = knot_curvatures(h[:, 0], change / h, moving, np.zeros((2, len(h)), dtype=np.bool_))
-        a, b = bend[:-1], bend[1:]
-        rest = (change / h - h * (2 * a + b) / 6, a / 2, (b - a) / (6 * h))
-        slope, half, third = (np.where(moving[:, None], one, 0.0) for one in rest)
-        return z[:-1], slope, half, third
+        bend = knot_curvatures(self.lengths, z, moving, np.zeros((2, len(moving)), dtype=np.bool_))
+        return spline_cubics(self.lengths, z, bend, moving)
 
 
-def slips_far(left: Array, rolled: Array) -> NDArray[np.bool_]:
+def cubic_values(cubics: Array, since: Array) -> tuple[Array, Array, Array, Array]:
+    """Values of cubics (m, 4, k), constant first, at (m,), and their three derivatives, (m, k) each."""
+    a, b, c, d = cubics.swapaxes(0, 1)
+    t = since[:, None]
+    return a + t * (b + t * (c + t * d)), b + t * (2 * c + 3 * t * d), 2 * c + 6 * t * d, 6 * d
+
+
+def spline_cubics(h: Array, value: Array, bend: Array, moving: Mask) -> Array:
+    """Coefficients (n - 1, 4, k) of splines, constant first, by values and second derivatives at knots."""
+    h = np.where(moving, h, 1.0)[:, None]
+    a, b = bend[:-1], bend[1:]
+    slope = np.diff(value, axis=0) / h - h * (2 * a + b) / 6
+    rest = [np.where(moving[:, None], one, 0.0) for one in (slope, a / 2, (b - a) / (6 * h))]
+    return np.stack([value[:-1], *rest], axis=1)
+
+
+def rolled_over(cubics: Array, since: Array) -> Array:
+    """Way on the floor by cubics (m, 4, k) of way rolled and heading, from their start on, (m, 2) [m].
+
+    By Gauss and Legendre's quadrature of the heading's cosine and sine.
+    """
+    nodes = since[:, None] * (_NODES + 1) / 2
+    value, slope, *_ = cubic_values(np.repeat(cubics[..., :2], len(_NODES), axis=0), nodes.ravel())
+    way = since[:, None] * _WEIGHTS / 2 * slope[:, 0].reshape(nodes.shape)
+    yaw = value[:, 1].reshape(nodes.shape)
+    return np.column_stack([(way * np.cos(yaw)).sum(1), (way * np.sin(yaw)).sum(1)])
+
+
+def on_floor(place: Array, cubics: Array, slip: Array, since: Array) -> list[Array]:
+    """Base and joints q, and their first three derivatives, (m, 3 + dof) each.
+
+    By cubics of way rolled, heading and joints (m, 4, 2 + dof), which begin at a ``place`` (m, 2), and of
+    what the base slips besides (m, 4, 2) [m].
+    """
+    values = value, slope, bend, jerk = cubic_values(cubics, since)
+    slid, *slipping = cubic_values(slip, since)
+    ahead, (v, w) = np.exp(1j * value[:, 1]), slope[:, :2].T
+    last = jerk[:, 0] - v * w**2 + 1j * (2 * bend[:, 0] * w + v * bend[:, 1])
+    along = [ahead * rate for rate in (v, bend[:, 0] + 1j * v * w, last)]
+    flat = [place + rolled_over(cubics, since) + slid - slip[:, 0]]
+    for row, slip_rate in zip(along, slipping, strict=True):
+        flat.append(np.column_stack([row.real, row.imag]) + slip_rate)
+    return [np.column_stack([xy, rest[:, 1:]]) for xy, rest in zip(flat, values, strict=True)]
+
+
+def slips_far(left: Array, rolled: Array) -> Mask:
     """Whether wheels slip farther than they may by ways left (n, 2) beside ways rolled (n,), (n,)."""
-    found: NDArray[np.bool_] = np.hypot(*left.T) > SLIPPED + SLIP * np.abs(rolled)
-    return found
+    return np.hypot(*left.T) > SLIPPED + SLIP * np.abs(rolled)
 
 
-def knot_curvatures(h: Array, secant: Array, moving: NDArray[np.bool_], halved: NDArray[np.bool_]) -> Array:
+def knot_curvatures(h: Array, value: Array, moving: Mask, halved: Mask) -> Array:
     """Second derivatives of cubic splines at states (n, k), zero where they rest.
 
     Parameters
     ----------
     h : (n - 1,) array
         Lengths of the segments, by whatever the splines are functions of.
-    secant : (n - 1, k) array
-        Mean slopes over them.
+    value : (n, k) array
+        At the states.
     moving : (n - 1,) array of bool
         Segments that belong to a run; others separate runs.
     halved : (2, n - 1) array of bool
         First and last segments of runs that have a knot halfway, so that slopes at rest are zero too.
     """
-    (first, last), inner = halved, moving[:-1] & moving[1:]
+    h, (first, last), inner = np.where(moving, h, 1.0), halved, moving[:-1] & moving[1:]
+    secant = np.diff(value, axis=0) / h[:, None]
     banded = np.zeros((3, len(h) + 1))
     before, after = h[:-1] * np.where(first[:-1], 1, 2) / 6, h[1:] * np.where(last[1:], 1, 2) / 6
     banded[1] = 1.0
@@ -205,8 +226,7 @@ def knot_curvatures(h: Array, secant: Array, moving: NDArray[np.bool_], halved: 
     right = np.zeros((len(h) + 1, secant.shape[1]))
     change = np.where(last, 2, 1)[1:, None] * secant[1:] - np.where(first, 2, 1)[:-1, None] * secant[:-1]
     right[1:-1] = np.where(inner[:, None], change, 0.0)
-    found: Array = solve_banded((1, 1), banded, right)
-    return found
+    return solve_banded((1, 1), banded, right)
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,7 +251,7 @@ class RollingPath(SmoothPath):
         rolled = np.concatenate([[0.0], np.cumsum(self._rolled)])
         return np.column_stack([rolled, self.base[:, 2], self.joints])
 
-    def _stands_to_steer(self, gentle: float) -> NDArray[np.bool_]:
+    def _stands_to_steer(self, gentle: float) -> Mask:
         """See `SmoothPath`; between places where it stands a car steers as it rolls, or not at all.
 
         While it steers it rolls on all the way, for where it stops to roll, on a smooth path, its curvature
@@ -247,8 +267,7 @@ class RollingPath(SmoothPath):
         stands = (change > STEERED) & ~on
         part = np.cumsum(stands | (self.lengths[1:] == 0))
         steers = np.isin(part, part[(change > STEERED) & on])
-        found: NDArray[np.bool_] = stands | (steers & (ahead[:-1] != ahead[1:]))
-        return found
+        return stands | (steers & (ahead[:-1] != ahead[1:]))
 
     @cached_property
     def steering(self) -> Array:
@@ -258,58 +277,33 @@ class RollingPath(SmoothPath):
         angle = np.arctan(self.drive.turning_radius * turn / np.where(stands, 1.0, rolled))
         return np.where(stands, np.nan, angle)
 
-    def steering_rate(self, position: Array, segment: NDArray[np.int64]) -> Array:
+    def steering_rate(self, position: Array, segment: Index) -> Array:
         """See `SmoothPath`."""
-        radius, (_, rate, bend) = self.drive.turning_radius, self._values(self._cubics, position, segment)
+        radius, (_, rate, bend) = self.drive.turning_radius, super().evaluate(position, segment)
         (roll, turn), (gain, twist) = rate[:, :2].T, bend[:, :2].T
         square = roll**2 + (radius * turn) ** 2
         rolls = (square > CREEP**2) & ~np.isnan(self.steering[segment])
-        found: Array = radius * np.abs(twist * roll - turn * gain) / np.where(rolls, square, np.inf)
-        return found
+        return radius * np.abs(twist * roll - turn * gain) / np.where(rolls, square, np.inf)
 
     @cached_property
     def _left(self) -> Array:
         """What is left of the base's motion on each segment when all is rolled, (n - 1, 2) [m]."""
-        rolled = self._gone(self.position[1:], np.arange(len(self.lengths)))
-        left: Array = np.diff(self.base[:, :2], axis=0) - rolled
-        return left
+        return np.diff(self.base[:, :2], axis=0) - rolled_over(self._cubics, np.diff(self.position))
 
     @property
-    def slipping(self) -> NDArray[np.bool_]:
+    def slipping(self) -> Mask:
         return slips_far(self._left, self._rolled) & (self.lengths > 0)
 
     @cached_property
-    def _slip(self) -> Cubics:
-        """Of the place, besides what is rolled [m]."""
+    def _slip(self) -> Array:
+        """Cubics of the place, besides what is rolled, (n - 1, 4, 2) [m]."""
         return self._through(np.concatenate([np.zeros((1, 2)), np.cumsum(self._left, axis=0)]))
 
-    def _gone(self, position: Array, segment: NDArray[np.int64]) -> Array:
-        """Way rolled on the floor from the starts of segments (m,) to path positions (m,), (m, 2) [m].
-
-        By Gauss and Legendre's quadrature of the heading's cosine and sine.
-        """
-        start, far = self.position[segment, None], (position - self.position[segment])[:, None]
-        nodes, each = start + far * (_NODES + 1) / 2, np.repeat(segment, len(_NODES))
-        z, rate, _ = self._values(self._cubics, nodes.ravel(), each)
-        way = far * _WEIGHTS / 2 * rate[:, 0].reshape(nodes.shape)
-        yaw = z[:, 1].reshape(nodes.shape)
-        return np.column_stack([(way * np.cos(yaw)).sum(1), (way * np.sin(yaw)).sum(1)])
-
-    def evaluate(self, position: Array, segment: NDArray[np.int64]) -> tuple[Array, Array, Array]:
+    def evaluate(self, position: Array, segment: Index) -> tuple[Array, Array, Array]:
         """Return base and joints with derivatives, as `SmoothPath.evaluate` does."""
-        z, z_s, z_ss = super().evaluate(position, segment)
-        slip, slip_s, slip_ss = self._values(self._slip, position, segment)
-        (roll, turn), gain, yaw = z_s[:, :2].T, z_ss[:, :1], z[:, 1]
-        ahead = np.column_stack([np.cos(yaw), np.sin(yaw)])
-        left = np.column_stack([-ahead[:, 1], ahead[:, 0]])
-        place = self.base[segment, :2] + self._gone(position, segment) + slip - self._slip[0][segment]
-        flat = roll[:, None] * ahead + slip_s
-        bent = gain * ahead + (roll * turn)[:, None] * left + slip_ss
-        return (
-            np.column_stack([place, z[:, 1:]]),
-            np.column_stack([flat, z_s[:, 1:]]),
-            np.column_stack([bent, z_ss[:, 1:]]),
-        )
+        since = position - self.position[segment]
+        q, q_s, q_ss, _ = on_floor(self.base[segment, :2], self._cubics[segment], self._slip[segment], since)
+        return q, q_s, q_ss
 
 
 @dataclass(frozen=True, eq=False)

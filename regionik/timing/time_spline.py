@@ -12,12 +12,17 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from regionik.timing.smooth_path import SmoothPath, knot_curvatures, slips_far
-from regionik.worlds.arrays import Array, Index
-
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
+from regionik.timing.smooth_path import (
+    SmoothPath,
+    cubic_values,
+    knot_curvatures,
+    on_floor,
+    rolled_over,
+    slips_far,
+    spline_cubics,
+)
+from regionik.worlds.arrays import Array, Index, Mask
 
 
 class MotionRates(NamedTuple):
@@ -29,10 +34,10 @@ class MotionRates(NamedTuple):
     jerk: Array
 
 
-class _Knots(NamedTuple):
+class Knots(NamedTuple):
     """Knots of the splines: the states, and those between states."""
 
-    time: Array  # (p,)
+    time: Array  # (p,) [s]
     value: Array  # (p, k)
     acceleration: Array  # (p, k)
     segment: Index  # that a knot is on, or the last one is the end of, (p,)
@@ -40,46 +45,26 @@ class _Knots(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TimeSpline:
-    """Splines through the states of a timed motion.
+    """Splines through the states of a timed motion."""
 
-    Attributes
-    ----------
-    path : SmoothPath
-        Whose coordinates they are; a run ends where it has no length.
-    time : (n,) array
-        Of the states, rising wherever something moves [s].
-    """
-
-    path: SmoothPath
-    time: Array
+    path: SmoothPath  # whose coordinates they are; a run ends where it has no length
+    time: Array  # (n,) of the states, rising wherever something moves [s]
 
     @cached_property
-    def single(self) -> NDArray[np.bool_]:
-        """Segments that are a run of their own, on which no such motion is, (n - 1,)."""
-        first, last = self._ends
-        return first & last
-
-    @cached_property
-    def _ends(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Segments that are the first, and the last, of a run, (n - 1,) each."""
+    def ends(self) -> tuple[Mask, Mask]:
+        """Segments that are the first, and the last, of a run, (n - 1,) each; no motion is on one alone."""
         moving = np.concatenate([[False], self.path.lengths > 0, [False]])
         return moving[1:-1] & ~moving[:-2], moving[1:-1] & ~moving[2:]
 
-    def _accelerations(self, z: Array) -> Array:
-        """Second derivatives at the states, (n, k), by which first derivatives are continuous."""
-        moving = self.path.lengths > 0
-        h = np.where(moving, np.diff(self.time), 1.0)
-        return knot_curvatures(h, np.diff(z, axis=0) / h[:, None], moving, np.stack(self._ends))
-
-    def _knots(self, z: Array) -> _Knots:
+    def _knots(self, z: Array) -> Knots:
         """States with values (n, k), and in the first and last segments of runs a knot halfway."""
-        time, bend = self.time, self._accelerations(z)
-        first, last = self._ends
+        time, (first, last) = self.time, self.ends
+        bend = knot_curvatures(np.diff(time), z, self.path.lengths > 0, np.stack(self.ends))
         at = np.flatnonzero(first | last)
         lead, span = first[at][:, None], np.diff(time)[at]
         inner, rest = np.where(lead, bend[at + 1], bend[at]), np.where(lead, z[at], z[at + 1])
         half = np.where(lead, 4, -4) * (z[at + 1] - z[at]) / span[:, None] ** 2 - inner / 6
-        return _Knots(
+        return Knots(
             np.insert(time, at + 1, time[at] + span / 2),
             np.insert(z, at + 1, rest + half * span[:, None] ** 2 / 24, axis=0),
             np.insert(bend, at + 1, half, axis=0),
@@ -87,47 +72,34 @@ class TimeSpline:
         )
 
     @cached_property
-    def _laid_out(self) -> _Knots:
+    def knots(self) -> Knots:
+        """Those of the coordinates."""
         return self._knots(self.path.coordinates)
 
     @cached_property
     def _cubics(self) -> Array:
         """Of the coordinates."""
-        return self._through(self._laid_out)
+        return self._through(self.knots)
 
-    def _through(self, knots: _Knots) -> Array:
+    def _through(self, knots: Knots) -> Array:
         """Coefficients by time from each knot on, constant first, (p - 1, 4, k)."""
-        moving = (self.path.lengths > 0)[knots.segment[:-1], None]
-        h = np.where(moving, np.diff(knots.time)[:, None], 1.0)
-        a, b = knots.acceleration[:-1], knots.acceleration[1:]
-        slope = np.diff(knots.value, axis=0) / h - h * (2 * a + b) / 6
-        rest = [np.where(moving, one, 0.0) for one in (slope, a / 2, (b - a) / (6 * h))]
-        return np.stack([knots.value[:-1], *rest], axis=1)
+        moving = (self.path.lengths > 0)[knots.segment[:-1]]
+        return spline_cubics(np.diff(knots.time), knots.value, knots.acceleration, moving)
 
     @property
-    def instants(self) -> Array:
-        """Times of the knots, (p,) [s]."""
-        return self._laid_out.time
-
-    @property
-    def segments(self) -> Index:
-        """Segment that each knot but the last begins or is on, (p - 1,)."""
-        return self._laid_out.segment[:-1]
-
-    @property
-    def slipping(self) -> NDArray[np.bool_]:
+    def slipping(self) -> Mask:
         """Segments on which wheels slip more than they may, (n - 1,)."""
         return np.zeros(len(self.time) - 1, dtype=np.bool_)
 
     def evaluate(self, times: Array, piece: Index | None = None) -> MotionRates:
         """Base and joints at instants (m,) [s], which may be said to lie in pieces between knots (m,)."""
         if piece is None:
-            last = len(self.instants) - 2
-            piece = np.clip(np.searchsorted(self.instants, times, side="right") - 1, 0, last)
+            knots = self.knots.time
+            piece = np.clip(np.searchsorted(knots, times, side="right") - 1, 0, len(knots) - 2)
         return self._world(times, piece)
 
     def _world(self, times: Array, piece: Index) -> MotionRates:
-        return MotionRates(*_derivatives(self._cubics[piece], times - self.instants[piece]))
+        return MotionRates(*cubic_values(self._cubics[piece], times - self.knots.time[piece]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,14 +112,13 @@ class RollingSpline(TimeSpline):
     @cached_property
     def _left(self) -> Array:
         """What is left of the base's motion on each segment when all is rolled, (n - 1, 2) [m]."""
-        pieces, count = np.arange(len(self.segments)), len(self.time) - 1
-        gone = self._gone(self.instants[1:], pieces)
-        rolled = np.column_stack([np.bincount(self.segments, one, count) for one in gone.T])
+        gone, segment = rolled_over(self._cubics, np.diff(self.knots.time)), self.knots.segment[:-1]
+        rolled = np.column_stack([np.bincount(segment, one, len(self.time) - 1) for one in gone.T])
         left = np.diff(self.path.base[:, :2], axis=0) - rolled
         return np.where(self.path.lengths[:, None] > 0, left, 0.0)
 
     @property
-    def slipping(self) -> NDArray[np.bool_]:
+    def slipping(self) -> Mask:
         return slips_far(self._left, self.path.drive.rolled(self.path.base))
 
     @cached_property
@@ -158,46 +129,17 @@ class RollingSpline(TimeSpline):
     @cached_property
     def _places(self) -> Array:
         """Of the base at each knot, (p, 2) [m]: at states their own."""
-        knots = self._laid_out
+        knots = self.knots
         places = self.path.base[knots.segment, :2].copy()
         between = np.flatnonzero(np.diff(knots.segment, prepend=-1) == 0)
         slid = self._slip[between, 0] - self._slip[between - 1, 0]
-        places[between] += self._gone(knots.time[between], between - 1) + slid
+        gone = rolled_over(self._cubics[between - 1], np.diff(knots.time)[between - 1])
+        places[between] += gone + slid
         return places
 
-    def _gone(self, times: Array, piece: Index) -> Array:
-        """Way rolled on the floor from the knot before to instants in pieces, (m, 2) [m]."""
-        since = (times - self.instants[piece])[:, None]
-        nodes = since * (_NODES + 1) / 2
-        value, slope, *_ = _derivatives(self._cubics[np.repeat(piece, len(_NODES))], nodes.ravel())
-        way = since * _WEIGHTS / 2 * slope[:, 0].reshape(nodes.shape)
-        yaw = value[:, 1].reshape(nodes.shape)
-        return np.column_stack([(way * np.cos(yaw)).sum(1), (way * np.sin(yaw)).sum(1)])
-
     def _world(self, times: Array, piece: Index) -> MotionRates:
-        value, slope, bend, jerk = _derivatives(self._cubics[piece], times - self.instants[piece])
-        ahead = np.exp(1j * value[:, 1])
-        v, w = slope[:, 0], slope[:, 1]
-        along = [
-            v + 0j,
-            bend[:, 0] + 1j * v * w,
-            jerk[:, 0] - v * w**2 + 1j * (2 * bend[:, 0] * w + v * bend[:, 1]),
-        ]
-        slid, *slipping = _derivatives(self._slip[piece], times - self.instants[piece])
-        place = self._places[piece] + self._gone(times, piece) + slid - self._slip[piece, 0]
-        flat = [
-            np.column_stack([row.real, row.imag]) + slip
-            for row, slip in zip((row * ahead for row in along), slipping, strict=True)
-        ]
-        rates = zip([place, *flat], (value, slope, bend, jerk), strict=True)
-        return MotionRates(*(np.column_stack([xy, rest[:, 1:]]) for xy, rest in rates))
-
-
-def _derivatives(cubics: Array, since: Array) -> list[Array]:
-    """Values of cubics (m, 4, k) at times (m,), and their first three derivatives, (m, k) each."""
-    a, b, c, d = (cubics[:, order] for order in range(4))
-    t = since[:, None]
-    return [a + t * (b + t * (c + t * d)), b + t * (2 * c + 3 * t * d), 2 * c + 6 * t * d, 6 * d]
+        since = times - self.knots.time[piece]
+        return MotionRates(*on_floor(self._places[piece], self._cubics[piece], self._slip[piece], since))
 
 
 def time_spline(path: SmoothPath, time: Array) -> TimeSpline:

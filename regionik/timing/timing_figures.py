@@ -26,9 +26,9 @@ def timing_figures(limits: MotionLimits, motion: Motion) -> dict[str, Any]:
     time: list[Array] = []
     speed: list[Array] = []
     asked = limits.speeds.tool_velocity
-    for sample, on_path, jerk in sampled(limits, motion, instants(motion)):
+    for sample, on_path in sampled(limits, motion, instants(motion)):
         q, velocity, _ = sample.columns
-        usage = limits.usage(*sample.columns, on_path, jerk)
+        usage = limits.usage(*sample.columns, on_path, sample.jerk)
         used = {name: max(used.get(name, 0.0), float(share.max())) for name, share in usage.items()}
         if asked is not None:
             time.append(sample.time[on_path])
@@ -42,28 +42,18 @@ def timing_figures(limits: MotionLimits, motion: Motion) -> dict[str, Any]:
 
 @dataclass(frozen=True, eq=False)
 class _HeldSpeed:
-    """Speed of the tool on its path against the one that is asked.
-
-    Attributes
-    ----------
-    limits : MotionLimits
-    motion : Motion
-    asked : float
-        [m/s]
-    time, speed : (n,) arrays
-        Instants at which the tool is on its path, and its speed [s], [m/s].
-    """
+    """Speed of the tool on its path against the one that is asked."""
 
     limits: MotionLimits
     motion: Motion
-    asked: float
-    time: Array
-    speed: Array
+    asked: float  # [m/s]
+    time: Array  # (n,) instants at which the tool is on its path [s]
+    speed: Array  # (n,) of the tool then [m/s]
 
     def figures(self) -> dict[str, Any]:
         """Shares of time at which the speed is held, and what keeps the tool from it where."""
         held = self.speed >= HELD * self.asked
-        elsewhere = self._from_stops > self._braking
+        elsewhere = self._from_stops.min(axis=0) > self._braking
         slow, apart = np.concatenate([[False], ~held, [False]]), np.diff(self.time) > 1.5 / RATE
         apart = np.concatenate([[True], apart, [True]])
         starts = np.flatnonzero(slow[1:] & (~slow[:-1] | apart))
@@ -75,7 +65,7 @@ class _HeldSpeed:
             "held_elsewhere": float(np.mean(held[elsewhere])) if elsewhere.any() else 1.0,
             "below": len(starts),
             "places": self._places(starts[longest], ends[longest]),
-            "corners": [{"setpoint": i, "turn": turn} for i, turn in self._corners],
+            "corners": [{"setpoint": int(self.motion.setpoint[k]), "turn": turn} for k, turn in self._turns],
         }
 
     def _places(self, starts: Index, ends: Index) -> list[dict[str, Any]]:
@@ -83,9 +73,9 @@ class _HeldSpeed:
         trajectory = trajectory_within(self.limits.robot, self.motion, self.limits.speeds)
         first, last = self.time[starts] - BESIDE, self.time[ends] + BESIDE
         times = np.clip(first + SHARES[:, None] * (last - first), 0.0, self.motion.time[-1])
-        columns, jerk = trajectory.sample(times.ravel()).columns, trajectory.jerk(times.ravel())
-        factor = self.limits.slowdown(*columns, np.zeros(times.size, dtype=np.bool_), jerk)
-        names = np.array(self.limits.most_used(*columns, jerk), dtype=np.str_).reshape(times.shape)
+        sample = trajectory.sample(times.ravel())
+        factor = self.limits.slowdown(*sample.columns, np.zeros(times.size, dtype=np.bool_), sample.jerk)
+        names = np.array(self.limits.most_used(*sample.columns, sample.jerk)).reshape(times.shape)
         hardest = np.argmax(factor.reshape(times.shape), axis=0)
         slowest = [float(self.speed[a : b + 1].min()) for a, b in zip(starts, ends, strict=True)]
         reached = np.maximum.accumulate(np.where(self.motion.kind == "setpoint", self.motion.setpoint, -1))
@@ -104,17 +94,20 @@ class _HeldSpeed:
 
     def _stop_within(self, start: int, end: int) -> str:
         """Where a slow part is slowest: near an "end" of the path, a "corner", or on the "path" besides."""
-        slowest = start + int(np.argmin(self.speed[start : end + 1]))
-        if self._from_stops[slowest] > self._braking:
+        end_far, corner_far = self._from_stops[:, start + int(np.argmin(self.speed[start : end + 1]))]
+        if min(end_far, corner_far) > self._braking:
             return "path"
-        way = self._way[[slowest]]
-        ends, corners = (_nearest(self._way_at(one), way)[0] for one in (self._ends, self._at_corners))
-        return "end" if ends <= corners else "corner"
+        return "end" if end_far <= corner_far else "corner"
 
     @cached_property
     def _from_stops(self) -> Array:
-        """Way of the tool from each instant to the next end or corner, (n,) [m]."""
-        return _nearest(self._way_at(np.concatenate([self._ends, self._at_corners])), self._way)
+        """Way of the tool from each instant to the nearest end of its path, and to a corner, (2, n) [m]."""
+        if not len(self.time):
+            return np.empty((2, 0))
+        on_path = np.concatenate([[False], segments_on_path(self.motion), [False]])
+        stops = np.flatnonzero(np.diff(on_path)), [k for k, _ in self._turns]
+        ways = (np.interp(self.motion.time[rows], self.time, self._way) for rows in stops)
+        return np.stack([_nearest(way, self._way) for way in ways])
 
     @cached_property
     def _braking(self) -> float:
@@ -135,27 +128,6 @@ class _HeldSpeed:
         span = np.diff(self.time)
         step = np.where(span < 1.5 / RATE, span * (self.speed[1:] + self.speed[:-1]) / 2, 0.0)
         return np.concatenate([[0.0], np.cumsum(step)])[: len(self.time)]
-
-    def _way_at(self, times: Array) -> Array:
-        found: Array = np.interp(times, self.time, self._way) if len(self.time) else np.empty(0)
-        return found
-
-    @cached_property
-    def _ends(self) -> Array:
-        """Times at which the tool comes to its path, or leaves it [s]."""
-        on_path = np.concatenate([[False], segments_on_path(self.motion), [False]])
-        found: Array = self.motion.time[np.flatnonzero(np.diff(on_path))]
-        return found
-
-    @cached_property
-    def _corners(self) -> list[tuple[int, float]]:
-        """Set-points at which the path turns more than the base could within the blend, and how much."""
-        return [(int(self.motion.setpoint[k]), turn) for k, turn in self._turns]
-
-    @property
-    def _at_corners(self) -> Array:
-        """Times at which they are passed [s]."""
-        return self.motion.time[[k for k, _ in self._turns]]
 
     @cached_property
     def _turns(self) -> list[tuple[int, float]]:
@@ -178,13 +150,11 @@ class _HeldSpeed:
         """
         speeds, change = self.limits.speeds, 2 * self.asked * np.sin(angle / 2)
         steep = 0.0 if speeds.base_jerk is None else change**1.5 / (6 * np.sqrt(speeds.base_jerk))
-        found: Array = np.maximum(change**2 / (8 * speeds.base_acceleration), steep)
-        return found
+        return np.maximum(change**2 / (8 * speeds.base_acceleration), steep)
 
 
 def _nearest(stops: Array, ways: Array) -> Array:
     """Distance of each way (n,) to the nearest stop; infinite without any."""
     ends = np.concatenate([[-np.inf], np.sort(stops), [np.inf]])
     after = np.searchsorted(ends, ways)
-    found: Array = np.minimum(ways - ends[after - 1], ends[after] - ways)
-    return found
+    return np.minimum(ways - ends[after - 1], ends[after] - ways)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -31,6 +31,8 @@ class TrajectorySample:
     base, base_velocity, base_acceleration : (n, 3) arrays
         x, y [m], yaw [rad], unwrapped, and their derivatives, in the world.
     joints, joint_velocity, joint_acceleration : (n, dof) arrays
+    jerk : (n, 3 + dof) array, optional
+        Of base and joints; none where accelerations have jumps.
     """
 
     time: Array
@@ -40,6 +42,7 @@ class TrajectorySample:
     joint_velocity: Array
     base_acceleration: Array
     joint_acceleration: Array
+    jerk: Array | None = None
 
     @property
     def columns(self) -> tuple[Array, Array, Array]:
@@ -57,11 +60,6 @@ class Trajectory:
 
     Between two states the path acceleration is constant along the path of `regionik.timing.smooth_path`, so
     that the times of the states determine the whole.
-
-    Attributes
-    ----------
-    robot : Robot
-    motion : Motion
     """
 
     robot: Robot
@@ -87,21 +85,18 @@ class Trajectory:
         t = frozen(np.atleast_1d(np.asarray(times)), (None,), "times")
         if len(t) and (t.min() < 0 or t.max() > self.duration):
             raise InputError(f"times: expected from 0 to {self.duration:g} s, got {t.min():g} to {t.max():g}")
-        q, velocity, acceleration = self._rates(t)
-        return TrajectorySample(
-            t, q[:, :3], q[:, 3:], velocity[:, :3], velocity[:, 3:], acceleration[:, :3], acceleration[:, 3:]
-        )
+        q, v, a, jerk = self._rates(t)
+        return TrajectorySample(t, q[:, :3], q[:, 3:], v[:, :3], v[:, 3:], a[:, :3], a[:, 3:], jerk)
 
-    def jerk(self, times: Array) -> Array | None:
-        """Of base and joints at instants (n,), (n, 3 + dof); None where accelerations have jumps."""
-        return None
+    def _rates(self, times: Array) -> tuple[Array, Array, Array, Array | None]:
+        """Base and joints q (n, 3 + dof) at instants, with q' = q_s s' and q'' = q_s s'' + q_ss s'^2.
 
-    def _rates(self, times: Array) -> tuple[Array, Array, Array]:
-        """Base and joints q (n, 3 + dof) at instants, with q' = q_s s' and q'' = q_s s'' + q_ss s'^2."""
+        And with jerk where it is limited.
+        """
         time, lengths, rate = self.motion.time, self._path.lengths, self.rates
         if not lengths.any():  # nothing moves
             q = np.tile(np.concatenate([self.motion.base[0], self.motion.joints[0]]), (len(times), 1))
-            return q, 0.0 * q, 0.0 * q
+            return q, 0.0 * q, 0.0 * q, 0.0 * q
         moving = np.flatnonzero(lengths > 0)
         segment = moving[np.clip(np.searchsorted(time[moving], times, side="right") - 1, 0, None)]
         span = time[segment + 1] - time[segment]
@@ -112,7 +107,7 @@ class Trajectory:
         goes = (times <= time[segment + 1])[:, None]  # else it rests, until a car's steering is turned
         velocity = goes * (rate[segment] + elapsed * acceleration)[:, None]
         acceleration = goes * acceleration[:, None]
-        return q, q_s * velocity, q_s * acceleration + q_ss * velocity**2
+        return q, q_s * velocity, q_s * acceleration + q_ss * velocity**2, None
 
     @cached_property
     def _path(self) -> SmoothPath:
@@ -152,8 +147,8 @@ class SplineTrajectory(Trajectory):
     """
 
     def __post_init__(self) -> None:
-        lengths, span = self._path.lengths, np.diff(self.motion.time)
-        wrong = (lengths > 0) & ((span <= 0) | self.spline.single)
+        first, last = self.spline.ends
+        wrong = (self._path.lengths > 0) & ((np.diff(self.motion.time) <= 0) | (first & last))
         if wrong.any():
             at = self.motion.time[int(np.argmax(wrong))]
             raise InputError(f"times: no motion without jumps has these at {at:g} s; time the plan anew")
@@ -163,16 +158,8 @@ class SplineTrajectory(Trajectory):
         """Through the states."""
         return time_spline(self._path, self.motion.time)
 
-    def jerk(self, times: Array) -> Array | None:
-        """See `Trajectory.jerk`."""
-        if len(self.motion) == 1:
-            return np.zeros((len(times), 3 + self.robot.chain.dof))
-        return self.spline.evaluate(times).jerk
-
-    def _rates(self, times: Array) -> tuple[Array, Array, Array]:
-        if len(self.motion) == 1:
-            return super()._rates(times)
-        return self.spline.evaluate(times)[:3]
+    def _rates(self, times: Array) -> tuple[Array, Array, Array, Array | None]:
+        return super()._rates(times) if len(self.motion) == 1 else self.spline.evaluate(times)
 
 
 def trajectory_within(robot: Robot, motion: Motion, speeds: Speeds | None) -> Trajectory:
@@ -255,17 +242,10 @@ def sample_plan(plan: Plan, rate: float | None = None) -> PlanSamples:
 def _at_states(plan: Plan) -> PlanSamples:
     motion = plan.motion
     if is_timed(motion):
-        moving = trajectory(plan).sample(motion.time)
-        speeds = (
-            moving.base_velocity,
-            moving.joint_velocity,
-            moving.base_acceleration,
-            moving.joint_acceleration,
-        )
+        sample = replace(trajectory(plan).sample(motion.time), base=motion.base, joints=motion.joints)
     else:
         unknown = np.full_like(motion.base, np.nan), np.full_like(motion.joints, np.nan)
-        speeds = (*unknown, *unknown)
-    sample = TrajectorySample(motion.time, motion.base, motion.joints, *speeds)
+        sample = TrajectorySample(motion.time, motion.base, motion.joints, *unknown, *unknown)
     return PlanSamples(sample, motion.kind, motion.setpoint)
 
 
