@@ -100,6 +100,16 @@ class PathSegment:
         """Posture families at both ends of a leg."""
         return [self.family[round(tool)] for tool in self.base.tool[at.leg : at.leg + 2].tolist()]
 
+    def wish(self, near: Pose, here: SegmentPoint, at: SegmentPoint) -> Array:
+        """Joints wished for at a place by an arm that comes from another, (dof,).
+
+        They change as those of the segment do, from where the arm is: one that was led round something does
+        not jump back.
+        """
+        was, wished = between(self.wished, *_columns([here, at]))
+        joints: Array = near.joints + wished - was
+        return joints
+
     def pitch(self, at: SegmentPoint) -> float:
         """Pitch of the last link at a place [rad]."""
         first, last = (family.pitch for family in self.families(at))
@@ -145,7 +155,7 @@ class PathFollower:
         passed, at = [here], SegmentPoint(0, 0.0)
         while ahead:
             tried = [at, *ahead[: -AT_ONCE - 1 : -1]]
-            states, missing = self._solved(segment, tried[1:], passed[-1])
+            states, missing = self._solved(segment, tried, passed[-1])
             count, touch = self._proven(segment, tried[: len(states) + 1], [passed[-1], *states])
             passed += states[:count]
             at, ahead = tried[count], ahead[: len(ahead) - count]
@@ -162,16 +172,15 @@ class PathFollower:
             ahead += [SegmentPoint(leg, share, depth + 1), SegmentPoint(leg, (done + share) / 2, depth + 1)]
         return passed[1:]
 
-    def _solved(
-        self, segment: PathSegment, places: list[SegmentPoint], near: Pose
-    ) -> tuple[list[Pose], bool]:
-        """States at places, each from the one before, and whether the one after them was not found.
+    def _solved(self, segment: PathSegment, tried: list[SegmentPoint], near: Pose) -> tuple[list[Pose], bool]:
+        """States at all places but the first, where it is ``near``, and whether the next was not found.
 
-        All of them where one compiled call finds them, else the first.
+        All of them where one compiled call finds them, else one.
         """
+        here, *places = tried
         solver = self._solver(segment.families(places[0])[0])
         if not (segment.bare and solver.compiled):
-            state = _solve(solver, segment, places[0], near)
+            state = _solve(solver, segment, places[0], near, segment.wish(near, here, places[0]))
             if state is None or not self.guard.proves(state, TO_SPARE):
                 state = self._led_round(segment, places[0], near) or state
             return ([], True) if state is None else ([state], False)
@@ -294,10 +303,9 @@ def turned_as_asked(p: Target, q: Target, tools: Array) -> bool:
     return all(angle + between_them <= one.cone + TURN_SLACK for angle, one in zip(off, asked, strict=True))
 
 
-def _solve(solver: Solver, segment: PathSegment, at: SegmentPoint, near: Pose) -> Pose | None:
+def _solve(solver: Solver, segment: PathSegment, at: SegmentPoint, near: Pose, wished: Array) -> Pose | None:
     """Pose at one place, as near as may be to the wished posture; see `mfabrik_planar.solve_planar_along`."""
-    leg, share = _columns([at])
-    place, wished = segment.base.places(leg, share)[0], between(segment.wished, leg, share)[0]
+    place = segment.base.places(*_columns([at]))[0]
     tool, pitch, bound = segment.target(at), segment.pitch(at), not np.isnan(place[2])
     if not np.isnan(pitch):
         solver = replace(solver, family=replace(solver.family, pitch=pitch))
