@@ -20,7 +20,7 @@ from regionik.moving.transit import TransitPlanner
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.geometry.angles import wrap
 from regionik.postures.arm_guard import guard_of
-from regionik.postures.poses import LARGEST_BEND, Pose, axis_of, distinct, pose_between
+from regionik.postures.poses import LARGEST_BEND, Pose, axis_of, distinct, pose_between, pose_of
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.drives import BaseKind
 from regionik.worlds.obstacles import Box, Cylinder, Solid
@@ -269,6 +269,21 @@ def test_a_berth_is_kept_all_the_way(base: BaseKind) -> None:
     here, there = (posed(world, np.array([x, 0.0, 0.0])) for x in (-1.2, 1.2))
     route = carrier(world).driver.route(here, there, 0, 0.2)
     assert min(gap(world, pose, post) for pose in route) >= world.rules.clearance + 0.2
+
+
+@pytest.mark.parametrize("spare", [0.01, 0.1, 0.3])
+def test_ways_stay_on_the_floor_however_wide_their_berth(spare: float) -> None:
+    post = Cylinder("post", 0.4, 0.3, np.array([0.0, 0.0, 0.15]))
+    world = world_of("youbot", post)
+    driver = carrier(world).driver
+    floor = driver.standing.pieces.polygon[0].buffer(1e-6)
+    near, far = np.hypot(*np.array(floor.interiors[0].coords).T).max(), floor.bounds[2]
+    berth = (np.sqrt(2) * far - near) / (1 + np.sqrt(2)) - spare  # which little more than the corners leave
+    for angle in np.radians([20.0, 30.0, 40.0]):
+        ends = [near * np.array([np.cos(at), np.sin(at)]) for at in np.pi / 4 + np.array([-angle, angle])]
+        assert not floor.covers(shapely.LineString(ends))  # the post is between
+        here, there = (posed(world, pose_of(world.robot, end, 0.0)) for end in ends)
+        assert floor.covers(shapely.LineString(driver.route(here, there, 0, berth)))
 
 
 def test_poses_apart_by_rounding_are_one_and_both_ends_stay() -> None:

@@ -71,11 +71,23 @@ class AnyHeadingDriver(Driver):
         piece = self._piece(label)
         if not shapely.dwithin(piece, shapely.points([a, b]), ROUNDING).all():
             raise NoPathError("it would stand where only its heading leaves it room")
-        free = piece.buffer(-berth) if berth else piece
+        return (
+            self._off_the_edge(label, a, b, berth) if berth else self.within(piece, self._flat(label), a, b)
+        )
+
+    def _off_the_edge(self, label: int, a: Array, b: Array, berth: float) -> Array:
+        """Way that keeps a berth from the edge of a piece but for its ends, which are led straight to it."""
+        piece, flat = self._piece(label), self._flat(label)
+        free = piece.buffer(-berth)
         if free.is_empty:
             raise NoPathError("no floor is left")
-        flat = FlatPolygon.from_shapely(free) if berth else self._flat(label)
-        return self.within(free, flat, a, b)
+        spots = [_nearest_inside(free, p) for p in (a, b)]
+        ends = [_nearest_inside(piece, p) for p in (a, b)]
+        if not all(flat.sees(end, spot) for end, spot in zip(ends, spots, strict=True)):
+            raise NoPathError("it would leave the floor on its way off the edge")
+        inside = self.within(free, FlatPolygon.from_shapely(free), *spots)
+        lead, tail = ([p] if spot is not p else [] for p, spot in zip((a, b), spots, strict=True))
+        return np.array([*lead, *inside, *tail])
 
     def within(self, free: BaseGeometry, flat: FlatPolygon, a: Array, b: Array) -> Array:
         """Way of the arm axis from a to b inside a polygon, also given for kernels, (k, 2)."""
