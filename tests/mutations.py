@@ -502,11 +502,11 @@ FAULTS = (
         ("tests/test_smoothing.py",),
     ),
     Fault(
-        "resolved motion: the arm is not proven clear",
+        "motion on the path: the arm is not proven clear",
         "regionik/moving/path_following.py",
         "return guard.proven(bases[: count + 1], joints[: count + 1])",
         "return count, None",
-        ("tests/test_resolved_motion.py",),
+        ("tests/test_path_following.py",),
     ),
     Fault(
         "resolved motion: the way on from where no area shows is not proven free",
