@@ -679,8 +679,8 @@ FAULTS = (
     Fault(
         "the guard: a start with nothing to spare makes all motion touch",
         "regionik/postures/arm_guard.py",
-        "return SPARE if room < LEAST_SPARE else min(SPARE, max(LEAST_SPARE, room / 2))",
-        "return SPARE if room < LEAST_SPARE else -1.0",
+        "spare = SPARE if room < LEAST_SPARE else min(SPARE, max(LEAST_SPARE, room / 2))",
+        "spare = SPARE if room < LEAST_SPARE else -1.0",
         ("tests/test_arm_guard.py",),
     ),
 )

@@ -111,7 +111,11 @@ def _reverse(words: Array, first: int, n: int) -> None:
         last = MOTIONS
         while last > 0 and words[m, last - 1, 0] == 0.0:
             last -= 1
-        words[m, :last] = words[m, :last][::-1].copy()
+        for k in range(last // 2):
+            for column in range(2):
+                other = words[m, last - 1 - k, column]
+                words[m, last - 1 - k, column] = words[m, k, column]
+                words[m, k, column] = other
 
 
 @compiled
@@ -130,8 +134,10 @@ def _words(x: float, y: float, phi: float) -> Array:
             n = _one_sided(gx * c + gy * s, gx * s - gy * c, turn, words, n, False)
             n = _two_sided(gx * c + gy * s, gx * s - gy * c, turn, words, n, False)
             _reverse(words, mirrored, n)
-            words[first:n, :, 0] *= flip
-            words[first:n, :, 1] *= flip * side
+            for m in range(first, n):
+                for k in range(MOTIONS):
+                    words[m, k, 0] *= flip
+                    words[m, k, 1] *= flip * side
     return words[:n]
 
 
@@ -175,7 +181,14 @@ def words_between(start: Array, goal: Array, radius: float) -> tuple[Array, Arra
                 word[k, 0] = word[k, 1] = 0.0
             length += radius * abs(word[k, 0])
         if _ends_at(word, x, y, phi):
-            lengths[n], found[n, :, 0], found[n, :, 1] = length, radius * word[:, 0], word[:, 1]
+            rank = n
+            while rank > 0 and lengths[rank - 1] > length:
+                lengths[rank] = lengths[rank - 1]
+                for k in range(MOTIONS):
+                    found[rank, k, 0], found[rank, k, 1] = found[rank - 1, k, 0], found[rank - 1, k, 1]
+                rank -= 1
+            lengths[rank] = length
+            for k in range(MOTIONS):
+                found[rank, k, 0], found[rank, k, 1] = radius * word[k, 0], word[k, 1]
             n += 1
-    order = np.argsort(lengths[:n], kind="mergesort")
-    return found[order], lengths[order]
+    return found[:n], lengths[:n]
