@@ -148,6 +148,18 @@ def test_a_way_goes_evenly_from_knot_to_knot() -> None:
     )  # the shorter way
 
 
+def test_an_arm_that_was_led_round_something_goes_on_from_where_it_is() -> None:
+    rng = np.random.default_rng(1)
+    joints, off = rng.normal(size=(2, 5)), rng.normal(size=5)
+    base = BasePath(False, np.zeros((3, 3)), np.array([0.0, 0.3, 1.0]))
+    way = PathSegment(base, (Target(np.zeros(3)), Target(np.ones(3))), joints, (Family(FRONT),) * 2, 0.1)
+    here, at = SegmentPoint(0, 0.5), SegmentPoint(1, 0.5)
+    asked = joints[0] + np.array([[0.15], [0.65]]) * (joints[1] - joints[0])
+    for away in (np.zeros(5), off):
+        near = Pose(np.zeros(3), asked[0] + away)
+        np.testing.assert_allclose(way.wish(near, here, at), asked[1] + away, atol=1e-12)
+
+
 @pytest.mark.parametrize("kind", get_args(BaseKind))
 def test_a_base_on_a_leg_is_where_readers_of_a_plan_take_it_to_be(kind: BaseKind) -> None:
     rng = np.random.default_rng(0)
@@ -179,7 +191,7 @@ def test_states_of_one_call_are_those_solved_one_by_one(heading: float) -> None:
         rows = between_knots(way.points, leg, share), way.base.places(leg, share), way.wished[1:]
         bases, postures = solver.along(*rows, LARGEST_BEND / 2, near.base, near.joints)
         for n in range(4):
-            one = _solve(solver, way, SegmentPoint(n, 1.0), near)
+            one = _solve(solver, way, SegmentPoint(n, 1.0), near, way.wished[n + 1])
             assert (one is None) == (n >= len(bases))
             if one is None:
                 break
