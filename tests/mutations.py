@@ -509,6 +509,20 @@ FAULTS = (
         ("tests/test_path_following.py",),
     ),
     Fault(
+        "motion on the path: an arm that was led round something jumps back",
+        "regionik/moving/path_following.py",
+        "near.joints + wished - was",
+        "wished",
+        ("tests/test_path_following.py",),
+    ),
+    Fault(
+        "transits: a way with a berth is led to its ends over whatever is there",
+        "regionik/moving/drivers.py",
+        "return np.array([*lead, *inside, *tail])",
+        "return np.array([a, *inside[1:-1], b])",
+        ("tests/test_transit.py",),
+    ),
+    Fault(
         "resolved motion: the way on from where no area shows is not proven free",
         "regionik/moving/path_search.py",
         "if rows is None or resolved is None or self._in_area(here):",
