@@ -168,7 +168,8 @@ class TransitPlanner:
     def rejoined(self, here: Pose, old: list[Pose], there: Pose, piece: int) -> list[Pose] | None:
         """States strictly between two poses, on an old way whose ends are near to them or a new one.
 
-        The quicker of both; none where neither is clear, or the base would go farther round than before.
+        The quicker of both, where neither is clear one that is searched for; none where the base would go
+        farther round than before.
         """
         lead, tail = self.driver.direct(here, old[0], piece), self.driver.direct(old[-1], there, piece)
         folded, shortcuts = self.folded(here, there, piece), Shortcuts(self.guard, self.driver, piece)
@@ -176,9 +177,10 @@ class TransitPlanner:
         if lead is not None and tail is not None:
             ways.append(distinct([here, *lead, *old, *tail, there]))
         clear = [shortcuts.quicker(shortcuts.shorter(way)) for way in ways if self.guard.passes(way)]
-        if not clear:
+        best = min(clear, key=Clock(self.world).whole)[1:-1] if clear else self.sampled(here, there, piece)
+        if best is None:
             return None
-        way = self.shortened(here, min(clear, key=Clock(self.world).whole)[1:-1], there, piece)
+        way = self.shortened(here, best, there, piece)
         return way if self._detour([here, *way, there]) <= max(WINDING, self._detour(old)) else None
 
     def _detour(self, poses: list[Pose]) -> float:
