@@ -71,9 +71,9 @@ class AnyHeadingDriver(Driver):
         piece = self._piece(label)
         if not shapely.dwithin(piece, shapely.points([a, b]), ROUNDING).all():
             raise NoPathError("it would stand where only its heading leaves it room")
-        return (
-            self._off_the_edge(label, a, b, berth) if berth else self.within(piece, self._flat(label), a, b)
-        )
+        if berth:
+            return self._off_the_edge(label, a, b, berth)
+        return self.within(piece, self._flat(label), a, b)
 
     def _off_the_edge(self, label: int, a: Array, b: Array, berth: float) -> Array:
         """Way that keeps a berth from the edge of a piece but for its ends, which are led straight to it."""
