@@ -6,7 +6,6 @@ Source: M-FABRIK, experiment 4 (areas made for the whole path in advance).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -20,7 +19,7 @@ from regionik.areas.standing import PathAreas, Standing, into_span, into_spans
 from regionik.explain.failures import cut_off, no_places, too_many_lifts
 from regionik.ladder import Ladder, Mask, build_ladder
 from regionik.mfabrik import Solver, solver_for
-from regionik.planners.geometry.polygons import FlatPolygon, clamp
+from regionik.planners.geometry.polygons import FlatPolygon, clamp_each
 from regionik.postures.poses import axis_of
 from regionik.regions import path_areas, ways_to_stand
 from regionik.worlds.arrays import Array
@@ -213,15 +212,15 @@ def choose_chain(pruned: Pruned, standing: Standing, start: Array | None) -> lis
 
 def _cheapest(
     component: FlatPolygon, span: tuple[float, float], cost: Array, spot: Array, yaw: Array
-) -> tuple[int, float, tuple[float, float], float]:
+) -> tuple[int, float, Array, float]:
     """The first way that goes on to the nearest point of a component, into its slab, at the least cost.
 
     Ways to spots (n, 2) with headings (n,) have cost so much (n,). Returned is which it is, and what it costs
     then, its spot and heading.
     """
-    turned = into_spans(yaw, span)
-    spots = [clamp(component.vertices, component.starts, *one) for one in spot]
-    ways = np.array([math.dist(*pair) for pair in zip(spot, spots, strict=True)])
+    turned = into_spans(yaw, *span)
+    spots = clamp_each(component.vertices, component.starts, spot)
+    ways = np.linalg.norm(spots - spot, axis=1)
     total = cost + TURN_WEIGHT * np.abs(turned - yaw) + ways
     n = int(np.argmin(total))
     return n, float(total[n]), spots[n], float(turned[n])

@@ -169,7 +169,7 @@ def first_unproven_on_path(
 
 
 @compiled
-def _touches_as_allowed(scene: RobotScene, rest: MotionSegment, k: int, m: int, frames: Array) -> bool:
+def touches_as_allowed(scene: RobotScene, rest: MotionSegment, k: int, m: int, frames: Array) -> bool:
     """True if solid k may touch hull m, and does so as it may, in a state."""
     owner, tool = scene.hulls.owner[m], frames[-2, :3, 3]
     near = scene.links.outermost[k] and range_left(scene.contact, owner, tool) >= 0.0
@@ -192,10 +192,8 @@ def distance_bounds(scene: RobotScene, rest: MotionSegment, within: float, lower
         m = 0
         while m < len(hulls.frame):
             if links.pairs[k, m]:
-                if m >= hulls.world:
-                    lower[k, m] = _bound_by_boxes(links, hulls, boxes, k, m)
-                elif not _touches_as_allowed(scene, rest, k, m, frames):
-                    lower[k, m] = _bound_apart(boxes[k], hulls.boxes[m], links.radius[k])
+                if m >= hulls.world or not touches_as_allowed(scene, rest, k, m, frames):
+                    lower[k, m] = bound_by_boxes(links, hulls, boxes, k, m)
                 if -np.inf < lower[k, m] < nearest:
                     first_k, first_m, nearest = k, m, lower[k, m]
             m = hulls.next[m]
@@ -212,8 +210,10 @@ def distance_bounds(scene: RobotScene, rest: MotionSegment, within: float, lower
 
 
 @compiled
-def _bound_by_boxes(links: LinkHulls, hulls: Hulls, boxes: Array, k: int, m: int) -> float:
-    """Lower bound of the distance of solid k from hull m of the robot, by boxes round their corners [m]."""
+def bound_by_boxes(links: LinkHulls, hulls: Hulls, boxes: Array, k: int, m: int) -> float:
+    """Lower bound of the distance of solid k from hull m, by boxes (solids, 2, 3) round their corners [m]."""
+    if m < hulls.world:
+        return _bound_apart(boxes[k], hulls.boxes[m], links.radius[k])
     if hulls.owner[m] < 0:
         return -np.inf  # the base's own body
     thick: float = links.radius[k] + hulls.disc[m] + hulls.ball[m]
@@ -235,13 +235,13 @@ def _bound_by_hulls(
     robot, links, hulls, _ = scene
     frames, placed = np.empty((len(robot.arm.axis) + 2, 4, 4)), np.empty_like(links.corners)
     link_frames(robot, rest, 0.0, hulls.frame[m], frames)
-    _place_solid(links, k, frames, placed)
+    place_solid(links, k, frames, placed)
     lower[k, m], high = _solid_distance(links, hulls, placed, k, m)
     return min(best, high) if hulls.next[m] == m + 1 else best
 
 
 @compiled
-def _place_solid(links: LinkHulls, k: int, frames: Array, placed: Array) -> None:
+def place_solid(links: LinkHulls, k: int, frames: Array, placed: Array) -> None:
     """Write the corners of a solid as its link's frame has them, among those of all solids (c, 3)."""
     a, b = links.first[k], links.first[k + 1]
     transform_into(frames[links.link[k]], links.corners[a:b], placed[a:b])
@@ -284,7 +284,7 @@ def is_clear(scene: RobotScene, margin: float, base: Array, joints: Array, tool_
             if hulls.frame[m] != seen_from:
                 seen_from = hulls.frame[m]
                 link_frames(robot, rest, 0.0, seen_from, frames)
-            _place_solid(links, k, frames, placed)
+            place_solid(links, k, frames, placed)
             if _solid_distance(links, hulls, placed, k, m)[0] < margin:
                 on_it = m < hulls.world and owner == tool_on and links.outermost[k]
                 if not on_it or contact_time(scene, rest, k, m, 0.0, frames, 1.0) < 1.0:

@@ -93,7 +93,7 @@ def nearest(
     for k, m in near[np.argsort(lower[near[:, 0], near[:, 1]], kind="stable")].tolist():
         if lower[k, m] >= best:
             break
-        touch = _touch(bodies, rest, k, m)
+        touch = touch_of(bodies, rest, k, m)
         room = room_of(bodies, touch)
         if room < best:
             best, found = room, touch
@@ -145,7 +145,7 @@ def path_clear(
     if k < 0:
         return i, None
     motion = motion_between(bodies.mobile, bases[i], joints[i], bases[i + 1], joints[i + 1])
-    return i, _touch(bodies, _stopped(motion, s), k, m)
+    return i, touch_of(bodies, _stopped(motion, s), k, m)
 
 
 def describe(bodies: Bodies, touch: Touch) -> str:
@@ -184,7 +184,7 @@ def _first_unproven(
     return i, k, m, s
 
 
-def _touch(bodies: Bodies, rest: MotionSegment, k: int, m: int) -> Touch:
+def touch_of(bodies: Bodies, rest: MotionSegment, k: int, m: int) -> Touch:
     """The touch of a solid and the piece of a row in a state, in the world."""
     solid, frame = bodies.robot.all_solids[k], int(bodies.hulls.frame[m])
     T = _frames(bodies, rest, frame)[solid.link]

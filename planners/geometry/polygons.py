@@ -152,6 +152,15 @@ def clamp(vertices: Array, starts: Index, x: float, y: float) -> tuple[float, fl
 
 
 @compiled
+def clamp_each(vertices: Array, starts: Index, points: Array) -> Array:
+    """What `clamp` says of points (n, 2), (n, 2)."""
+    clamped = np.empty_like(points)
+    for k in range(len(points)):
+        clamped[k, 0], clamped[k, 1] = clamp(vertices, starts, points[k, 0], points[k, 1])
+    return clamped
+
+
+@compiled
 def _within(vertices: Array, starts: Index, x: float, y: float) -> bool:
     # Half the depth: a gap between two cuts is at most twice as deep anywhere as it is half way.
     return contains(vertices, starts, x, y) or near_boundary(vertices, starts, x, y, DEPTH / 2)

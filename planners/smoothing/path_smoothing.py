@@ -154,15 +154,24 @@ def _step(
     hessian = csc_array(rough.form + diags_array(rough.spring) + MISS_WEIGHT * (J.T @ J))
     gradient = rough.gradient(states) - MISS_WEIGHT * (J.T @ miss)
     n, m = states.shape
+    lower = np.clip(problem.lower - states, -trust, 0.0)
+    upper = np.clip(problem.upper - states, 0.0, trust)
+    kept = _within_reach(kept, lower, upper)
     columns = kept.state[:, None] * m + np.arange(m)
     rows = csc_array(
         (kept.normal.ravel(), (np.repeat(np.arange(len(kept.least)), m), columns.ravel())),
         shape=(len(kept.least), n * m),
     )
-    lower = np.clip(problem.lower - states, -trust, 0.0).ravel()
-    upper = np.clip(problem.upper - states, 0.0, trust).ravel()
-    found = minimize_quadratic(hessian, gradient, rows, kept.least, kept.cost, lower, upper)
-    return None if found is None else np.clip(found, lower, upper).reshape(n, m)
+    ends = lower.ravel(), upper.ravel()
+    found = minimize_quadratic(hessian, gradient, rows, kept.least, kept.cost, *ends)
+    return None if found is None else np.clip(found, *ends).reshape(n, m)
+
+
+def _within_reach(kept: HalfSpaces, lower: Array, upper: Array) -> HalfSpaces:
+    """Half-spaces that changes between bounds (n, m) can leave: the others need no row of the program."""
+    ends = np.where(kept.normal > 0, lower[kept.state], upper[kept.state])
+    crossed = np.einsum("km,km->k", kept.normal, ends) < kept.least
+    return HalfSpaces(*(column[crossed] for column in (kept.state, kept.normal, kept.least, kept.cost)))
 
 
 def on_path(problem: PathProblem, states: Array) -> Array:

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from regionik.planners.kernels import compiled
 from regionik.planners.solvers.damped_least_squares import DIRECTION, Aim, Aims, turns_left
-from regionik.worlds.arrays import Array, cross
+from regionik.planners.solvers.serial_chain import (
+    SerialArm,
+    chain_jacobian,
+    chain_on,
+    joint_values,
+    serial_arm,
+)
+from regionik.worlds.arrays import Array
 from regionik.worlds.robot import Robot
 
 ANGLE_LENGTH = 0.3  # weighs angles of the tool against lengths [m/rad]
@@ -56,14 +65,30 @@ def beyond_cones(aims: Aims, missed: Missed) -> Missed:
 
 def tool_jacobians(robot: Robot, states: Array) -> tuple[Array, Array]:
     """Tool frames (n, 4, 4) and how coordinates x, y, yaw and joints move and turn them, (n, 6, m)."""
-    base, joints = states[:, :3], states[:, 3:]
-    frames = robot.frames(base, joints)
-    tool = frames[:, -1, :3, 3]
-    J = np.zeros((len(states), 6, states.shape[1]))
-    J[:, 0, 0] = J[:, 1, 1] = 1.0
-    up, origin = np.array([0.0, 0.0, 1.0]), np.column_stack([base[:, :2], np.zeros(len(base))])
-    J[:, :3, 2], J[:, 3:, 2] = cross(up, tool - origin), up
-    chain = robot.chain
-    J[:, :3, 3:] = chain.point_jacobian(frames, tool, len(chain.joints)).swapaxes(1, 2)
-    J[:, 3:, 3:] = chain.turn_jacobian(frames).swapaxes(1, 2)
-    return frames[:, -1], J
+    frames, J = np.empty((len(states), 4, 4)), np.empty((len(states), 6, states.shape[1]))
+    _tool_jacobians(serial_arm(robot.chain), np.array(robot.T_base_arm), np.array(states), frames, J)
+    return frames, J
+
+
+@compiled
+def _tool_jacobians(arm: SerialArm, mount: Array, states: Array, tools: Array, J: Array) -> None:
+    """Write `tool_jacobians` of states (n, m)."""
+    frames, by_joints = np.empty((len(arm.axis) + 1, 4, 4)), np.empty((6, len(arm.lower)))
+    for n in range(len(states)):
+        x, y, c, s = states[n, 0], states[n, 1], math.cos(states[n, 2]), math.sin(states[n, 2])
+        for j in range(4):
+            frames[0, 0, j] = c * mount[0, j] - s * mount[1, j] + (x if j == 3 else 0.0)
+            frames[0, 1, j] = s * mount[0, j] + c * mount[1, j] + (y if j == 3 else 0.0)
+            frames[0, 2, j], frames[0, 3, j] = mount[2, j], mount[3, j]
+        chain_on(arm, joint_values(arm, states[n, 3:]), frames)
+        chain_jacobian(arm, frames, by_joints)
+        for i in range(4):
+            for j in range(4):
+                tools[n, i, j] = frames[-1, i, j]
+        for i in range(6):
+            for j in range(3):
+                J[n, i, j] = 0.0
+            for j in range(len(arm.lower)):
+                J[n, i, 3 + j] = by_joints[i, j]
+        J[n, 0, 0] = J[n, 1, 1] = J[n, 5, 2] = 1.0
+        J[n, 0, 2], J[n, 1, 2] = y - frames[-1, 1, 3], frames[-1, 0, 3] - x

@@ -33,8 +33,7 @@ from regionik.planners.reach.level_reach import (
 )
 from regionik.planners.reach.pose_reach import pose_reach
 from regionik.planners.reach.proven_poses import likely_distances, proven_distances, proven_pose_area
-from regionik.planners.reach.serial_criteria import demand_of
-from regionik.planners.solvers.damped_least_squares import Aim
+from regionik.planners.reach.serial_criteria import PostureDemand, demand_of
 from regionik.postures.arm import Arm, Goal, aim_of, goal_of
 from regionik.postures.families import FRONT, Family
 from regionik.postures.serial_solver import serial_solver
@@ -185,21 +184,19 @@ class PivotedReach(ReachModel):
         return not self.turns_freely(query.rules, query.span)
 
     def _sampled(self, targets: Sequence[Target], query: ReachQuery) -> Rows:
-        shapes = [self._sampled_area(aim_of(target), query) for target in track("areas", targets)]
+        shapes = [self._sampled_area(target, query) for target in track("areas", targets)]
         rows = np.array(shapes, dtype=object)
         real = np.flatnonzero(~shapely.is_empty(rows))
         return real, (Family(FRONT),) * len(real), rows[real]
 
-    def _sampled_area(self, aim: Aim, query: ReachQuery) -> BaseGeometry:
+    def _sampled_area(self, target: Target, query: ReachQuery) -> BaseGeometry:
         bound, demand = not self._turns_all_round(query.rules), demand_of(self.robot, query.rules.criteria)
         heading = query.span[0] + float(self.robot.mount[3]) if bound else None
-        found: BaseGeometry = pose_reach(self.chain, self.height, aim, heading, demand).area
-        area = found.buffer(-query.rules.reach_margin, join_style="mitre")
-        if area.is_empty:  # an area too small for the margin is left whole
-            area = found
+        area = _pose_area(self.chain, self.height, target, heading, demand, query.rules.reach_margin)
         if query.proven and not area.is_empty:
             low, high = (angle + float(self.robot.mount[3]) for angle in query.span)
             chain = with_pivot_limits(self.chain, *self.pivot(query.rules))
+            aim = aim_of(target)
             area &= proven_pose_area(chain, self.height, aim, heading, (low, high), query.guard, demand)
         return area
 
@@ -294,6 +291,21 @@ class PosedReach(PivotedReach):
                 if shapely.is_empty(shapes[which == i]).all():
                     break
         return which, kinds, shapes
+
+
+@lru_cache(maxsize=1024)  # slabs of headings ask for the same one where the base turns for the pivot
+def _pose_area(
+    chain: Chain,
+    height: float,
+    target: Target,
+    heading: float | None,
+    demand: PostureDemand | None,
+    margin: float,
+) -> BaseGeometry:
+    """Area of `pose_reach`, drawn in by a margin [m]; one that is too small for that is left whole."""
+    found = pose_reach(chain, height, aim_of(target), heading, demand).area
+    area: BaseGeometry = found.buffer(-margin, join_style="mitre")
+    return found if area.is_empty else area
 
 
 def _union(center: Array, rings: Array, query: ReachQuery) -> BaseGeometry:

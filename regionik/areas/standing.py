@@ -70,6 +70,11 @@ class Standing:
     sides: tuple[Side, ...]
 
     @cached_property
+    def spans(self) -> Array:
+        """Lowest and highest heading of each side, (n, 2) [rad]."""
+        return np.array([side.span for side in self.sides])
+
+    @cached_property
     def pieces(self) -> Pieces:
         """Pieces of the whole free floor."""
         found = [side.pieces for side in self.sides]
@@ -116,17 +121,15 @@ def away(yaw: float, span: tuple[float, float]) -> float:
 
 def into_span(yaw: float, span: tuple[float, float]) -> float:
     """The heading within a span that is nearest to a heading, the shorter way round from it [rad]."""
-    return float(into_spans(np.array(yaw), span))
+    return float(into_spans(np.array(yaw), *span))
 
 
-def into_spans(yaw: Array, span: tuple[float, float]) -> Array:
-    """Headings (n,) each as `into_span` has it [rad]."""
-    low, high = span
-    if high - low >= 2 * np.pi:
-        return yaw
+def into_spans(yaw: Array, low: float | Array, high: float | Array) -> Array:
+    """Headings (n,) each as `into_span` has it, within one span or within n of them [rad]."""
     middle, half = (low + high) / 2, (high - low) / 2
     off = np.remainder(yaw - middle + np.pi, 2 * np.pi) - np.pi
-    return yaw - (off - np.clip(off, -half, half))
+    over: Array = off - np.clip(off, -half, half)
+    return np.where(half >= np.pi, yaw, yaw - over)
 
 
 def component_labels(count: int, pairs: Index) -> Index:

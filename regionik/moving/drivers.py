@@ -20,7 +20,7 @@ from shapely.geometry import LineString, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import GUARD, Geometries, ground_of
-from regionik.areas.standing import Standing, into_span
+from regionik.areas.standing import Standing, into_span, into_spans
 from regionik.ladder import Ladder
 from regionik.moving.base_motion import TURN_STRIDE, BasePath, Driver, halting, simultaneous
 from regionik.planners.driving.arcs import WheeledPath, arc_end
@@ -32,7 +32,7 @@ from regionik.planners.driving.pose_planner import drive_wheeled
 from regionik.planners.geometry.polygons import FlatPolygon, segment_in_either
 from regionik.planners.geometry.polylines import spread_along
 from regionik.postures.poses import LARGEST_BEND, Pose, axis_of, pose_of
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Index
 from regionik.worlds.drives import displacement
 from regionik.worlds.scene import World
 
@@ -255,7 +255,7 @@ class ByHeadingPaths:
     ladder: Ladder
     driver: ByHeadingDriver
     _slabs: dict[int, tuple[Slab, ...]] = field(default_factory=dict)
-    _overlaps: dict[tuple[int, int], tuple[list[list[int]], Geometries]] = field(default_factory=dict)
+    _overlaps: dict[tuple[int, int], tuple[Index, Geometries]] = field(default_factory=dict)
 
     def between(self, k: int, j: int, here: Array, goal: Array) -> Iterator[BasePath]:
         if slide_is_free(self.driver.room, here, goal):
@@ -271,22 +271,25 @@ class ByHeadingPaths:
         """Pose that components of both groups hold, the nearest to the way; None where they share none."""
         pairs, areas = self._common(int(self.ladder.group[k]), int(self.ladder.group[j]))
         ends = [axis_of(self.driver.world.robot, pose) for pose in (here, goal)]
-        best: tuple[float, Array] | None = None
-        for pair, spot in zip(pairs, _nearest_to(areas, *ends), strict=True):
-            yaw = float(here[2])
-            for c in (*pair, pair[0]):  # neighbouring slabs share the heading between them
-                yaw = into_span(yaw, self.driver.standing.sides[int(self.ladder.side[c])].span)
-            cost = sum(float(np.hypot(*(spot - end))) for end in ends) + abs(yaw - here[2])
-            if best is None or cost < best[0]:
-                best = cost, pose_of(self.driver.world.robot, spot, yaw)
-        return None if best is None else best[1]
+        if not len(pairs):
+            return None
+        spots, yaws = _nearest_to(areas, *ends), np.full(len(pairs), here[2])
+        for one in (
+            pairs[:, 0],
+            pairs[:, 1],
+            pairs[:, 0],
+        ):  # neighbouring slabs share the heading between them
+            yaws = into_spans(yaws, *self.driver.standing.spans[self.ladder.side[one]].T)
+        ways = sum(np.linalg.norm(spots - end, axis=1) for end in ends)
+        n = int(np.argmin(ways + np.abs(yaws - here[2])))
+        return pose_of(self.driver.world.robot, spots[n], float(yaws[n]))
 
-    def _common(self, one: int, other: int) -> tuple[list[list[int]], Geometries]:
-        """Pairs of components of two groups that overlap, and what each pair shares."""
+    def _common(self, one: int, other: int) -> tuple[Index, Geometries]:
+        """Pairs (n, 2) of components of two groups that overlap, and what each pair shares."""
         if (one, other) not in self._overlaps:
             ladder = self.ladder
             pairs = ladder.edges[(ladder.group[ladder.edges] == (one, other)).all(axis=1)]
-            self._overlaps[one, other] = pairs.tolist(), _shared_area(*ladder.component[pairs].T)
+            self._overlaps[one, other] = pairs, _shared_area(*ladder.component[pairs].T)
         return self._overlaps[one, other]
 
     def _through(self, k: int, a: Array, b: Array) -> Array | None:

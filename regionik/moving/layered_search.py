@@ -143,7 +143,7 @@ class LayeredSearch:
         grid = np.indices((1, *shape))[:, 0].reshape(3, -1).T
         shapely.prepare(ladder.component[kept])
         spans = [self.standing.sides[side].span for side in ladder.side[kept].tolist()]
-        faced = [np.abs(into_spans(self._yaws, span) - self._yaws) < INSIDE for span in spans]
+        faced = [np.abs(into_spans(self._yaws, *span) - self._yaws) < INSIDE for span in spans]
         for h in range(len(self._yaws)):
             base = self._poses(corner, grid + np.array([h, 0, 0]))
             reached, axes = self._reached(i, base), axis_of(self.world.robot, base)

@@ -62,6 +62,7 @@ class PathSegment:
     joints: Array  # (2, dof) postures wished for there
     family: tuple[Family, Family]
     stride: float  # longest part of the base's way, or of the tool's, between two states [m]
+    _targets: dict[SegmentPoint, Target] = field(default_factory=dict)
 
     @property
     def bare(self) -> bool:
@@ -90,7 +91,9 @@ class PathSegment:
 
     def target(self, at: SegmentPoint) -> Target:
         """Target of the tool at a place; its axis or frame turns evenly."""
-        return goal_between(self._at_knots[at.leg], self._at_knots[at.leg + 1], at.share)
+        if at not in self._targets:
+            self._targets[at] = goal_between(self._at_knots[at.leg], self._at_knots[at.leg + 1], at.share)
+        return self._targets[at]
 
     @cached_property
     def _at_knots(self) -> list[Target]:

@@ -18,8 +18,8 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.areas.standing import room_for
-from regionik.moving.state_keeper import ARM_MARGIN, NEAR, StateKeeper
-from regionik.planners.collision.proximity import NOTHING, Touch, nearest
+from regionik.moving.state_keeper import ARM_MARGIN, StateKeeper
+from regionik.planners.collision.near_pairs import NearPairs
 from regionik.planners.driving.arcs import arc_end
 from regionik.planners.smoothing.quadratic_program import least_weighted
 from regionik.planners.solvers.aims import ANGLE_LENGTH, missed_by
@@ -83,18 +83,17 @@ class ResolvedStates:
             (miss,), (J,) = missed_by(self.world.robot, aim, here)
             turned = float(np.linalg.norm(miss[3:]))
             missed.append(max(math.hypot(*miss[:3], max(turned - cone, 0.0)), EXACT))
-            touch, met = NOTHING, missed[-1] == EXACT
+            near, met = None, missed[-1] == EXACT
             if self.guard.on and (met or len(missed) == 1):  # between these those of the first hold
-                bodies, contact = self.guard.bodies, self.guard.contact
-                touch = nearest(bodies, pose.base, pose.joints, contact=contact, within=NEAR)
+                near = self._keeper.near(here)
             tight = abs(motion[1]) * self.world.robot.drive.turning_radius > abs(motion[0]) + 1e-12
-            if met and self.guard.room(touch) > self.guard.spare and not tight:
+            if met and (near is None or near.room.min(initial=np.inf) > self.guard.spare) and not tight:
                 return pose
             if min(missed[-PATIENCE:]) > min(missed):
                 return None
             J = self._by_motion(J, start, motion)
             rows += _cone_rows(miss[3:], J[3:], motion, cone, first=len(missed) == 1)
-            rows += self._touch_rows(touch, pose, start, motion)
+            rows += [] if near is None else self._near_rows(near, here, start, motion)
             asked = rows + self._arc_rows(motion)
             weight = np.where(fixed, 1.0, self._lightness(start.joints, motion) * by_turn) ** -2
             step = least_weighted(
@@ -127,15 +126,13 @@ class ResolvedStates:
         ways = self._by_motion(spaces.normal, start, np.zeros(len(self._speeds)))
         return [_Row(*one) for one in zip(ways, np.minimum(spaces.least, 0.0), strict=True)]
 
-    def _touch_rows(self, touch: Touch, pose: Pose, start: Pose, motion: Array) -> list[_Row]:
+    def _near_rows(self, near: NearPairs, here: Array, start: Pose, motion: Array) -> list[_Row]:
         """How the arm may go on towards what it is near to; most of the way where there is much."""
-        if touch.kind == "none":
-            return []
-        room = self.guard.room(touch) - self.guard.spare - TO_SPARE
-        here = np.concatenate([pose.base, pose.joints])[None]
-        change = self._by_motion(self._keeper.approach([touch], here), start, motion)[0]
-        least = -max(room / 2, room - ARM_MARGIN, 0.0) if room > -TO_SPARE else -room
-        return [_Row(change, float(change @ motion) + least)]
+        room = near.room - self.guard.spare - TO_SPARE
+        changes = self._by_motion(self._keeper.approach(near, here), start, motion)
+        most = np.maximum(np.maximum(room / 2, room - ARM_MARGIN), 0.0)
+        least = np.where(room > -TO_SPARE, -most, -room)
+        return [_Row(*one) for one in zip(changes, (changes @ motion + least).tolist(), strict=True)]
 
     @cached_property
     def _keeper(self) -> StateKeeper:

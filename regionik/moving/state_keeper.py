@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,7 +9,8 @@ import numpy as np
 import shapely
 
 from regionik.areas.ground import Geometries
-from regionik.planners.collision.proximity import Touch, nearest, path_clear, state_clear
+from regionik.planners.collision.near_pairs import NearPairs, near_pairs
+from regionik.planners.collision.robot_motion import WORLD
 from regionik.planners.driving.footprint import FootprintScene
 from regionik.planners.smoothing.path_smoothing import HalfSpaces
 from regionik.postures.arm_guard import Guard
@@ -89,44 +89,23 @@ class StateKeeper:
 
     def _clear(self, states: Array) -> HalfSpaces:
         """Links that are near to something come no nearer than they may."""
-        bodies, contact = self.guard.bodies, self.guard.contact
-        found = {
-            k: nearest(bodies, states[k, :3], states[k, 3:], contact=contact, within=NEAR)
-            for k in self._near(states)
-        }
-        found = {k: touch for k, touch in found.items() if touch.kind != "none"}
-        k, touches = np.array(list(found), dtype=np.int64), list(found.values())
-        room = np.array([self.guard.room(touch) for touch in touches]) - self.demanded[k]
-        normal = self.approach(touches, states[k])
-        return HalfSpaces(k, normal, _least(room, ARM_MARGIN), np.full(len(k), ARM_COST))
+        near = self.near(states)
+        room = near.room - self.demanded[near.state]
+        normal = self.approach(near, states)
+        return HalfSpaces(near.state, normal, _least(room, ARM_MARGIN), np.full(len(room), ARM_COST))
 
-    def _near(self, states: Array) -> Iterator[int]:
-        """States that are not proven clear by a distance; long ways that are take one proof."""
-        bodies, contact = self.guard.bodies, self.guard.contact
-        base, joints, k = states[:, :3].copy(), states[:, 3:].copy(), 0
-        while k < len(states):
-            if state_clear(bodies, base[k], joints[k], NEAR, contact):
-                k += path_clear(bodies, base[k:], joints[k:], NEAR, contact)[0]
-            else:
-                yield k
-            k += 1
+    def near(self, states: Array) -> NearPairs:
+        """What the links are near to in states (n, m)."""
+        return near_pairs(self.guard.bodies, states[:, :3], states[:, 3:], self.guard.contact, NEAR)
 
-    def approach(self, touches: Sequence[Touch], states: Array) -> Array:
-        """How the distances of touches in n states change with each coordinate, (n, m)."""
-        solids = self.robot.all_solids
-        on_solid = np.reshape([touch.on_solid for touch in touches], (-1, 3))
-        on_other = np.reshape([touch.on_other for touch in touches], (-1, 3))
-        apart = on_solid - on_other
-        signs = np.where([touch.distance >= 0 for touch in touches], 1.0, -1.0)
-        lengths = np.array([max(float(np.linalg.norm(way)), 1e-12) for way in apart])
-        unit = apart / lengths[:, None] * signs[:, None]
-        frames = self.robot.frames(states[:, :3], states[:, 3:])
-        links = np.array([solids[touch.solid].link for touch in touches], dtype=np.int64)
-        others = [solids[touch.other].link if touch.kind == "self" else -1 for touch in touches]
-        moved = self._moved(frames, states, links, on_solid)
-        own = np.array([touch.kind != "obstacle" for touch in touches], dtype=bool)
-        moved[own] -= self._moved(frames, states, np.array(others, dtype=np.int64), on_other)[own]
-        return np.asarray(unit[:, None] @ moved)[:, 0]
+    def approach(self, near: NearPairs, states: Array) -> Array:
+        """How the distances of pairs in states (n, m) change with each coordinate, (k, m)."""
+        at, own = states[near.state], near.other != WORLD
+        frames = self.robot.frames(at[:, :3], at[:, 3:])
+        moved = self._moved(frames, at, near.link, near.point)
+        there = near.point - near.room[:, None] * near.normal
+        moved[own] -= self._moved(frames[own], at[own], near.other[own], there[own])
+        return np.asarray(near.normal[:, None] @ moved)[:, 0]
 
     def _moved(self, frames: Array, states: Array, links: Index, points: Array) -> Array:
         """Velocities of points (n, 3) of links for each coordinate's unit speed, (n, 3, m)."""

@@ -10,10 +10,16 @@ from dataclasses import dataclass
 from typing import Literal, Protocol
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from regionik.planners.geometry.polygons import FlatPolygon
-from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, POSITION, Aim
+from regionik.planners.solvers.damped_least_squares import (
+    DIRECTION,
+    ORIENTATION,
+    POSITION,
+    Aim,
+    turns_left,
+)
+from regionik.planners.solvers.serial_chain import rotation_about
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target
 
@@ -104,9 +110,11 @@ def goals_between(a: Target, b: Target, shares: Array) -> list[Target]:
         return [a] * len(shares)
     asked: list[dict[str, Array]] = [{}] * len(shares)
     if a.orientation is not None and b.orientation is not None:
-        way = Rotation.from_matrix(a.orientation.T @ b.orientation).as_rotvec()
-        turns = a.orientation @ Rotation.from_rotvec(shares[:, None] * way).as_matrix()
-        asked = [{"orientation": turn} for turn in turns]
+        way = turns_left(np.array([ORIENTATION]), b.orientation[None].copy(), a.orientation[None].copy())[0]
+        angle = float(np.linalg.norm(way))
+        axis = way / max(angle, 1e-300)
+        turns = np.array([rotation_about(axis, share * angle) for share in shares.tolist()])
+        asked = [{"orientation": turn} for turn in turns @ a.orientation]
     elif a.direction is not None and b.direction is not None:
         asked = [{"direction": _along_arc(a.direction, b.direction, share)} for share in shares.tolist()]
     positions = a.position + shares[:, None] * (b.position - a.position)

@@ -1,0 +1,102 @@
+"""What each solid of a robot is near to, against distances of one state and solid at a time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from regionik.moving.state_keeper import StateKeeper
+from regionik.planners.collision.near_pairs import NearPairs, near_pairs
+from regionik.planners.collision.proximity import nearest
+from regionik.planners.collision.robot_bodies import NO_CONTACT, Bodies
+from regionik.planners.collision.robot_motion import WORLD
+from regionik.postures.arm_guard import guard_of
+from regionik.worlds.arrays import Array
+from regionik.worlds.documents.world_file import load_world
+from tests.test_proximity import AHEAD, CLUTTER, ROBOTS, distance_of, prepared, push, states
+
+WITHIN = 0.1
+
+
+def pairs_of(bodies: Bodies, base: Array, joints: Array, within: float = WITHIN) -> NearPairs:
+    return near_pairs(bodies, np.array(base), np.array(joints), NO_CONTACT, within)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_the_nearest_of_all_pairs_is_what_is_nearest(name: str) -> None:
+    bodies = prepared(name)
+    base, joints = states(bodies.robot, 150, 31)
+    near, seen = pairs_of(bodies, base, joints), 0
+    assert (near.room < WITHIN).all()
+    for k, (b, q) in enumerate(zip(base, joints, strict=True)):
+        touch, room = nearest(bodies, b, q, within=WITHIN), near.room[near.state == k]
+        assert len(room) > 0 or touch.kind == "none"
+        if touch.kind != "none":
+            seen += 1
+            if touch.distance > 0:
+                assert room.min() == pytest.approx(touch.distance, abs=1e-6)
+            else:  # of several that a solid overlaps the one it is deepest in is not sought
+                assert room.min() <= 1e-9
+    assert seen > 50
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_each_solid_is_told_of_the_nearest_obstacle_and_the_nearest_part_of_the_robot(name: str) -> None:
+    """Points lie on one solid of the link, and the nearest obstacle is so far from there."""
+    bodies = prepared(name)
+    base, joints = states(bodies.robot, 60, 32)
+    near, robot = pairs_of(bodies, base, joints), bodies.robot
+    frames = robot.frames(base, joints)[near.state]
+    assert {WORLD} < set(near.other.tolist())
+    for k in np.flatnonzero(near.room > 1e-6).tolist():
+        on_link = [n for n, solid in enumerate(robot.solids) if solid.link == near.link[k]]
+        gaps = [abs(distance_of(robot, frames[k], n, near.point[k])) for n in on_link]
+        assert min(gaps) == pytest.approx(0.0, abs=1e-6)
+        assert np.linalg.norm(near.normal[k]) == pytest.approx(1.0)
+        there = near.point[k] - near.room[k] * near.normal[k]
+        if near.other[k] == WORLD:
+            assert min(solid.distance(near.point[k]) for solid in CLUTTER) == pytest.approx(
+                near.room[k], abs=1e-6
+            )
+            assert min(solid.distance(there) for solid in CLUTTER) == pytest.approx(0.0, abs=1e-6)
+        elif near.other[k] >= 0:
+            parts = [n for n, solid in enumerate(robot.solids) if solid.link == near.other[k]]
+            gaps = [abs(distance_of(robot, frames[k], n, there)) for n in parts]
+            assert min(gaps) == pytest.approx(0.0, abs=1e-6)
+
+
+def keys(near: NearPairs) -> list[tuple[int, int, int]]:
+    return list(zip(near.state.tolist(), near.link.tolist(), near.other.tolist(), strict=True))
+
+
+def test_distances_change_as_the_half_spaces_say() -> None:
+    world = load_world("pillar")
+    guard = guard_of(world)
+    rng, robot, seen = np.random.default_rng(33), world.robot, 0
+    base = np.column_stack([rng.uniform(-1.5, 1.5, (300, 2)), rng.uniform(-3, 3, 300)])
+    joints = rng.uniform(robot.chain.lower, robot.chain.upper, (300, robot.chain.dof))
+    at = np.column_stack([base, joints])
+    keeper = StateKeeper(robot, guard, None, np.empty(0, dtype=object), np.zeros(1))
+    step = 1e-6 * rng.normal(size=at.shape)
+    near, after = keeper.near(at), keeper.near(at + step)
+    change = keeper.approach(near, at)
+    later = dict(zip(keys(after), after.room.tolist(), strict=True))
+    for k, key in enumerate(keys(near)):
+        if near.room[k] > 1e-3 and key in later:
+            seen += abs(later[key] - near.room[k] - change[k] @ step[key[0]]) < 1e-9
+    assert seen > 0.9 * np.count_nonzero(near.room > 1e-3) > 50
+
+
+@pytest.mark.parametrize("mesh", [False, True])
+def test_what_may_be_touched_is_not_near(mesh: bool) -> None:
+    bodies, contact, x = push(0.0, mesh)
+    at = np.array([[x, 0.0, 0.0]]), AHEAD[None]
+    assert WORLD in pairs_of(bodies, *at).other
+    assert WORLD not in near_pairs(bodies, *at, contact, WITHIN).other
+
+
+def test_a_mesh_is_as_near_as_the_box_it_draws() -> None:
+    one, other = (push(-0.03, mesh)[0] for mesh in (False, True))
+    base = push(-0.03)[2] - np.column_stack([np.linspace(0.0, 0.05, 20), *np.zeros((2, 20))])
+    joints = np.tile(AHEAD, (20, 1))
+    assert pairs_of(other, base, joints).room == pytest.approx(pairs_of(one, base, joints).room, abs=1e-6)
