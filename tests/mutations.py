@@ -546,7 +546,7 @@ FAULTS = (
     Fault(
         "resolved motion: links go straight into what is near",
         "regionik/moving/resolved_states.py",
-        "rows += self._touch_rows(touch, pose, start, motion)",
+        "rows += [] if near is None else self._near_rows(near, here, start, motion)",
         "pass",
         ("tests/test_resolved_motion.py",),
     ),
@@ -563,6 +563,20 @@ FAULTS = (
         "return apart - thick if apart > 0.0 else -np.inf",
         "return apart - thick",
         ("tests/test_solid_floor.py",),
+    ),
+    Fault(
+        "near pairs: a part of the robot hides an obstacle that is farther off",
+        "planners/collision/near_pairs.py",
+        "own, owner, after = int(m >= hulls.world),",
+        "own, owner, after = 0,",
+        ("tests/test_near_pairs.py",),
+    ),
+    Fault(
+        "smoothing: half-spaces that a step can leave are left out",
+        "planners/smoothing/path_smoothing.py",
+        "np.where(kept.normal > 0, lower[kept.state], upper[kept.state])",
+        "np.where(kept.normal > 0, upper[kept.state], lower[kept.state])",
+        ("tests/test_smoothing.py",),
     ),
     Fault(
         "footprint: of two corners before a wall one is looked after",

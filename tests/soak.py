@@ -220,7 +220,7 @@ def _planned(world: World, kind: str, seed: int) -> Judged:
         return Judged(kind, seed, why.verdict, wrong, claimed or blocked)
     except InputError as refused:
         return Judged(kind, seed, f"refused: {refused}", ())
-    return Judged(kind, seed, "planned", against(made), detours=tuple(detours(*told(made))))
+    return Judged(kind, seed, "planned", against(made), detours=tuple(detours(*told(made)).values()))
 
 
 def report(found: list[Judged]) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -63,6 +65,19 @@ def test_each_solid_is_told_of_the_nearest_obstacle_and_the_nearest_part_of_the_
             parts = [n for n, solid in enumerate(robot.solids) if solid.link == near.other[k]]
             gaps = [abs(distance_of(robot, frames[k], n, there)) for n in parts]
             assert min(gaps) == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_what_the_robot_is_to_itself_hides_no_obstacle(name: str) -> None:
+    bodies = prepared(name)
+    base, joints = states(bodies.robot, 150, 34)
+    pairs = bodies.links.pairs.copy()
+    pairs[:, bodies.hulls.world :] = False
+    alone = replace(bodies, links=bodies.links._replace(pairs=pairs))
+    whole, some = pairs_of(bodies, base, joints), pairs_of(alone, base, joints)
+    assert len(some.room) < len(whole.room)
+    for one, other in zip(whole, some, strict=True):
+        assert (one[whole.other == WORLD] == other).all()
 
 
 def keys(near: NearPairs) -> list[tuple[int, int, int]]:

@@ -146,4 +146,4 @@ def test_where_shortcuts_do_not_help_other_ways_are_looked_for(kind: str, seed: 
     """The base drew back as the arm could not fold, went round as its circle, or had to turn its arm by."""
     plan = search(soaked_world(kind, seed))
     assert verify(plan).ok
-    assert max(detours(*told(plan))) < most
+    assert max(detours(*told(plan)).values()) < most

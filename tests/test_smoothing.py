@@ -18,6 +18,7 @@ from shapely.affinity import rotate, translate
 from regionik import pipeline
 from regionik.areas.standing import room_for, turns_matter
 from regionik.moving.state_keeper import AREA_MARGIN, NEAR, StateKeeper
+from regionik.planners.smoothing.path_smoothing import HalfSpaces, within_reach
 from regionik.planners.smoothing.quadratic_program import minimize_quadratic
 from regionik.planners.solvers.aims import beyond_cones, missed_by, tool_jacobians
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, Aims
@@ -221,6 +222,22 @@ def test_a_distance_that_is_demanded_is_not_given_up() -> None:
     assert easy.least[0] <= 0.0
     assert strict.least[0] == pytest.approx(0.004)
     assert strict.normal[0, :2] == pytest.approx([1.0, 0.0])
+
+
+def test_half_spaces_that_are_left_out_hold_after_every_step() -> None:
+    """And those that are not are left by some corner of the box of steps."""
+    rng, n, m, count = np.random.default_rng(35), 40, 6, 500
+    upper, lower = rng.uniform(0, 0.1, (n, m)), rng.uniform(-0.1, 0, (n, m))
+    normal, state = rng.normal(size=(count, m)), rng.integers(n, size=count)
+    every = HalfSpaces(state, normal, rng.uniform(-0.6, 0.1, count), np.arange(count).astype(float))
+    left = within_reach(every, lower, upper)
+    out = np.setdiff1d(np.arange(count), left.cost.astype(int))
+    assert len(out) > 100 < len(left.cost)
+    steps = rng.uniform(lower, upper, (300, n, m))
+    changes = np.einsum("km,skm->sk", normal[out], steps[:, state[out]])
+    assert (changes >= every.least[out]).all()
+    corner = np.where(left.normal > 0, lower[left.state], upper[left.state])
+    assert ((left.normal * corner).sum(axis=1) < left.least).all()
 
 
 def test_half_spaces_of_the_footprint_are_its_distance_and_how_it_changes() -> None:

@@ -156,7 +156,7 @@ def _step(
     n, m = states.shape
     lower = np.clip(problem.lower - states, -trust, 0.0)
     upper = np.clip(problem.upper - states, 0.0, trust)
-    kept = _within_reach(kept, lower, upper)
+    kept = within_reach(kept, lower, upper)
     columns = kept.state[:, None] * m + np.arange(m)
     rows = csc_array(
         (kept.normal.ravel(), (np.repeat(np.arange(len(kept.least)), m), columns.ravel())),
@@ -167,7 +167,7 @@ def _step(
     return None if found is None else np.clip(found, *ends).reshape(n, m)
 
 
-def _within_reach(kept: HalfSpaces, lower: Array, upper: Array) -> HalfSpaces:
+def within_reach(kept: HalfSpaces, lower: Array, upper: Array) -> HalfSpaces:
     """Half-spaces that changes between bounds (n, m) can leave: the others need no row of the program."""
     ends = np.where(kept.normal > 0, lower[kept.state], upper[kept.state])
     crossed = np.einsum("km,km->k", kept.normal, ends) < kept.least

@@ -49,10 +49,13 @@ def posture_objections(document: dict[str, Any], urdf: str, facts: Facts) -> lis
     return [text for kind in kinds for text in _first(kind)]
 
 
-def detours(document: dict[str, Any], urdf: str, facts: Facts) -> list[float]:
-    """Lengths of drives with the tool lifted, as parts of the shortest ones; very short ones are left out."""
+def detours(document: dict[str, Any], urdf: str, facts: Facts) -> dict[tuple[int, int], float]:
+    """Lengths of drives with the tool lifted, as parts of the shortest ones; very short ones are left out.
+
+    By the first and the last state of each.
+    """
     judge = _Judge(Course(document, Machine(urdf, facts)))
-    return [way / least for _, _, way, least in judge.measured() if NEAR < least < np.inf]
+    return {(a, b): way / least for a, b, way, least in judge.measured() if NEAR < least < np.inf}
 
 
 def _first(texts: Iterator[str]) -> list[str]:
