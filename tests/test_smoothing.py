@@ -209,6 +209,17 @@ def test_a_base_found_off_its_areas_is_not_drawn_into_them() -> None:
     assert run.problem.keep(run.states).least.max() <= 0.0
 
 
+def test_a_base_found_off_the_floor_of_all_slabs_stays_where_it_was() -> None:
+    """As its footprint may have room where no slab of headings shows any; it was drawn back, off its path."""
+    found, standing = both("free")[0], whole_path(load_world("free"))[0]
+    away = tuple(replace(area, pruned=translate(area.pruned, 0.0, 90.0)) for area in found.areas)
+    sides = tuple(replace(side, floor=translate(side.floor, 0.0, 90.0)) for side in standing.sides)
+    (run,) = runs.runs_of(replace(found, areas=away), replace(standing, sides=sides), 0.025, loose=False)
+    assert run.problem.keep(run.states).least.max() <= 0.0
+    still = np.zeros(len(run.states))
+    assert run.mended(run.states, [0], still, still) == pytest.approx(run.states)
+
+
 def test_a_distance_that_is_demanded_is_not_given_up() -> None:
     """A state 1 mm within its area may stay, or must come 4 mm farther in where 5 mm are demanded."""
     world = load_world("free")

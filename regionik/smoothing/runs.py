@@ -39,7 +39,9 @@ SHARP = 0.7  # turn of the tool's path that is a corner [rad]
 WINDOW = 40  # states on either side of one that failed which are smoothed anew
 STIFFER = 30.0  # areas are kept where states failed, by their cost
 MOST_STATES = 1500  # smoothed at once
+FAR = 1e6  # beyond every floor [m]
 OFF_AREA = 1e-6  # of the arm axis in a state as found, from which on no area is kept [m]
+ANYWHERE = shapely.box(-FAR, -FAR, FAR, FAR)
 JOINT_MARGIN = math.radians(2)  # [rad]
 
 
@@ -235,11 +237,15 @@ class _Layout:
         return np.where(fixed, states, lower), np.where(fixed, states, upper)
 
     def _within(self, states: Array, owner: Index, worked: Mask) -> Geometries:
-        """Where the arm axis may be in each state: at set-points in their areas, unless found off them."""
+        """Where the arm axis may be in each state: at set-points in their areas, else on the free floor.
+
+        Anywhere where it was found off them, as slabs of headings are smaller than the room of a footprint.
+        """
         axes = shapely.points(axis_of(self.plan.world.robot, states[:, :3]))
         areas = np.array([self.plan.areas[i].pruned for i in owner])
-        inside = worked & (shapely.distance(areas, axes) <= OFF_AREA)
-        return np.where(inside, areas, np.full(len(areas), self._floor))
+        at_work = worked & (shapely.distance(areas, axes) <= OFF_AREA)
+        free = np.where(shapely.distance(self._floor, axes) <= OFF_AREA, self._floor, ANYWHERE)
+        return np.where(at_work, areas, free)
 
     def _keeper(self, within: Geometries) -> StateKeeper:
         world, drive = self.plan.world, self.plan.world.robot.drive
