@@ -109,7 +109,7 @@ class Solver:
         base : (3,) array_like
             Where the base stands: x, y [m], yaw [rad].
         joints : (dof,) array_like
-            Present joint values.
+            Present joint values; those beyond a limit count as at it.
 
         Raises
         ------
@@ -125,7 +125,7 @@ class Solver:
     def _solve(
         self, target: Target | ArrayLike, base: ArrayLike, joints: ArrayLike, *, mobile: bool
     ) -> Configuration:
-        here, now = _numbers(base, 3, "base"), _numbers(joints, self.robot.chain.dof, "joints")
+        here, now = _numbers(base, 3, "base"), self._within(_numbers(joints, self.robot.chain.dof, "joints"))
         directed = isinstance(target, Target) and target.direction is not None
         if self._setup is None or directed:
             return self._general(_asked(target), here, now, mobile=mobile)
@@ -194,7 +194,7 @@ class Solver:
             return _batch(rows, dof)
         points = frozen(np.asarray(targets), (None, 3), "targets").copy()  # writable, as kernels take them
         here = frozen(bases, (len(points), 3), "bases").copy()
-        now = frozen(joints, (len(points), dof), "joints").copy()
+        now = self._within(frozen(joints, (len(points), dof), "joints"))
         if self._setup is None:
             return _batch([self(*row) for row in zip(points, here, now, strict=True)], dof)
         area = BaseArea(self._flat.vertices, self._flat.starts, mobile=True)
@@ -248,12 +248,13 @@ class Solver:
         """The robot with the limits that its criteria leave."""
         return with_joint_margin(self.robot, self.criteria)
 
+    def _within(self, joints: Array) -> Array:
+        """Postures (..., dof), what is beyond a limit put at it: one on target is taken as it is."""
+        return np.clip(joints, self._kept.chain.lower, self._kept.chain.upper)
+
     def _behind(self, joints: Array) -> Array:
         """Joints of the chain from its pivot on, within the limits that are kept."""
-        chain = self._kept.chain
-        if chain is not self.robot.chain:  # joints that do not matter stay as they are
-            joints = np.clip(joints, chain.lower, chain.upper)
-        return pivot_joints(chain, joints)
+        return pivot_joints(self._kept.chain, self._within(joints))
 
     def _headed(self, reached: Reached, base: Array, joints: Array) -> Configuration:
         """SetBaseOrientation of Algorithm 1: the pivot's turn shared between joint and base."""

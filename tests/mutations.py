@@ -565,6 +565,20 @@ FAULTS = (
         ("tests/test_solid_floor.py",),
     ),
     Fault(
+        "mfabrik: a start on target beyond a limit is an answer",
+        "regionik/mfabrik.py",
+        "pivot_joints(self._kept.chain, self._within(joints))",
+        "pivot_joints(self._kept.chain, joints)",
+        ("tests/test_mfabrik.py",),
+    ),
+    Fault(
+        "smoothing: a base off the floor of all slabs is drawn back to it",
+        "regionik/smoothing/runs.py",
+        "self._floor, ANYWHERE)",
+        "self._floor, self._floor)",
+        ("tests/test_smoothing.py",),
+    ),
+    Fault(
         "near pairs: a part of the robot hides an obstacle that is farther off",
         "planners/collision/near_pairs.py",
         "own, owner, after = int(m >= hulls.world),",

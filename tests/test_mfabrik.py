@@ -72,6 +72,28 @@ def test_nothing_to_do_takes_no_iteration() -> None:
     np.testing.assert_allclose(found.joints, joints, atol=1e-9)
 
 
+@pytest.mark.parametrize("directed", [False, True])
+@pytest.mark.parametrize("name", ["youbot", "youbot-real"])
+def test_a_start_on_target_beyond_a_limit_is_led_back_within(name: str, directed: bool) -> None:
+    """It needs no iteration to reach the target, and is no answer."""
+    rng, robot, seen = np.random.default_rng(11), robot_named(name), 0
+    lower, upper = robot.chain.lower, robot.chain.upper
+    solver = Solver(robot, shapely.box(-3, -3, 3, 3))
+    for _ in range(60):
+        joints, base = rng.uniform(np.maximum(lower, -3), np.minimum(upper, 3)), rng.uniform(-1, 1, 3)
+        k = rng.choice(np.flatnonzero(np.isfinite(upper)))
+        joints[k] = rng.choice([lower[k] - 0.02, upper[k] + 0.02])
+        tool = robot.tool(base, joints)
+        target = Target(tool[:3, 3], direction=tool[:3, 2] if directed else None, cone=0.05)
+        found = [solver(target, base, joints), solver.hold(target, base, joints)]
+        least = solver.least_change(target, base, joints)
+        for one in [*found, *([] if least is None else [least])]:
+            assert (one.joints >= lower - 1e-9).all()
+            assert (one.joints <= upper + 1e-9).all()
+            seen += one.converged
+    assert seen > 20
+
+
 def test_heading_policies() -> None:
     target, base, joints = [1.0, 1.0, 0.25], [0.0, 0.0, 0.3], np.deg2rad([0, 60, -40, 90, 0])
     facing = Solver(YOUBOT, heading="face_target")(target, base, joints)
