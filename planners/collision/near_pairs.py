@@ -15,7 +15,7 @@ from regionik.planners.collision.collision_checking import (
 from regionik.planners.collision.gjk import TOUCHING, hull_distance
 from regionik.planners.collision.proximity import room_of, touch_of
 from regionik.planners.collision.robot_bodies import Bodies, ContactTargets
-from regionik.planners.collision.robot_motion import BASE, WORLD, at_rest, link_frames, transform_into
+from regionik.planners.collision.robot_motion import WORLD, at_rest, link_frames, transform_into
 from regionik.planners.collision.robot_scene import RobotScene
 from regionik.planners.kernels import compiled
 from regionik.planners.solvers.serial_chain import joint_values
@@ -27,7 +27,7 @@ class NearPairs(NamedTuple):
 
     state: Index  # (n,)
     link: Index  # (n,) that carries the solid
-    other: Index  # (n,) link that carries what is near, `BASE` or `WORLD`
+    other: Index  # (n,) link that carries what is near, ``BASE`` or ``WORLD``
     room: Array  # (n,) distance, from obstacles beyond the bodies' clearance [m]
     normal: Array  # (n, 3) unit vector from what is near to the solid
     point: Array  # (n, 3) of the solid, in the world [m]
@@ -37,6 +37,8 @@ def near_pairs(
     bodies: Bodies, bases: Array, joints: Array, contact: ContactTargets, within: float
 ) -> NearPairs:
     """Return what each solid is near to in states: the nearest obstacle, and the nearest part of the robot.
+
+    Of meshes it is the nearest triangle: that a solid lies inside one is not seen.
 
     Parameters
     ----------
@@ -73,12 +75,12 @@ def _find_nearest(
     """Write the row nearest to each solid in each state (states, solids, 2), of the world and of the robot.
 
     Only rows nearer than ``room`` says are; their room, normal and point are written too. Where hulls overlap
-    the normal is zero and the room a lower bound. Of meshes it is the nearest triangle: that a solid lies
-    inside one is not seen.
+    the normal is zero and the room a lower bound.
     """
     robot, links, hulls, _ = scene
     frames, placed = np.empty((len(robot.arm.axis) + 2, 4, 4)), np.empty_like(links.corners)
-    boxes, body = np.empty((len(links.link), 2, 3)), np.empty_like(hulls.corners)
+    boxes, first = np.empty((len(links.link), 2, 3)), hulls.first[hulls.world]  # corner of the robot itself
+    body = np.empty((len(hulls.corners) - first, 3))
     n, spot = np.empty(3), np.empty(3)
     for i in range(len(bases)):
         rest = at_rest(bases[i], joint_values(robot.arm, joints[i]))
@@ -86,30 +88,26 @@ def _find_nearest(
         link_frames(robot, rest, 0.0, WORLD, frames)
         for k in range(len(links.link)):
             place_solid(links, k, frames, placed)
+        for m in range(hulls.world, len(hulls.frame)):
+            a, b = hulls.first[m], hulls.first[m + 1]
+            transform_into(frames[hulls.frame[m]], hulls.corners[a:b], body[a - first : b - first])
         for k in range(len(links.link)):
-            A = placed[links.first[k] : links.first[k + 1]]
-            m = 0
+            A, m = placed[links.first[k] : links.first[k + 1]], 0
             while m < len(hulls.frame):
-                own, owner, after = int(m >= hulls.world), hulls.owner[m], hulls.next[m]
-                if links.pairs[k, m] and bound_by_boxes(links, hulls, boxes, k, m) < room[i, k, own]:
+                own, after = int(m >= hulls.world), hulls.next[m]
+                near = links.pairs[k, m] and bound_by_boxes(links, hulls, boxes, k, m) < room[i, k, own]
+                if near:
                     a, b = hulls.first[m], hulls.first[m + 1]
-                    B = hulls.corners[a:b]
-                    if own == 1 and owner >= 0:
-                        B = placed[links.first[owner] : links.first[owner + 1]]
-                    elif own == 1:
-                        transform_into(frames[BASE], hulls.corners[a:b], body[a:b])
-                        B = body[a:b]
-                    n[:] = 0.0
+                    B, n[:] = body[a - first : b - first] if own else hulls.corners[a:b], 0.0
                     low = hull_distance(A, B, hulls.disc[m], n, spot)[0]
                     gap = low - links.radius[k] - hulls.ball[m]
-                    if gap < room[i, k, own] and (
-                        own == 1 or not touches_as_allowed(scene, rest, k, m, frames)
-                    ):
-                        if after > m + 1:
-                            after = m + 1  # the hull bounds triangles: look at them
-                        else:
-                            row[i, k, own], room[i, k, own] = m, gap
-                            for d in range(3):
-                                normal[i, k, own, d] = n[d] if low > TOUCHING else 0.0
-                                point[i, k, own, d] = spot[d] - links.radius[k] * n[d]
+                    near = gap < room[i, k, own]
+                if near and (own == 1 or not touches_as_allowed(scene, rest, k, m, frames)):
+                    if after > m + 1:
+                        after = m + 1  # the hull bounds triangles: look at them
+                    else:
+                        row[i, k, own], room[i, k, own] = m, gap
+                        for d in range(3):
+                            normal[i, k, own, d] = n[d] if low > TOUCHING else 0.0
+                            point[i, k, own, d] = spot[d] - links.radius[k] * n[d]
                 m = after

@@ -274,12 +274,9 @@ class ByHeadingPaths:
         if not len(pairs):
             return None
         spots, yaws = _nearest_to(areas, *ends), np.full(len(pairs), here[2])
-        for one in (
-            pairs[:, 0],
-            pairs[:, 1],
-            pairs[:, 0],
-        ):  # neighbouring slabs share the heading between them
-            yaws = into_spans(yaws, *self.driver.standing.spans[self.ladder.side[one]].T)
+        one, other = self.driver.standing.spans[self.ladder.side[pairs.T]]
+        for span in (one, other, one):  # neighbouring slabs share the heading between them
+            yaws = into_spans(yaws, *span.T)
         ways = sum(np.linalg.norm(spots - end, axis=1) for end in ends)
         n = int(np.argmin(ways + np.abs(yaws - here[2])))
         return pose_of(self.driver.world.robot, spots[n], float(yaws[n]))
