@@ -95,6 +95,7 @@ class ConfigurationSampler:
     _clear: dict[tuple[int, int], list[Candidate]] = field(default_factory=dict)
     _futile: dict[tuple[int, int], int] = field(default_factory=dict)
     _nearly: dict[int, list[tuple[float, Candidate]]] = field(default_factory=dict)
+    _searched: dict[Candidate, list[Candidate]] = field(default_factory=dict)
 
     def options(
         self, i: int, components: Sequence[int], here: Pose, nominal: Candidate, *, together: bool = False
@@ -313,7 +314,10 @@ class ConfigurationSampler:
             yield from self.around(i, candidate)
         if self.world.task[i].direction is None:
             for candidate in nearest[:SEARCHED]:
-                yield from self._asked(i, candidate, partial(clear_posture, most_boxes=BOXES))
+                if candidate not in self._searched:  # from wherever the robot comes it is the same search
+                    ask = partial(clear_posture, most_boxes=BOXES)
+                    self._searched[candidate] = list(self._asked(i, candidate, ask))
+                yield from self._searched[candidate]
 
     def _at(self, i: int, k: int, m: int) -> list[Candidate]:
         """All clear postures at one place, looked through once."""
