@@ -29,10 +29,11 @@ import numpy as np
 import shapely
 
 from regionik import pipeline
+from regionik.planners.search.motion_bounds import longest_levers
 from regionik.postures.poses import axis_of
 from regionik.regions import admissible_area
 from regionik.timing import timing_figures
-from regionik.timing.limits import MotionLimits, segments_on_path
+from regionik.timing.limits import segments_on_path
 from regionik.timing.retime import retime
 from regionik.values import Plan
 from regionik.worlds.arrays import Array, Index
@@ -110,14 +111,15 @@ def base_way(plan: Plan) -> float:
 
 def least_time(plan: Plan) -> float:
     """Lower bound for the time of any motion that does the task at the robot's speeds [s]."""
-    limits = MotionLimits(plan.world.robot, ROBOT)
-    mount = float(np.hypot(*plan.world.robot.mount[:2]))
+    chain, mount = plan.world.robot.chain, float(np.hypot(*plan.world.robot.mount[:2]))
+    levers, reach = longest_levers(chain, len(chain.joints) - 1, chain.T_last_tool[:3, 3])
     fastest = ROBOT.base_velocity + ROBOT.turn_velocity * mount
     strongest = math.inf if mount else ROBOT.base_acceleration
     way = base_way(plan)
     ramps = fastest / strongest
     by_base = way / fastest + ramps if way > fastest * ramps else 2 * math.sqrt(way / strongest)
-    swing = float(limits.joint_velocity @ limits.levers) + ROBOT.turn_velocity * limits.reach
+    by_joints = ROBOT.joint_limits(chain)[0] @ (np.abs(chain.coupling).T @ levers)
+    swing = float(by_joints) + ROBOT.turn_velocity * (mount + reach)
     return max(by_base, length_of_path(plan) / (ROBOT.base_velocity + swing))
 
 
