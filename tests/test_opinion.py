@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import shapely
 from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
 
 import tests.opinion
 from regionik.output.urdf import robot_to_urdf
@@ -69,6 +70,20 @@ def test_a_ball_in_a_cylinder_is_as_deep_as_its_nearest_way_out() -> None:
         (cylinder, placed(upright), ball, placed(low)),
     ):
         assert distance_of(*solids) == pytest.approx(-0.04)
+
+
+def test_a_depth_that_coal_finds_less_exactly_only_is_taken() -> None:
+    """Of two cylinders, where it says -1.8e308 m at a tolerance of 1e-8, whichever comes first."""
+    turn = np.array(
+        [[-0.365297, -0.273856, 0.889697], [0.104015, -0.961771, -0.253334], [0.925062, 0.0, 0.379817]]
+    )
+    arm, post = coal.Cylinder(0.035, 0.2175), coal.Cylinder(0.04654412163001045, 0.8)
+    T_arm, T_post = np.eye(4), np.eye(4)
+    T_arm[:3, :3] = Rotation.from_matrix(turn).as_matrix()
+    T_arm[:3, 3], T_post[:3, 3] = [1.41796503, -0.17936798, 0.43343322], [1.54989477, -0.19294242, 0.4]
+    for nudge in np.random.default_rng(3).uniform(-1e-6, 1e-6, (200, 3)):
+        T_arm[:3, 3] += nudge
+        assert distance_of(arm, placed(T_arm), post, placed(T_post)) == pytest.approx(-0.02728, abs=2e-5)
 
 
 @pytest.mark.slow

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from typing import Any
 
 import coal
@@ -14,10 +15,10 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-def _request() -> Any:
+def _request(tolerance: float) -> Any:
     request = coal.DistanceRequest()
     request.enable_signed_distance = True
-    request.gjk_tolerance = request.epa_tolerance = 1e-8
+    request.gjk_tolerance = request.epa_tolerance = tolerance
     return request
 
 
@@ -25,8 +26,10 @@ FLOOR = "the floor"
 BEYOND = 20.0  # that it goes on beyond the edge of where the base may drive, and how thick it is [m]
 POINTS = 300  # of a solid
 GRID, LOST = 1e-9, 1e-8  # of corners of a shadow [m], and what of a face it may lack [m2]
-NO_DEPTH = -1e300  # what coal says where it finds no depth [m]; it finds one with the two exchanged
-REQUEST, RESULT = _request(), coal.DistanceResult()
+NO_DEPTH = (
+    -1e300
+)  # what coal says where it finds no depth [m]; it does with the two exchanged, or less exactly
+REQUESTS, RESULT = (_request(1e-8), _request(1e-6)), coal.DistanceResult()
 
 
 @dataclass(frozen=True)
@@ -116,9 +119,10 @@ def distance_of(one: Any, T_one: Any, other: Any, T_other: Any) -> float:
         return _off_cylinder(other, T_other.inverse().transform(T_one.getTranslation())) - float(one.radius)
     if isinstance(one, coal.Cylinder) and isinstance(other, coal.Sphere):
         return distance_of(other, T_other, one, T_one)
-    for pair in ((one, T_one, other, T_other), (other, T_other, one, T_one)):
+    pairs = (one, T_one, other, T_other), (other, T_other, one, T_one)
+    for request, pair in product(REQUESTS, pairs):
         RESULT.clear()
-        gap = float(coal.distance(*pair, REQUEST, RESULT))
+        gap = float(coal.distance(*pair, request, RESULT))
         if gap > NO_DEPTH:
             break
     return gap
