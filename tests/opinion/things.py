@@ -26,9 +26,8 @@ FLOOR = "the floor"
 BEYOND = 20.0  # that it goes on beyond the edge of where the base may drive, and how thick it is [m]
 POINTS = 300  # of a solid
 GRID, LOST = 1e-9, 1e-8  # of corners of a shadow [m], and what of a face it may lack [m2]
-NO_DEPTH = (
-    -1e300
-)  # what coal says where it finds no depth [m]; it does with the two exchanged, or less exactly
+# What coal says where it finds no depth [m]; it finds one with the two exchanged, or less exactly.
+NO_DEPTH = -1e300
 REQUESTS, RESULT = (_request(1e-8), _request(1e-6)), coal.DistanceResult()
 
 
