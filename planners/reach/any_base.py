@@ -17,8 +17,8 @@ from regionik.planners.collision.robot_scene import RobotScene
 from regionik.planners.collision.upright_solids import Uprights, signed_distance
 from regionik.planners.driving.footprint import FootprintScene, fits, fits_nowhere_near
 from regionik.planners.geometry.angles import fit, wrap
+from regionik.planners.geometry.polygons import contains, near_boundary
 from regionik.planners.kernels import compiled
-from regionik.planners.reach.floor_distances import FloorParts, inside, is_near
 from regionik.planners.reach.planar_capsules import (
     NearObstacles,
     PlaneCapsules,
@@ -65,11 +65,18 @@ class ToolDemand(NamedTuple):
     seek: bool  # whether a posture is an answer; what else is asked of it may not be known here
 
 
+class FloorPart(NamedTuple):
+    """Places of the pivot axis, as `polygons` has them."""
+
+    vertices: Array  # (n, 2) [m]
+    starts: Index  # (m + 1,)
+
+
 class BaseFloor(NamedTuple):
     """Places and headings of the base on the floor."""
 
-    inner: FloorParts  # where the pivot axis may be at every heading
-    outer: FloorParts  # where it may be at some heading, at most
+    inner: FloorPart  # where the pivot axis may be at every heading
+    outer: FloorPart  # where it may be at some heading, at most
     room: FootprintScene  # the footprint among floor and obstacles; no corners for a base that is a point
     heart: Array  # (2,) middle of a circle in the footprint, in the base's frame [m]
     radius: float  # of that circle [m]
@@ -229,9 +236,12 @@ def _judge_base(mount: ArmMount, floor: BaseFloor, target: Array, cell: PlanarCe
     x = target[0] - away * math.cos(mid[YAW])
     y = target[1] - away * math.sin(mid[YAW])
     by = half[AWAY] + turned * (abs(away) + half[AWAY])
-    if inside(floor.inner, x, y):
+    inner, outer = floor.inner, floor.outer
+    if contains(inner.vertices, inner.starts, x, y):
         return Verdict.PROVEN
-    if not is_near(floor.outer, x, y, by + SLACK):
+    if not contains(outer.vertices, outer.starts, x, y) and not near_boundary(
+        outer.vertices, outer.starts, x, y, by + SLACK
+    ):
         return Verdict.RULED_OUT
     cell.open[YAW], cell.open[AWAY] = max(cell.open[YAW], turned * abs(away)), half[AWAY]
     if not len(floor.room.corners):

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
-from shapely.geometry import Point, Polygon
+from shapely.geometry import MultiPolygon, Point, Polygon
 
 from regionik.areas.ground import GUARD, Side, ground_of
 from regionik.areas.reachable import model_of, planar_reach, reach_model
@@ -16,8 +16,15 @@ from regionik.planners.avoidance.posture_proof import solid_at_target
 from regionik.planners.collision.distances import obstacles_from
 from regionik.planners.collision.robot_scene import RobotScene
 from regionik.planners.collision.upright_solids import Uprights, inradii, uprights_from
-from regionik.planners.reach.any_base import AnyBase, BaseFloor, ToolDemand, near_solids, search_cells
-from regionik.planners.reach.floor_distances import FloorParts, parts_of
+from regionik.planners.geometry.polygons import FlatPolygon
+from regionik.planners.reach.any_base import (
+    AnyBase,
+    BaseFloor,
+    FloorPart,
+    ToolDemand,
+    near_solids,
+    search_cells,
+)
 from regionik.planners.reach.planar_capsules import NearObstacles, PlaneCapsules, plane_capsules
 from regionik.planners.reach.planar_cells import ArmMount, cell_for
 from regionik.planners.reach.rings import reach_intervals
@@ -153,10 +160,13 @@ def _mount(world: World) -> ArmMount:
 
 
 @lru_cache(maxsize=256)
-def floor_of(side: Side) -> FloorParts:
+def floor_of(side: Side) -> FloorPart:
     """The free floor of a side."""
-    parts = shapely.get_parts(side.free)
-    return parts_of([part for part in parts if isinstance(part, Polygon) and part.area > 0])
+    parts = [part for part in shapely.get_parts(side.free) if isinstance(part, Polygon) and part.area > 0]
+    if not parts:
+        return FloorPart(np.zeros((0, 2)), np.zeros(1, dtype=np.int64))
+    flat = FlatPolygon.from_shapely(MultiPolygon(parts))
+    return FloorPart(np.array(flat.vertices), np.array(flat.starts))  # kernels take writable ones
 
 
 def writable(values: Array) -> Array:
