@@ -6,18 +6,15 @@ set-point are tried. Where a run ends, the tool is lifted and the base drives ov
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from functools import partial
 from itertools import islice
-
-import numpy as np
 
 from regionik.areas.standing import Standing
 from regionik.explain import arm_failures
 from regionik.moving.base_motion import Candidate
 from regionik.moving.layered_search import LayeredSearch
-from regionik.moving.path_search import JoinedMotion, PathSearch, RunSearch, SearchStep, path_search
+from regionik.moving.path_search import JoinedMotion, PathSearch, SearchStep, path_search
 from regionik.planners.progress import tell
 from regionik.postures.poses import Pose, Row
 from regionik.pruning import Pruned
@@ -26,9 +23,8 @@ from regionik.worlds.errors import Explanation, NoPlanFound
 from regionik.worlds.scene import World
 
 TRIES = 16  # candidates tried at the next set-point, or to begin a run from
-SOON = 24  # candidates tried without getting farther before a run is begun in another posture
-ALIKE = 1.0  # change of a joint from which on postures are others [rad]
-TURNING = (1.0, 0.3)  # how lightly a base on wheels turns, one way after the other
+SOON = 24  # candidates tried without getting farther before base and joints go on together from elsewhere
+WAYS = 1, 6  # times that they may go through the set-points of a run and fail; on wheels
 
 
 def connect_configurations(
@@ -85,38 +81,31 @@ class _Connection:
         search = self.search
         count = min((k for k in self.pruned.breaks if k > i), default=len(self.nominal)) - i
         wheels = search.sampler.layers is not None
-        starts = self._starts(i, here) if wheels else ()
-        begun = (first for first in starts if search.sampler.meets(first.pose))
-        for first, turning in ((first, turning) for first in begun for turning in TURNING):
-            steps = search.run(i, count, first, partial(self._together, turning)).longest()
-            if len(steps) == count and (way := self._unfolded(i, here, first)) is not None:
-                return way, steps
+        if wheels and (whole := self._all_together(i, count, here, self._starts(i, here))):
+            return whole
         way, first = self._arrive(i, here)
         run = search.run(i, count, first, self._ahead)
         if not wheels and len(run.longest(SOON)) < count:
-            other = self._in_other_postures(run, here, first)
-            if other is not None:
-                return other
+            whole = self._all_together(i, count, here, self._elsewhere(i, here, first))
+            if whole is not None:
+                return whole
         return way, run.longest()
 
-    def _in_other_postures(
-        self, run: RunSearch, here: Pose | None, first: Candidate
+    def _all_together(
+        self, i: int, count: int, here: Pose | None, starts: Iterable[Candidate]
     ) -> tuple[list[Row], list[SearchStep]] | None:
-        """A whole run of base and joints together, begun in another posture than the first; None for none.
+        """A whole run of base and joints together from one of some starts, and the way there; None for none.
 
-        Given up after the first that gets no farther than the run that was found.
+        Given up when those that failed have gone through `WAYS` times as many set-points as the run has.
         """
-        i, tried = run.first, [first.pose.joints]
-        start, goal = here or self.nominal[i].pose, self.nominal[i]
-        for other in islice(self.search.sampler.arrivals(i, self._kept(i), start, goal), TRIES):
-            if min(float(np.abs(other.pose.joints - joints).max()) for joints in tried) < ALIKE:
-                continue
-            steps = self.search.run(i, run.count, other, partial(self._together, 1.0)).longest()
-            if len(steps) == run.count and (way := self._unfolded(i, here, other)) is not None:
+        left = WAYS[self.search.sampler.layers is not None] * count
+        for first in starts:
+            steps = self.search.run(i, count, first, self._together).longest()
+            if len(steps) == count and (way := self._unfolded(i, here, first)) is not None:
                 return way, steps
-            if len(steps) <= len(run.best):
+            left -= len(steps)
+            if left <= 0:
                 break
-            tried.append(other.pose.joints)
         return None
 
     def _unfolded(self, i: int, here: Pose | None, first: Candidate) -> list[Row] | None:
@@ -131,7 +120,13 @@ class _Connection:
         if here is not None:
             yield from sampler.nearest(i, kept, here)
         yield from sampler.nominal(i, kept, here or goal.pose, goal)
-        yield from sampler.turned(i, kept, goal.pose)
+        yield from sampler.roomy(i, kept, goal.pose)
+
+    def _elsewhere(self, i: int, here: Pose | None, first: Candidate) -> Iterator[Candidate]:
+        """Where else than at a first candidate a run may begin: far from joint limits, then as `_arrive` may."""
+        sampler, kept, goal = self.search.sampler, self._kept(i), self.nominal[i]
+        yield from sampler.roomy(i, kept, first.pose)
+        yield from islice(sampler.arrivals(i, kept, here or goal.pose, goal), TRIES)
 
     def _arrive(self, i: int, here: Pose | None) -> tuple[list[Row], Candidate]:
         """Move to a first candidate at set-point i with the tool lifted, from the start or the last run."""
@@ -155,11 +150,11 @@ class _Connection:
         found = sampler.options(i + 1, components, here.pose, goal, together=bool(here.way))
         return islice(found, TRIES)
 
-    def _together(self, turning: float, i: int, here: Candidate) -> Iterator[Candidate]:
+    def _together(self, i: int, here: Candidate) -> Iterator[Candidate]:
         """The candidate to which base and joints go on together from set-point i."""
         if i + 1 >= len(self.nominal):
             return iter(())
-        return self.search.sampler.resolved_onward(i + 1, here.pose, turning)
+        return self.search.sampler.resolved_onward(i + 1, here.pose)
 
     def _kept(self, i: int) -> list[int]:
         """Components of a set-point that the pruning left, the chosen one first."""

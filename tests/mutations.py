@@ -725,6 +725,13 @@ FAULTS = (
         "spare = SPARE if room < LEAST_SPARE else -1.0",
         ("tests/test_arm_guard.py",),
     ),
+    Fault(
+        "motion: runs begin at joint limits",
+        "regionik/moving/configuration_sampling.py",
+        "(rank, -rooms[n], here[n])",
+        "(rank, rooms[n], here[n])",
+        ("tests/test_configuration_sampling.py",),
+    ),
 )
 
 

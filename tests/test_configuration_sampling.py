@@ -13,8 +13,10 @@ import shapely
 from regionik.areas.standing import anywhere, spread
 from regionik.mfabrik import configurations
 from regionik.moving.base_motion import Candidate
-from regionik.moving.configuration_sampling import KEPT, PLACES, ConfigurationSampler, Evidence
+from regionik.moving.configuration_sampling import HEADINGS, KEPT, PLACES, ConfigurationSampler, Evidence
+from regionik.moving.path_following import ResolvedMotion
 from regionik.planners.collision.proximity import Touch
+from regionik.planners.geometry.angles import wrap
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import Pose, axis_of
 from regionik.pruning import Pruned, choose_chain, solvers_along, start_place, start_pose, whole_path
@@ -53,6 +55,27 @@ def test_every_option_is_clear_and_on_target(name: str, i: int) -> None:
         assert pruned.ladder.component[spot.component].distance(axis) < 1e-9
         assert (at.joints >= robot.chain.lower - 1e-9).all()
         assert (at.joints <= robot.chain.upper + 1e-9).all()
+
+
+@pytest.mark.parametrize(("name", "i"), [("shelf", 0), ("pipe", 5), ("l_shape", 3)])
+def test_a_run_may_begin_at_headings_all_round_far_from_limits_first(name: str, i: int) -> None:
+    world, pruned, nominal = prepared(name)
+    looking, robot = replace(sampler(name), resolved=ResolvedMotion(world, guard_of(world))), world.robot
+    found = list(looking.roomy(i, pruned.kept(i), nominal[i].pose))
+    turned = [wrap(float(one.pose.base[2] - nominal[i].pose.base[2])) for one in found]
+    heading = [int(np.rint(turn / (2 * np.pi / HEADINGS))) % HEADINGS for turn in turned]
+    room = [float(robot.chain.room_to_limits(one.pose.joints)) for one in found]
+    assert len(set(heading)) > HEADINGS / 2
+    for n, one in enumerate(found):
+        axis = shapely.Point(axis_of(robot, one.pose.base))
+        tool = robot.tool(one.pose.base, one.pose.joints)[:3, 3]
+        assert guard_of(world).clear(one.pose)
+        assert np.linalg.norm(tool - world.task[i].position) <= world.rules.tolerance * (1 + 1e-9)
+        assert pruned.ladder.component[one.component].distance(axis) < 1e-9
+        assert all(room[k] >= room[n] for k in range(n) if heading[k] == heading[n])
+    first = [n for n in range(len(found)) if heading[n] not in heading[:n]]
+    assert first == list(range(len(first)))  # one of each heading before a second of any
+    assert all(room[a] >= room[b] for a, b in zip(first[:-1], first[1:], strict=True))
 
 
 def test_the_same_options_again() -> None:

@@ -16,6 +16,7 @@ from regionik.worlds.drives import BaseKind
 from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
+from tests.random_arms import random_robot
 
 RADIUS = 0.6  # of the car's turns [m]
 
@@ -118,6 +119,16 @@ def test_a_base_on_wheels_rolls_along_a_wall(base: BaseKind) -> None:
         if base == "car" and abs(turn) > 1e-9:
             arc = np.hypot(*chord) / np.sinc(turn / (2 * np.pi))
             assert arc / abs(turn) >= RADIUS * (1 - 1e-9)
+
+
+def test_a_circle_is_done_in_one_run_that_begins_far_from_joint_limits() -> None:
+    robot = replace(random_robot("offsets", np.random.default_rng(1)), base="differential")
+    turns = np.linspace(0, 2 * np.pi, 40)
+    around = np.column_stack([np.zeros(40), 0.3 * np.cos(turns), 0.8 + 0.3 * np.sin(turns)])
+    task = tuple(Target(spot, direction=np.array([1.0, 0.0, 0.0]), cone=0.05) for spot in around)
+    made = plan(World("circle", robot, Floor(shapely.box(-4, -4, 4, 4)), task=task))
+    assert made.lift_offs == 0
+    assert verify(made).ok
 
 
 @pytest.mark.slow

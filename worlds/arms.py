@@ -204,6 +204,17 @@ def pivot_index(chain: Chain) -> int:
     )
 
 
+def turned_back(chain: Chain, joints: Array, turn: float) -> Array:
+    """Return joint values (dof,) with the pivot, if any, turned back by a turn of the base [rad].
+
+    As far as its limits let it.
+    """
+    if with_pivot(chain) is not chain:
+        return joints
+    pivot = np.arange(chain.dof) == pivot_index(chain)
+    return np.clip(joints - turn * pivot, chain.lower, chain.upper)
+
+
 @lru_cache(maxsize=64)
 def with_pivot_limits(chain: Chain, lower: float, upper: float) -> Chain:
     """Return the same chain, which has a pivot, with other limits of that [rad]."""

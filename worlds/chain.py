@@ -133,6 +133,13 @@ class Chain:
     def upper(self) -> Array:
         return np.array([joint.upper for joint in self.active_joints])
 
+    def room_to_limits(self, joints: Array) -> Array:
+        """Return the least distance of postures (..., dof) to a limit, as a share of its range, (...)."""
+        with np.errstate(invalid="ignore"):
+            share = np.minimum(joints - self.lower, self.upper - joints) / (self.upper - self.lower)
+        least: Array = np.where(np.isnan(share), 0.5, share).min(axis=-1)  # 0.5 without limits
+        return least
+
     @cached_property
     def leaders(self) -> NDArray[np.intp]:
         """Index of the active joint that each joint follows or is, (n,)."""

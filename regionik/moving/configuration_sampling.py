@@ -34,6 +34,8 @@ from regionik.planners.avoidance.clear_posture import (
 from regionik.planners.avoidance.posture_proof import PostureTask
 from regionik.planners.collision.proximity import Touch
 from regionik.planners.driving.footprint import fits
+from regionik.planners.geometry.angles import wrap
+from regionik.planners.geometry.polygons import clamp
 from regionik.planners.search.box_search import Verdict
 from regionik.planners.solvers.aims import in_columns
 from regionik.postures.arm import aim_of
@@ -41,7 +43,7 @@ from regionik.postures.arm_guard import SPARE, Guard
 from regionik.postures.poses import Pose, axis_of, pose_of
 from regionik.postures.serial_solver import serial_solver
 from regionik.values import Configuration
-from regionik.worlds.arms import pivot_index, with_pivot
+from regionik.worlds.arms import pivot_index, turned_back, with_pivot
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 
@@ -142,12 +144,29 @@ class ConfigurationSampler:
         if reached and self.clear(i, nominal.pose):
             yield from self._turns(nominal, here)
 
-    def turned(self, i: int, components: Sequence[int], start: Pose) -> Iterator[Candidate]:
-        """Clear configurations with the base at other headings, rolled to where the arm reaches."""
-        for k in range(1, HEADINGS):
-            yaw = start.base[2] + 2 * np.pi * (k // 2 if k % 2 else -(k // 2)) / HEADINGS
-            at = Pose(np.array([*start.base[:2], yaw]), start.joints)
-            yield from self.nearest(i, components, at, still=[1])
+    def roomy(self, i: int, components: Sequence[int], start: Pose) -> Iterator[Candidate]:
+        """Clear configurations at headings all round, of each the one farthest from joint limits first.
+
+        The base is brought under the arm, or as near as its area lets it. Its arm turns back what the base is
+        turned, or is in another posture.
+        """
+        assert self.resolved is not None
+        if self.world.rules.heading == "face_target":
+            return
+        robot, axis = self.world.robot, axis_of(self.world.robot, start.base)
+        found = list[tuple[int, float, Candidate]]()
+        for yaw in start.base[2] + 2 * np.pi * np.arange(HEADINGS) / HEADINGS:
+            there = [k for k in components if away(wrap(yaw), self._span(k)) == 0]
+            for k in self._by_nearness(there, start)[:1]:
+                flat = self.ladder.flat(k)
+                base = pose_of(robot, np.array(clamp(flat.vertices, flat.starts, *axis)), wrap(yaw))
+                at = Pose(base, turned_back(robot.chain, start.joints, wrap(yaw - start.base[2])))
+                still = [self.resolved.states.base_parts - 1]
+                here = [*self.nearest(i, components, at, still), *self._other_postures(i, base, k)]
+                rooms = [float(robot.chain.room_to_limits(one.pose.joints)) for one in here]
+                ranked = np.argsort(np.negative(rooms), kind="stable").tolist()
+                found += [(rank, -rooms[n], here[n]) for rank, n in enumerate(ranked)]
+        yield from (one for *_, one in sorted(found, key=lambda ranked: ranked[:2]))
 
     def nearest(
         self, i: int, components: Sequence[int], start: Pose, still: Sequence[int] = ()
@@ -156,7 +175,9 @@ class ConfigurationSampler:
         assert self.resolved is not None
         aim = in_columns([aim_of(self.world.task[i])])
         pose = self.resolved.states.state(aim, start, still, bend=np.inf)
-        if pose is not None and fits(room_for(self.world), *pose.base) and self.clear(i, pose):
+        if pose is None or not self.meets(pose):
+            return
+        if fits(room_for(self.world), *pose.base) and self.clear(i, pose):
             found = Configuration(pose.base, pose.joints, 0.0, 0, True)
             yield from (Candidate(found, k) for k in self._by_nearness(components, pose)[:1])
 
@@ -190,13 +211,13 @@ class ConfigurationSampler:
         order = np.argsort(shapely.distance(parts, axis) + TURN_WEIGHT * np.array(turns), kind="stable")
         return [components[m] for m in order.tolist()]
 
-    def resolved_onward(self, i: int, here: Pose, turning: float = 1.0) -> Iterator[Candidate]:
+    def resolved_onward(self, i: int, here: Pose) -> Iterator[Candidate]:
         """The configuration to which base and joints go on together by the least motion, in any component.
 
         Areas of set-points far apart need not overlap for that, nor need they show where it stands. See
         `ResolvedMotion.onward`.
         """
-        way = None if self.resolved is None else self.resolved.onward(i - 1, here, turning)
+        way = None if self.resolved is None else self.resolved.onward(i - 1, here)
         if way is None:
             return
         found = Configuration(way[-1].base, way[-1].joints, 0.0, 0, True)  # measured on arrival

@@ -233,16 +233,13 @@ class ResolvedMotion:
     world: World
     guard: Guard
 
-    def onward(self, i: int, here: Pose, turning: float = 1.0) -> list[Pose] | None:
-        """States with the tool on its path from set-point i to the next; None where no such way is free.
-
-        How lightly the base turns is weighed by ``turning``.
-        """
+    def onward(self, i: int, here: Pose) -> list[Pose] | None:
+        """States with the tool on its path from set-point i to the next; None where no such way is free."""
         asked = self._asked(i)
         aims = in_columns([aim_of(target) for target in asked])
         poses = [here]
         for k in range(len(asked)):
-            pose = self.states.state(aims.part(slice(k, k + 1)), poses[-1], turning=turning)
+            pose = self.states.state(aims.part(slice(k, k + 1)), poses[-1])
             if pose is None or math.dist(poses[-1].base[:2], pose.base[:2]) > self.world.rules.step:
                 return None
             poses.append(pose)

@@ -57,12 +57,10 @@ class ResolvedStates:
         start: Pose,
         still: Sequence[int] = (),
         bend: float = LARGEST_BEND,
-        turning: float = 1.0,
     ) -> Pose | None:
         """The state that meets one aim by the least motion from a start; None for none.
 
-        Some coordinates of the base's motion stay ``still``; no joint goes farther than ``bend``. How lightly
-        the base turns is weighed by ``turning``.
+        Some coordinates of the base's motion stay ``still``; no joint goes farther than ``bend``.
         """
         if self.world.rules.heading == "face_target":  # which no motion of base and joints together keeps
             return None
@@ -71,8 +69,7 @@ class ResolvedStates:
         low, high = np.full((2, len(motion)), [[-np.inf], [np.inf]])
         low[n:] = np.maximum(chain.lower - start.joints, -bend)
         high[n:] = np.minimum(chain.upper - start.joints, bend)
-        by_turn, fixed = np.ones(len(motion)), self._speeds == 0.0
-        by_turn[n - 1] = turning
+        fixed = self._speeds == 0.0
         fixed[list(still)] = True
         low[fixed] = high[fixed] = 0.0
         cone, missed = ANGLE_LENGTH * float(aim.cones[0]), list[float]()
@@ -95,7 +92,7 @@ class ResolvedStates:
             rows += _cone_rows(miss[3:], J[3:], motion, cone, first=len(missed) == 1)
             rows += [] if near is None else self._near_rows(near, here, start, motion)
             asked = rows + self._arc_rows(motion)
-            weight = np.where(fixed, 1.0, self._lightness(start.joints, motion) * by_turn) ** -2
+            weight = np.where(fixed, 1.0, self._lightness(start.joints, motion)) ** -2
             step = least_weighted(
                 weight, J[:led], miss[:led],
                 np.array([row.change for row in asked]).reshape(-1, len(motion)),

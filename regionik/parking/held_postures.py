@@ -133,7 +133,8 @@ class PostureCarrier:
         kept = [n for n, i in enumerate(some.tolist()) if self.keeps(i, base, joints[n])]
         if not kept:
             return None
-        return HeldPostures(base, tuple(some[kept].tolist()), joints[kept], self._spare(joints[kept]))
+        spare = float(self.world.robot.chain.room_to_limits(joints[kept]).min())
+        return HeldPostures(base, tuple(some[kept].tolist()), joints[kept], spare)
 
     def neighboring(self, base: Array, some: Index) -> tuple[Index, Array]:
         """Those of some set-points at which a clear posture was soon found, and the postures (n, dof)."""
@@ -249,7 +250,8 @@ class PostureCarrier:
         count = next((i for i, q in enumerate(held) if not self._holds(pose, q)), len(held))
         if count == 0:  # the motion may lead it round what it touches
             return HeldPostures(pose, (0,), held[:1], -np.inf)
-        return HeldPostures(pose, tuple(range(count)), held[:count], self._spare(held[:count]))
+        spare = float(self.world.robot.chain.room_to_limits(held[:count]).min())
+        return HeldPostures(pose, tuple(range(count)), held[:count], spare)
 
     def reaches_rim(self, i: int, base: Array, joints: Array, radius: float) -> bool:
         """True where a posture can be kept on the carrier's set-point i while the base goes any way to a rim.
@@ -332,12 +334,3 @@ class PostureCarrier:
     @property
     def _pivot(self) -> int:
         return pivot_index(self._bound.chain)
-
-    def _spare(self, joints: Array) -> float:
-        """Least distance of a joint to its limits, as a share of its range."""
-        lower, upper = self.world.robot.chain.lower, self.world.robot.chain.upper
-        if not len(joints):
-            return 0.0
-        with np.errstate(invalid="ignore"):
-            share = np.minimum(joints - lower, upper - joints) / (upper - lower)
-        return float(np.where(np.isnan(share), 0.5, share).min())

@@ -21,7 +21,7 @@ from regionik.postures.poses import Pose, Row, axis_of, columns, lift_offs, moti
 from regionik.postures.serial_solver import serial_solver
 from regionik.values import Configuration, Motion, Plan, Stop
 from regionik.verification.verifier import verify
-from regionik.worlds.arms import pivot_index, pivot_joints, with_pivot
+from regionik.worlds.arms import pivot_joints, turned_back
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import Cause, Explanation, InputError, NoPlanFound
 from regionik.worlds.robot import with_joint_margin
@@ -120,12 +120,7 @@ def _target_between(plan: Plan, i: int, k: int) -> Target:
 
 def _turned(world: World, stop: Stop, base: Array, joints: Array) -> Array:
     """Joints with the pivot turned back by what the base is turned, as far as its limits let it."""
-    chain = world.robot.chain
-    if with_pivot(chain) is not chain:
-        return joints
-    pivot = np.arange(chain.dof) == pivot_index(chain)
-    turn = wrap(base[2] - stop.base[2])
-    return np.clip(joints - turn * pivot, chain.lower, chain.upper)
+    return turned_back(world.robot.chain, joints, wrap(base[2] - stop.base[2]))
 
 
 def _least_change(world: World, target: Target, base: Array, joints: Array, kind: str) -> Array | None:
