@@ -123,7 +123,7 @@ class _Connection:
         yield from sampler.roomy(i, kept, goal.pose)
 
     def _elsewhere(self, i: int, here: Pose | None, first: Candidate) -> Iterator[Candidate]:
-        """Where else than at a first candidate a run may begin: far from joint limits, then as `_arrive` may."""
+        """Where a run may begin but at a first candidate: far from joint limits, then as `_arrive` has it."""
         sampler, kept, goal = self.search.sampler, self._kept(i), self.nominal[i]
         yield from sampler.roomy(i, kept, first.pose)
         yield from islice(sampler.arrivals(i, kept, here or goal.pose, goal), TRIES)
