@@ -162,7 +162,8 @@ class ConfigurationSampler:
                 base = pose_of(robot, np.array(clamp(flat.vertices, flat.starts, *axis)), wrap(yaw))
                 at = Pose(base, turned_back(robot.chain, start.joints, wrap(yaw - start.base[2])))
                 still = [self.resolved.states.base_parts - 1]
-                here = [*self.nearest(i, components, at, still), *self._other_postures(i, base, k)]
+                known = self.nearest(i, components, at, still), self._other_postures(i, base, k)
+                here = list(self._meeting(*known))
                 rooms = [float(robot.chain.room_to_limits(one.pose.joints)) for one in here]
                 ranked = np.argsort(np.negative(rooms), kind="stable").tolist()
                 found += [(rank, -rooms[n], here[n]) for rank, n in enumerate(ranked)]
