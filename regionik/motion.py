@@ -24,7 +24,8 @@ from regionik.worlds.scene import World
 
 TRIES = 16  # candidates tried at the next set-point, or to begin a run from
 SOON = 24  # candidates tried without getting farther before base and joints go on together from elsewhere
-WAYS = 1, 6  # times that they may go through the set-points of a run and fail; on wheels
+FEW = 60  # set-points that they may go through and fail in any case
+WAYS = 2, 12  # times as many as the farthest of them went, and on wheels
 
 
 def connect_configurations(
@@ -96,15 +97,15 @@ class _Connection:
     ) -> tuple[list[Row], list[SearchStep]] | None:
         """A whole run of base and joints together from one of some starts, and the way there; None for none.
 
-        Given up when those that failed have gone through `WAYS` times as many set-points as the run has.
+        Given up when those that failed have gone through `WAYS` times as many set-points as the farthest.
         """
-        left = WAYS[self.search.sampler.layers is not None] * count
+        ways, failed, farthest = WAYS[self.search.sampler.layers is not None], 0, 0
         for first in starts:
             steps = self.search.run(i, count, first, self._together).longest()
             if len(steps) == count and (way := self._unfolded(i, here, first)) is not None:
                 return way, steps
-            left -= len(steps)
-            if left <= 0:
+            failed, farthest = failed + len(steps), max(farthest, len(steps))
+            if failed > max(FEW, ways * farthest):
                 break
         return None
 
