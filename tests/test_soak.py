@@ -16,6 +16,7 @@ from regionik.worlds.scene import World
 from tests import soak
 from tests.random_arms import ARMS, random_arm, random_robot
 from tests.soak import WITNESSED, Judged, against, asked_worlds, judged, report
+from tests.soaked import soaked_world
 from tests.witnesses import random_solid, traits_of, witness
 
 
@@ -125,3 +126,10 @@ def test_the_report_counts_witnesses_planned() -> None:
     assert "| all | 6 | 2 | 1 | 1 | none | 1 | 1 | 33.3 % |" in lines
     assert "| stops | 2 | 0 | 0 | 1 | none | 1 | 0 | 0.0 % |" in lines
     assert "- slides 4: said though there is a witness" in lines
+
+
+def test_an_arm_searched_for_about_a_place_faces_its_target_where_the_rules_ask_for_it() -> None:
+    world = soaked_world("overhead", 910248)
+    assert world.rules.heading == "face_target"
+    _, wrong = soak.against_reach(world, soak.hard_targets(world, np.random.default_rng([910248, 2])))
+    assert not wrong

@@ -40,10 +40,10 @@ from regionik.planners.search.box_search import Verdict
 from regionik.planners.solvers.aims import in_columns
 from regionik.postures.arm import aim_of
 from regionik.postures.arm_guard import SPARE, Guard
-from regionik.postures.poses import Pose, axis_of, pose_of
+from regionik.postures.poses import Pose, axis_of, facing, pose_of
 from regionik.postures.serial_solver import serial_solver
 from regionik.values import Configuration
-from regionik.worlds.arms import pivot_index, turned_back, with_pivot
+from regionik.worlds.arms import turned_back
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 
@@ -305,17 +305,13 @@ class ConfigurationSampler:
 
     def _faced(self, i: int, candidate: Candidate, joints: Array, error: float) -> Iterator[Candidate]:
         """Other joints at a candidate, if clear; a base that must face the target turns under the arm."""
-        robot, base = self.world.robot, candidate.found.base
-        if self.world.rules.heading == "face_target" and with_pivot(robot.chain) is robot.chain:
-            pivot = pivot_index(robot.chain)
-            ahead = np.clip(0.0, robot.chain.lower[pivot], robot.chain.upper[pivot])
-            yaw = float(base[2] + joints[pivot] - ahead)
-            if away(yaw, self._span(candidate.component)) > 0:
+        at = Pose(candidate.found.base, joints)
+        if self.world.rules.heading == "face_target":
+            at = facing(self.world.robot, at)
+            if away(float(at.base[2]), self._span(candidate.component)) > 0:
                 return
-            base = pose_of(robot, axis_of(robot, base), yaw)
-            joints = np.where(np.arange(robot.chain.dof) == pivot, ahead, joints)
-        if self.clear(i, Pose(base, joints)):
-            found = replace(candidate.found, base=base, joints=joints, error=error)
+        if self.clear(i, at):
+            found = replace(candidate.found, base=at.base, joints=at.joints, error=error)
             yield replace(candidate, found=found)
 
     def _elsewhere(self, i: int, k: int, here: Pose) -> Iterator[Candidate]:

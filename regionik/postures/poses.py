@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from regionik.values import Configuration, Motion
+from regionik.worlds.arms import pivot_index, with_pivot
 from regionik.worlds.arrays import Array
 from regionik.worlds.drives import BaseDrive
 from regionik.worlds.robot import Robot
@@ -131,6 +132,20 @@ def pose_of(robot: Robot, axis: Array, yaw: float) -> Array:
     c, s = np.cos(yaw), np.sin(yaw)
     x, y = robot.mount[0], robot.mount[1]
     return np.array([axis[0] - (c * x - s * y), axis[1] - (s * x + c * y), yaw])
+
+
+def facing(robot: Robot, at: Pose) -> Pose:
+    """A pose with the base turned under the arm until the pivot is as near to zero as its limits let it.
+
+    The same pose where the arm has no pivot of its own.
+    """
+    if with_pivot(robot.chain) is not robot.chain:
+        return at
+    pivot = pivot_index(robot.chain)
+    ahead = np.clip(0.0, robot.chain.lower[pivot], robot.chain.upper[pivot])
+    yaw = float(at.base[2] + at.joints[pivot] - ahead)
+    joints = np.where(np.arange(robot.chain.dof) == pivot, ahead, at.joints)
+    return Pose(pose_of(robot, axis_of(robot, at.base), yaw), joints)
 
 
 def arm_states(here: Pose, there: Pose) -> list[Pose]:

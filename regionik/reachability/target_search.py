@@ -19,7 +19,7 @@ from regionik.planners.driving.footprint import fits
 from regionik.postures.arm import goal_error
 from regionik.postures.arm_guard import SPARE, Guard, guard_at
 from regionik.postures.families import Family
-from regionik.postures.poses import Pose, arrays, pose_of
+from regionik.postures.poses import Pose, arrays, facing, pose_of
 from regionik.regions import path_areas
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target, World
@@ -145,6 +145,8 @@ class TargetSearch:
         if found.joints is None:
             return None
         pose = Pose(q.base, np.array(found.joints))
+        if self.world.rules.heading == "face_target":  # the search turned the pivot
+            pose = facing(self.world.robot, pose)
         return pose if self.confirms(pose) else None
 
     def _room(self, q: Pose, best: float) -> float:
