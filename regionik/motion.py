@@ -97,7 +97,8 @@ class _Connection:
     ) -> tuple[list[Row], list[SearchStep]] | None:
         """A whole run of base and joints together from one of some starts, and the way there; None for none.
 
-        Given up when those that failed have gone through `WAYS` times as many set-points as the farthest.
+        Given up when those that failed have gone through more than `FEW` set-points, and than `WAYS` times as
+        many as the farthest of them.
         """
         ways, failed, farthest = WAYS[self.search.sampler.layers is not None], 0, 0
         for first in starts:
