@@ -46,6 +46,7 @@ class RejectedPart:
     kind: CauseKind
     name: str
     polygon: BaseGeometry
+    part: str = ""  # of the robot that would come too near to an obstacle
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,8 +241,8 @@ def rejected_parts(world: World, target: Target) -> tuple[RejectedPart, ...]:
 def rejected_by_obstacles(world: World, reach: BaseGeometry) -> list[RejectedPart]:
     """Parts of a reach in which the base would come too near to obstacles, one for each of these."""
     ground = ground_of(world)
-    near = ground.grown_about(reach, ground.clearance)
-    return [RejectedPart("obstacle", name, reach & shadow) for name, shadow in near]
+    near = ground.rejections(reach, ground.clearance)
+    return [RejectedPart("obstacle", name, reach & shadow, part) for name, part, shadow in near]
 
 
 def largest_clearance(world: World, target: Target) -> float | None:
@@ -254,7 +255,7 @@ def largest_clearance(world: World, target: Target) -> float | None:
         return None
 
     def open_at(clearance: float) -> bool:
-        grown = [shadow for _, shadow in ground.grown_about(reach, clearance)]
+        grown = [shadow for _, _, shadow in ground.rejections(reach, clearance)]
         return float((reach - shapely.union_all(grown)).area) > 1e-12
 
     low, high = 0.0, 1.0

@@ -14,7 +14,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from regionik.areas.ground import GUARD
+from regionik.areas.layers import GUARD
 from regionik.areas.reach_model import (
     FineRows,
     Index,

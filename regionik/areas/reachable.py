@@ -10,7 +10,8 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import EVERY, GUARD, Geometries, united
+from regionik.areas.ground import EVERY, united
+from regionik.areas.layers import GUARD, Geometries
 from regionik.areas.planar_reach import PlanarReach
 from regionik.areas.reach_model import (
     FineRows,

@@ -10,13 +10,14 @@ import shapely
 from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import ground_of, grow
+from regionik.areas.ground import ground_of
+from regionik.areas.layers import grow
 from regionik.areas.reachable import model_of
 from regionik.areas.standing import by_heading, outer_by_heading, turns_matter
 from regionik.explain.changes import one_lift_off
 from regionik.explain.constraints import join, no_way_to, rounded_down, setpoint_at, spot, with_rules
-from regionik.planners.driving.footprint import footprint_width
 from regionik.planners.driving.footprint_planner import NarrowPassageError, passage_width
+from regionik.planners.driving.footprint_scene import footprint_width
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.regions import (
     largest_clearance,

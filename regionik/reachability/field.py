@@ -9,7 +9,8 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
-from regionik.areas.ground import GUARD, Side
+from regionik.areas.ground import Side
+from regionik.areas.layers import GUARD
 from regionik.areas.reach_model import ReachModel
 from regionik.areas.reachable import reach_model, reach_rows
 from regionik.areas.standing import anywhere, by_heading, outer_by_heading
