@@ -18,6 +18,7 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import Side, ground_of, united
+from regionik.areas.lifted import lifted_rejection, lifted_rejections
 from regionik.areas.reachable import reach_rows
 from regionik.areas.standing import (
     LEAST_AREA,
@@ -228,20 +229,28 @@ def rejected_parts(world: World, target: Target) -> tuple[RejectedPart, ...]:
     disc = shapely.Point(target.position[:2]).buffer(span.radius + np.sqrt(stretched))
     reach = reach_of(world, target)
     rules = replace(world.rules, criteria=None)
+    reach |= lifted_rejection(world, float(target.position[2]), span_of_rules(world), inner=False) & disc
     wide = reach if world.rules.criteria is None else reach_of(replace(world, rules=rules), target)
     kind: CauseKind = "limits" if target.direction is None else "direction"
     name = "tool direction" if target.orientation is None else "tool orientation"
     taken = [RejectedPart(kind, "joint limits" if kind == "limits" else name, disc - wide)]
     taken.append(RejectedPart("criteria", "criteria", wide - reach))
     taken.append(RejectedPart("floor", "edge of the floor", reach - ground.inner.floor))
-    taken += rejected_by_obstacles(world, reach)
+    taken += rejected_by_obstacles(world, reach, target)
     return tuple(part for part in taken if part.polygon.area > 1e-12)
 
 
-def rejected_by_obstacles(world: World, reach: BaseGeometry) -> list[RejectedPart]:
-    """Parts of a reach in which the base would come too near to obstacles, one for each of these."""
+def rejected_by_obstacles(
+    world: World, reach: BaseGeometry, target: Target | None = None
+) -> list[RejectedPart]:
+    """Parts of a reach in which the base would come too near to obstacles, one for each of these.
+
+    With a target, what lifts carry on their way to it counts too.
+    """
     ground = ground_of(world)
     near = ground.rejections(reach, ground.clearance)
+    if target is not None:
+        near += lifted_rejections(world, float(target.position[2]))
     return [RejectedPart("obstacle", name, reach & shadow, part) for name, part, shadow in near]
 
 

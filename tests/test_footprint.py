@@ -378,7 +378,10 @@ def test_rooms_are_values_of_one_kind() -> None:
         footprint_scene(POINT, box(0, 0, 1, 1)),
     ]
     kinds = [
-        [(part.dtype, part.ndim, part.flags.writeable, part.flags.c_contiguous) for part in (*r[:-1], *r.upper)]
+        [
+            (part.dtype, part.ndim, part.flags.writeable, part.flags.c_contiguous)
+            for part in (*r[:-1], *r.upper)
+        ]
         for r in rooms
     ]
     assert kinds[0] == kinds[1]

@@ -333,10 +333,11 @@ class World:
         left: Polygon | MultiPolygon = self.floor.polygon.buffer(-self.base_allowance, join_style="mitre")
         return left
 
-    @property
+    @cached_property
     def solids(self) -> tuple[Solid, ...]:
-        """Obstacles and occupied map cells together."""
-        return (*self.obstacles, *self.floor.cells)
+        """Obstacles and occupied map cells together, but for what a solid floor covers."""
+        above = tuple(one for one in self.obstacles if one.z_range[1] > 0 or not self.rules.solid_floor)
+        return (*above, *self.floor.cells)
 
     @cached_property
     def floor_slab(self) -> Box | None:

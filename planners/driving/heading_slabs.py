@@ -197,9 +197,9 @@ def convex_scene(
 
 def outline_scene(outline: Outline, floor: BaseGeometry) -> ConvexScene:
     """Return an upper outline and its surroundings, as far as the floor goes and beyond: no edge binds it."""
-    corners = np.array(outline.corners)
-    beyond = shapely.buffer(floor.envelope, BEYOND + 2 * float(np.abs(corners).max()), join_style="mitre")
-    return convex_scene(corners, beyond, outline.shadows, outline.clearance)
+    beyond = BEYOND + 2 * float(np.abs(outline.corners).max())
+    plane = shapely.buffer(floor.envelope, beyond, join_style="mitre")
+    return convex_scene(np.array(outline.corners), plane, outline.shadows, outline.clearance)
 
 
 def _is_convex(core: BaseGeometry) -> bool:

@@ -108,6 +108,11 @@ class Layer:
                 names.append(self.names[k])
         return replace(self, outline=replace(self.outline, shadows=tuple(shadows)), names=tuple(names))
 
+    def keeping(self, which: Sequence[int]) -> Layer:
+        """Return the layer with some of its shadows."""
+        names, shadows = (tuple(rows[k] for k in which) for rows in (self.names, self.shadows))
+        return replace(self, outline=replace(self.outline, shadows=shadows), names=names)
+
     @cached_property
     def cores(self) -> STRtree:
         """Tree over the shadows' cores."""
@@ -158,7 +163,18 @@ def layers_of(
         if met:
             names, shadows = zip(*met, strict=True)
             found.append(Layer(prism.part, Outline(corners, shadows, world.arm_clearance), names))
-    return tuple(found)
+    return _without_repeats(found)
+
+
+def _without_repeats(layers: Sequence[Layer]) -> tuple[Layer, ...]:
+    """Return layers without the shadows that a wider one has as well, which rejects more by each."""
+    shapes = [shapely.convex_hull(shapely.multipoints(layer.outline.corners)) for layer in layers]
+    kept: list[tuple[BaseGeometry, Layer]] = []
+    for k in sorted(range(len(layers)), key=lambda k: -shapes[k].area):
+        wider = {one for shape, other in kept if shape.covers(shapes[k]) for one in other.shadows}
+        layer = layers[k].keeping([n for n, one in enumerate(layers[k].shadows) if one not in wider])
+        kept += [(shapes[k], layer)] if layer.shadows else []
+    return tuple(layer for _, layer in kept)
 
 
 def _is_covered(corners: Corners, clearance: float, footprint: Layer) -> bool:
