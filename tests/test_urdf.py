@@ -487,7 +487,7 @@ BROKEN = (
     Broken(
         "cone",
         changed('sphere radius="0.04"', 'cone radius="0.04"'),
-        "expected one of box, cylinder, sphere, mesh",
+        "expected one of box, cylinder, sphere, capsule, mesh",
     ),
     Broken("no geometry", changed('<geometry><sphere radius="0.04"/></geometry>', ""), "got nothing"),
     Broken(

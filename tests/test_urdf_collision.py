@@ -20,7 +20,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.chain import pose
 from regionik.worlds.errors import InputError, RobotNote
 from regionik.worlds.links import LINK_RADIUS, LinkBox, LinkCapsule, LinkHull, LinkSolid
-from regionik.worlds.readers.collada import read_points
+from regionik.worlds.readers.collada import read_geometries
 from regionik.worlds.robot import BODY_HEIGHT, Robot
 from regionik.worlds.urdf.bounding import (
     bounding_solid,
@@ -397,16 +397,20 @@ DAE = """\
 """
 
 
+def points_of(path: Path) -> Array:
+    return np.concatenate([points for points, _ in read_geometries(path)])
+
+
 def test_collada_points_stand_where_the_scene_puts_them(tmp_path: Path) -> None:
     path = tmp_path / "a.dae"
     path.write_text(DAE)
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     turned = 2 * corners @ np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1]]) + [10, 0, 0]
     expected = 0.01 * np.concatenate([turned, corners + [0, 0, 5]])
-    found = {tuple(point) for point in np.round(read_points(path), 9) + 0.0}
+    found = {tuple(point) for point in np.round(points_of(path), 9) + 0.0}
     assert found == {tuple(point) for point in np.round(expected, 9) + 0.0}
     path.write_text(DAE[: DAE.index("  <library_visual")] + "</COLLADA>")
-    assert np.allclose(read_points(path), 0.01 * corners)
+    assert np.allclose(points_of(path), 0.01 * corners)
 
 
 @pytest.mark.parametrize(
@@ -431,7 +435,7 @@ def test_broken_collada(tmp_path: Path, old: str, new: str, expected: str) -> No
     assert DAE.count(old) == 1
     path.write_text(DAE.replace(old, new))
     with pytest.raises(InputError) as caught:
-        read_points(path)
+        points_of(path)
     assert expected in str(caught.value)
     assert str(caught.value).startswith(str(path))
     assert "\n" not in str(caught.value)

@@ -133,6 +133,7 @@ class JointPart(Strict):
     frame: Matrix4 = Field(description="the joint's frame in its parent link, as a 4 x 4 matrix")
     axis: Vec3
     velocity: Positive | None = None
+    acceleration: Positive | None = None
     mimic: MimicPart | None = Field(
         default=None, description="the joint that it follows, and has its limits from: its own do not count"
     )
@@ -156,7 +157,8 @@ class ChainRobot(_OwnRobot):
             with located("", f"chain.joints[{k}]"):
                 limits, axis = _limits(part.lower, part.upper), np.array(part.axis)
                 mimic = None if part.mimic is None else Mimic(**part.mimic.model_dump())
-                joints.append(Joint(part.name, part.kind, *limits, T, axis, part.velocity or inf, mimic))
+                rates = part.velocity or inf, part.acceleration or inf
+                joints.append(Joint(part.name, part.kind, *limits, T, axis, *rates, mimic))
         return Chain(tuple(joints), matrix(self.chain.tool, "chain.tool"))
 
 
@@ -348,6 +350,8 @@ def _joint(joint: Joint) -> dict[str, Any]:
     }
     if joint.velocity != inf:
         document["velocity"] = float(joint.velocity)
+    if joint.acceleration != inf:
+        document["acceleration"] = float(joint.acceleration)
     if joint.mimic is not None:
         document["mimic"] = asdict(joint.mimic)
     return document

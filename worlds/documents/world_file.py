@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -15,6 +16,7 @@ from regionik.worlds.documents.environment import (
     FloorPart,
     ObstaclePart,
     floor_to_document,
+    huge_meshes,
     read_floor,
     read_obstacle,
     solid_to_document,
@@ -22,7 +24,7 @@ from regionik.worlds.documents.environment import (
 from regionik.worlds.documents.frames import FramesPart, read_frames
 from regionik.worlds.documents.robots import RobotPart, read_robot, robot_to_document
 from regionik.worlds.documents.tasks import PiecePart, read_task, task_to_document
-from regionik.worlds.errors import InputError, located, located_error
+from regionik.worlds.errors import FileNote, InputError, located, located_error
 from regionik.worlds.execution import Execution, ParkingAccuracy
 from regionik.worlds.frames import FrameNames
 from regionik.worlds.obstacles import Solid
@@ -217,6 +219,8 @@ def world_from_document(document: dict[str, Any], where: str = "world", folder: 
     parts = enumerate(model.obstacles)
     frames, poses = read_frames(model.frames, where)
     obstacles = tuple(read_obstacle(part, where, f"obstacles[{k}]", folder, poses) for k, part in parts)
+    for note in huge_meshes(model.obstacles, obstacles, floor):
+        warnings.warn(f"{where}: {note}", FileNote, stacklevel=3)
     task, places = read_task(model.task, where, folder, poses)
     rules = _rules(model.rules, robot, where)
     start = None if model.start is None else Start(np.array(model.start.base), np.array(model.start.joints))

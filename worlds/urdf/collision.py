@@ -29,6 +29,7 @@ from regionik.worlds.links import (
     LinkSolid,
     capsules_along,
 )
+from regionik.worlds.readers.text import join_names
 from regionik.worlds.urdf.bounding import cylinder_capsule, hull_triangles, sphere_capsule
 from regionik.worlds.urdf.decomposition import CollisionPart, clip_triangles, decompose, mesh_part
 from regionik.worlds.urdf.elements import CollisionShape, UrdfModel
@@ -41,6 +42,7 @@ WIDE = 0.9  # of the floor area of the whole base, that the footprint keeps
 _CORNERS = 32  # of a footprint, and of a prism around a cylinder
 _HEIGHTS, _TOPS = 14, 24  # tried: evenly spread ones, and tops of parts
 _LEAST = 0.02  # height of a base, and of what stands on it [m]
+HUGE, HUGE_SHARE = 3.0, 5.0  # sizes of meshes that are told: at least [m], and of the arm's length
 _UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -51,6 +53,7 @@ class CollisionModel:
     parts: tuple[CollisionPart, ...]  # of the arm's links
     base: BaseShape
     notes: tuple[str, ...] = ()  # shapes that could not be read, and what replaces them
+    oddities: tuple[str, ...] = ()  # shapes that are read as they are, and are hardly meant so
 
 
 def collision_model(
@@ -58,8 +61,8 @@ def collision_model(
 ) -> CollisionModel:
     """Return the parts of links that move with the arm, and the base: cut at ``height``, where given [m].
 
-    A box stays a box, a cylinder becomes the least capsule around it, a sphere a capsule of next to no
-    length, a mesh a few boxes and capsules; where there are many, those of a link share some
+    A box stays a box and a capsule a capsule, a cylinder becomes the least capsule around it, a sphere one of
+    next to no length, a mesh a few boxes and capsules; where there are many, those of a link share some
     (`regionik.worlds.urdf.decomposition`). A mesh that is missing or unreadable is replaced by a capsule of
     radius `LINK_RADIUS` from its joint to the next, and noted.
     """
@@ -68,6 +71,7 @@ def collision_model(
     fixed: list[CollisionPart] = []
     lacking: dict[int, set[str]] = {}
     missing: dict[tuple[str, bool], list[tuple[CollisionShape, PlacedLink]]] = {}
+    sizes: dict[str, float] = {}
     for link in links:
         shapes = model.links[link.name]
         for k, shape in enumerate(shapes):
@@ -76,6 +80,9 @@ def collision_model(
                 missing.setdefault((surface, link.owner == BASE), []).append((shape, link))
                 lacking.setdefault(link.owner, set()).add(link.name)
                 continue
+            if len(surface):
+                size = float(np.ptp(surface.reshape(-1, 3), axis=0).max())
+                sizes[link.name] = max(size, sizes.get(link.name, 0.0))
             T = link.T_owner_link @ shape.T_link_shape
             name = link.name if len(shapes) == 1 else f"{link.name} {k + 1}"
             part = _part(link, name, shape, transform_points(T, surface), T)
@@ -93,7 +100,17 @@ def collision_model(
         )
         pieces += [solid_part(capsule) for capsule in capsules_along(chain, LINK_RADIUS)]
     ordered = sorted(pieces, key=lambda part: part.link)
-    return CollisionModel(tuple(ordered), base_shape(fixed, height), tuple(notes))
+    return CollisionModel(tuple(ordered), base_shape(fixed, height), tuple(notes), _huge(sizes, chain))
+
+
+def _huge(sizes: dict[str, float], chain: Chain) -> tuple[str, ...]:
+    """Return a note on links whose meshes are far larger than the arm is long."""
+    arm = float(np.linalg.norm(chain.link_vectors, axis=1).sum())
+    huge = [(name, size) for name, size in sizes.items() if size > max(HUGE, HUGE_SHARE * arm)]
+    if not huge:
+        return ()
+    told = join_names((f"link {name} is {size:.3g} m in size" for name, size in huge), 8)
+    return (f'{told}: perhaps in millimetres, for which its mesh wants scale="0.001 0.001 0.001"',)
 
 
 def _missing(why: str, meshes: list[tuple[CollisionShape, PlacedLink]], chain: Chain) -> str:
@@ -136,6 +153,10 @@ def _solid(owner: int, name: str, shape: CollisionShape, T: Array) -> LinkSolid:
             return LinkBox(owner, name, T, np.array(shape.size))
         case "cylinder":
             return cylinder_capsule(owner, name, T, *shape.size)
+        case "capsule":
+            radius, length = shape.size
+            start, end = (T[:3, 3] + side * length / 2 * T[:3, 2] for side in (-1, 1))
+            return LinkCapsule(owner, name, start, end, radius)
         case _:
             return sphere_capsule(owner, name, T[:3, 3], *shape.size)
 
@@ -147,12 +168,17 @@ def _corners(shape: CollisionShape, T: Array) -> Array:
         return box
     radius = shape.size[0]
     half = shape.size[1] / 2 if shape.kind == "cylinder" else radius
-    angles = np.arange(_CORNERS) * 2 * pi / _CORNERS
+    angles = np.arange(_CORNERS) * 2 * pi / _CORNERS  # of a prism round a circle
     ring = radius / np.cos(pi / _CORNERS) * np.column_stack([np.cos(angles), np.sin(angles)])
     prism = np.concatenate([np.column_stack([ring, np.full(_CORNERS, z)]) for z in (-half, half)])
-    # The prism of a ball stands upright, so that its height is the ball's.
-    upright: Array = prism @ T[:3, :3] if shape.kind == "sphere" else prism
-    return upright
+    if shape.kind == "cylinder":
+        return prism
+    # The prism of a ball stands upright, so that its height is the ball's; a capsule is between two balls.
+    upright: Array = prism @ T[:3, :3]
+    if shape.kind == "sphere":
+        return upright
+    along = shape.size[1] / 2 * _UP
+    return np.concatenate([upright - along, upright + along])
 
 
 # --- the base

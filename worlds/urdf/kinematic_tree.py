@@ -284,12 +284,15 @@ def _led(joint: Joint, joints: Iterable[Joint]) -> Joint:
         if one.mimic is not None and one.mimic.joint == joint.name:
             low, high = one.mimic.leader_limits(one.lower, one.upper)
             ratio = abs(one.mimic.multiplier)
-            velocity = one.velocity / ratio if ratio else inf
+            velocity, acceleration = (
+                rate / ratio if ratio else inf for rate in (one.velocity, one.acceleration)
+            )
             joint = replace(
                 joint,
                 lower=max(joint.lower, low),
                 upper=min(joint.upper, high),
                 velocity=min(joint.velocity, velocity),
+                acceleration=min(joint.acceleration, acceleration),
             )
     return joint
 
@@ -298,7 +301,8 @@ def _chain_joint(joint: UrdfJoint, T_parent_joint: Array) -> Joint:
     lower = -inf if joint.lower is None else joint.lower
     upper = inf if joint.upper is None else joint.upper
     axis = joint.axis / np.abs(joint.axis).max()
-    return Joint(joint.name, _KINDS[joint.kind], lower, upper, T_parent_joint, axis, joint.velocity)
+    rates = joint.velocity, joint.acceleration
+    return Joint(joint.name, _KINDS[joint.kind], lower, upper, T_parent_joint, axis, *rates)
 
 
 # --- placement of links

@@ -15,8 +15,9 @@ from regionik.worlds.errors import InputError, located, located_error
 from regionik.worlds.readers.text import Element, clip, join_names, read_xml
 from regionik.worlds.robot import Robot
 from regionik.worlds.self_collision import base_name
+from regionik.worlds.urdf.attributes import finite_numbers, name_of
 from regionik.worlds.urdf.collision import CollisionModel
-from regionik.worlds.urdf.elements import UrdfModel, finite_numbers, name_of
+from regionik.worlds.urdf.elements import UrdfModel
 
 SUFFIX = ".srdf"
 PAIR_LIMIT = 200_000  # of links
