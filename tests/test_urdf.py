@@ -62,7 +62,7 @@ def test_chain_limits_and_speeds(tmp_path: Path) -> None:
     ]
 
 
-_BARE = pytest.mark.filterwarnings("ignore:.*are left out; give footprint")
+_BARE = pytest.mark.filterwarnings("ignore:.*are taken to stand still")
 
 
 @_BARE

@@ -35,6 +35,7 @@ from regionik.worlds.urdf.decomposition import CollisionPart, clip_triangles, de
 from regionik.worlds.urdf.elements import CollisionShape, UrdfModel
 from regionik.worlds.urdf.kinematic_tree import PlacedLink
 from regionik.worlds.urdf.meshes import MeshFiles
+from regionik.worlds.urdf.stand_ins import arm_stand_in, base_stand_in, missing_note
 
 MOST_SOLIDS = 6
 SPARED = 0.7  # of the one block's volume, below which it is cut
@@ -57,14 +58,18 @@ class CollisionModel:
 
 
 def collision_model(
-    model: UrdfModel, links: Iterable[PlacedLink], chain: Chain, height: float | None
+    model: UrdfModel,
+    links: Iterable[PlacedLink],
+    chain: Chain,
+    height: float | None,
+    resting: frozenset[str] = frozenset(),
 ) -> CollisionModel:
     """Return the parts of links that move with the arm, and the base: cut at ``height``, where given [m].
 
     A box stays a box and a capsule a capsule, a cylinder becomes the least capsule around it, a sphere one of
     next to no length, a mesh a few boxes and capsules; where there are many, those of a link share some
-    (`regionik.worlds.urdf.decomposition`). A mesh that is missing or unreadable is replaced by a capsule of
-    radius `LINK_RADIUS` from its joint to the next, and noted.
+    (`regionik.worlds.urdf.decomposition`). A mesh that is missing or unreadable is noted, and something
+    stands in for it (`regionik.worlds.urdf.stand_ins`). ``resting`` links of the base do not decide where it is cut.
     """
     meshes = MeshFiles(model.path)
     parts: list[CollisionPart] = []
@@ -78,6 +83,9 @@ def collision_model(
             surface = meshes.surface(shape) if shape.kind == "mesh" else np.empty((0, 3, 3))
             if isinstance(surface, str):
                 missing.setdefault((surface, link.owner == BASE), []).append((shape, link))
+                if link.owner == BASE and link.name not in lacking.setdefault(BASE, set()):
+                    stand_in = solid_part(base_stand_in(model, link))
+                    fixed.append(replace(stand_in, sources=frozenset((link.name,))))
                 lacking.setdefault(link.owner, set()).add(link.name)
                 continue
             if len(surface):
@@ -88,11 +96,11 @@ def collision_model(
             part = _part(link, name, shape, transform_points(T, surface), T)
             (fixed if link.owner == BASE else parts).append(part)
     stand_ins = [
-        replace(solid_part(_stand_in(chain, owner)), sources=frozenset(names))
+        replace(solid_part(arm_stand_in(chain, owner)), sources=frozenset(names))
         for owner, names in sorted(lacking.items())
         if owner != BASE
     ]
-    notes = [_missing(why, some, chain) for (why, _), some in missing.items()]
+    notes = [missing_note(why, some, chain) for (why, _), some in missing.items()]
     pieces = [*decompose(parts), *stand_ins]
     if not pieces:
         notes.append(
@@ -100,7 +108,9 @@ def collision_model(
         )
         pieces += [solid_part(capsule) for capsule in capsules_along(chain, LINK_RADIUS)]
     ordered = sorted(pieces, key=lambda part: part.link)
-    return CollisionModel(tuple(ordered), base_shape(fixed, height), tuple(notes), _huge(sizes, chain))
+    return CollisionModel(
+        tuple(ordered), base_shape(fixed, height, resting), tuple(notes), _huge(sizes, chain)
+    )
 
 
 def _huge(sizes: dict[str, float], chain: Chain) -> tuple[str, ...]:
@@ -111,26 +121,6 @@ def _huge(sizes: dict[str, float], chain: Chain) -> tuple[str, ...]:
         return ()
     told = join_names((f"link {name} is {size:.3g} m in size" for name, size in huge), 8)
     return (f'{told}: perhaps in millimetres, for which its mesh wants scale="0.001 0.001 0.001"',)
-
-
-def _missing(why: str, meshes: list[tuple[CollisionShape, PlacedLink]], chain: Chain) -> str:
-    """The note of all meshes that are missing for one reason, of the base or of the arm."""
-    (shape, link), *others = meshes
-    if link.owner == BASE:
-        instead = "it is left out of the footprint"
-    else:
-        name = chain.names[link.owner]
-        instead = f"a capsule of radius {LINK_RADIUS:g} m from joint {name} to the next replaces it"
-    more = f"; likewise of {', '.join(dict.fromkeys(one.name for _, one in others))}" if others else ""
-    return f"{shape.place}: mesh {shape.file}: {why}; {instead}{more}"
-
-
-def _stand_in(chain: Chain, owner: int) -> LinkCapsule:
-    """Return a capsule from a joint to the next one, or to the tool."""
-    name, end = f"{chain.joints[owner].name} stand-in", chain.link_vectors[owner]
-    if np.linalg.norm(end) < LINK_RADIUS:
-        return sphere_capsule(owner, name, np.zeros(3), 2 * LINK_RADIUS)
-    return LinkCapsule(owner, name, np.zeros(3), end, LINK_RADIUS)
 
 
 def solid_part(solid: LinkSolid) -> CollisionPart:
@@ -194,17 +184,32 @@ class BaseShape:
     sources: frozenset[str] = frozenset()  # names of the links that it is of
 
 
-def base_shape(parts: Sequence[CollisionPart], height: float | None) -> BaseShape:
-    """Return the base that contains all parts; cut at ``height``, or where that saves most [m]."""
+def base_shape(
+    parts: Sequence[CollisionPart], height: float | None, resting: frozenset[str] = frozenset()
+) -> BaseShape:
+    """Return the base that contains all parts; cut at ``height``, or where that saves most [m].
+
+    Links that are ``resting`` on it, such as a second arm's, do not decide where it is cut.
+    """
     if not parts:
         return BaseShape(np.empty((0, 2)), 0.0)
-    surface = np.concatenate(
+    body = [part for part in parts if not part.sources <= resting]
+    cut = _best_height(body or parts, _surface(body or parts)) if height is None else height
+    tall = [_upper(part, cut) for part in parts if part.points[:, 2].max() > cut + _LEAST / 2]
+    solids = (
+        solid
+        for rests in (False, True)
+        for solid in decompose([part for part in tall if (part.sources <= resting) is rests], MOST_SOLIDS)
+    )
+    sources = frozenset().union(*(part.sources for part in parts))
+    return BaseShape(convex_outline(_lower(_surface(parts), cut)), cut, tuple(solids), sources)
+
+
+def _surface(parts: Sequence[CollisionPart]) -> Array:
+    """Triangles (n, 3, 3) of parts."""
+    return np.concatenate(
         [part.triangles if len(part.triangles) else hull_triangles(part.points) for part in parts]
     )
-    cut = _best_height(parts, surface) if height is None else height
-    high = [_upper(part, cut) for part in parts if part.points[:, 2].max() > cut + _LEAST / 2]
-    sources = frozenset().union(*(part.sources for part in parts))
-    return BaseShape(convex_outline(_lower(surface, cut)), cut, decompose(high, MOST_SOLIDS), sources)
 
 
 def _lower(surface: Array, cut: float) -> Array:

@@ -76,6 +76,15 @@ class UrdfJoint:
     place: str  # place in the file, for messages
 
 
+@dataclass(frozen=True, eq=False)
+class Inertial:
+    """Mass of a link and how it is spread."""
+
+    mass: float  # [kg]
+    T_link_inertial: Array  # (4, 4) frame in the centre of mass
+    tensor: Array  # (3, 3) moments of inertia in that frame, zero where the file gives none [kg m2]
+
+
 @dataclass(frozen=True)
 class UrdfModel:
     """Contents of a URDF file that regionik uses."""
@@ -86,8 +95,7 @@ class UrdfModel:
     joints: tuple[UrdfJoint, ...]  # in the order of the file; each name and each child once, every link known
     # what is seen of each link, with its colour where the file gives one (0xRRGGBB)
     visuals: dict[str, tuple[tuple[CollisionShape, int | None], ...]]
-    # mass [kg] and its centre (3,) [m] of each link that has any, by its name
-    inertials: dict[str, tuple[float, Array]]
+    inertials: dict[str, Inertial]  # of each link that has a mass, by its name
 
     @property
     def where(self) -> str:
@@ -132,7 +140,7 @@ def _refuse_xacro(root: Element, path: Path) -> None:
 def _model(root: Element, path: Path) -> UrdfModel:
     name = name_of(root, "robot")
     links: dict[str, tuple[CollisionShape, ...]] = {}
-    inertials: dict[str, tuple[float, Array]] = {}
+    inertials: dict[str, Inertial] = {}
     visuals: dict[str, tuple[tuple[CollisionShape, int | None], ...]] = {}
     palette = _palette(root.all("material"))
     for element in root.all("link"):
@@ -296,15 +304,20 @@ def _limit(element: Element, key: str, place: str, tag: str = "limit") -> float 
     return value if abs(value) < NO_LIMIT else inf if value > 0 else -inf
 
 
-def _inertial(element: Element | None, link: str) -> tuple[float, Array] | None:
-    """Return mass and centre; None where the file gives no mass, or zero."""
+def _inertial(element: Element | None, link: str) -> Inertial | None:
+    """Return mass and moments of inertia; None where the file gives no mass, or zero."""
     if element is None:
         return None
     place = f"line {element.line}: link {link}"
     (mass,) = numbers(element.first("mass"), "value", place, (0.0,))
     if mass < 0:
         raise InputError(f"{place}: mass must not be below 0, got {mass:g}")
-    return (mass, origin(element, place)[:3, 3]) if mass > 0 else None
+    if not mass:
+        return None
+    keys = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    xx, xy, xz, yy, yz, zz = (numbers(element.first("inertia"), key, place, (0.0,))[0] for key in keys)
+    tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    return Inertial(mass, origin(element, place), tensor)
 
 
 def _shape(element: Element, link: str) -> CollisionShape | None:

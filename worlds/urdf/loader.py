@@ -209,14 +209,14 @@ def _from_urdf(
     x, y, z, yaw = np.zeros(4) if given.mount is None else np.asarray(given.mount)
     T_base_root = planar_pose(x, y, yaw, z)
     mount, chain = _mounted(chain, T_base_root, float(yaw))
-    placement = place_links(model, kinematic, T_base_root)
+    placement = place_links(model, kinematic, T_base_root, semantics.at_rest)
     measured = given.footprint is None or given.body_height is None
     links = [link for link in placement.links if measured or link.owner != BASE]
-    body = collision_model(model, links, chain, given.body_height)
+    body = collision_model(model, links, chain, given.body_height, placement.resting)
     notes = [*body.notes, *_notes(placement, measured, kinematic)]
     with located(model.where, ""):
         robot = _robot(model, mount, chain, body, given)
-    seen = visual_surfaces(model, (*placement.links, *placement.seen), (*body.parts, *body.base.parts))
+    seen = visual_surfaces(model, placement.links, (*body.parts, *body.base.parts))
     robot = replace(robot, masses=link_masses(model, placement), visuals=seen)
     if given.tool is not None:
         robot = with_tool(robot, given.tool)
@@ -296,12 +296,9 @@ def _notes(placement: LinkPlacement, measured: bool, path: KinematicPath) -> lis
     if jerks:
         names = join_names(jerks, 8)
         notes.append(f"limits of jerk ({names}) are kept only where speeds.joint_jerk asks for them")
-    if placement.left_out and measured:
-        names = join_names(placement.left_out, 8)
-        notes.append(
-            f"links behind joints of the base that are not the arm's ({names}) are left out; "
-            "give footprint and body_height to cover them"
-        )
+    if placement.stills and measured:
+        names = join_names(placement.stills, 8)
+        notes.append(f"joints of the base that are not the arm's ({names}) are taken to stand still")
     if placement.copies:
         names = join_names(placement.copies, 8)
         notes.append(f"joints that mimic the arm's ({names}) are taken to stand still")

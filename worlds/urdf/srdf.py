@@ -61,6 +61,16 @@ class SemanticModel:
             ),
         )
 
+    @property
+    def at_rest(self) -> dict[str, float]:
+        """Values of joints in the postures that are named as resting ones, the plainest name first."""
+        values: dict[str, float] = {}
+        for word in RESTING:
+            for name, posture in self.postures.items():
+                if word in name.lower():
+                    values = {**posture, **values}
+        return values
+
     def _is_usable(self, name: str, chain: Chain) -> bool:
         given = sum(joint in self.postures[name] for joint in chain.names)
         try:
