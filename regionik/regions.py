@@ -28,6 +28,7 @@ from regionik.areas.standing import (
     by_heading,
     outer_by_heading,
     span_of_rules,
+    turning,
     turns_matter,
 )
 from regionik.planners.progress import track
@@ -138,16 +139,9 @@ def known_area(world: World, target: Target) -> BaseGeometry:
 def _whole_areas(
     world: World, targets: Sequence[Target], *, inner: bool, proven: bool = False
 ) -> list[BaseGeometry]:
-    """Area of each target at any heading, from within or from outside.
-
-    Slabs of headings may be too narrow for an arm whose azimuth differs from place to place, so that within
-    them it has fewer places than where the circle round the footprint has room.
-    """
+    """Area of each target at any heading, from within or from outside."""
     which, parts = [np.empty(0, dtype=np.intp)], [np.empty(0, dtype=object)]
-    sides = (by_heading(world) if inner else outer_by_heading(world)).sides
-    if inner and turns_matter(world):
-        sides = (*anywhere(world).sides, *sides)
-    for side in sides:
+    for side in (turning(world) if inner else outer_by_heading(world)).sides:
         rows, _, rings = reach_rows(world, targets, (FRONT, BACK), inner=inner, span=side.span, proven=proven)
         which.append(rows)
         parts.append(side.subtract(rings))
@@ -188,7 +182,7 @@ def ways_to_stand(world: World) -> Iterator[tuple[Callable[[World], Standing], t
     """Free floors of the base and facings of the arm, the simplest first."""
     yield from ((anywhere, (FRONT,)), (anywhere, (FRONT, BACK)))
     if turns_matter(world):
-        yield from ((by_heading, (FRONT,)), (by_heading, (FRONT, BACK)))
+        yield from ((turning, (FRONT,)), (turning, (FRONT, BACK)))
 
 
 def outer_areas(world: World, targets: Sequence[Target]) -> list[BaseGeometry]:

@@ -49,8 +49,9 @@ class Side:
 
     @cached_property
     def pieces(self) -> Geometries:
-        """Connected pieces of the free floor."""
+        """Connected pieces of the free floor; none where it is empty."""
         pieces: Geometries = shapely.get_parts(self.free)
+        pieces = pieces[~shapely.is_empty(pieces)]  # the parts of an empty polygon are itself
         shapely.prepare(pieces)
         return pieces
 

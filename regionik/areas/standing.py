@@ -69,7 +69,10 @@ class PathAreas:
 
 @dataclass(frozen=True, eq=False)
 class Standing:
-    """Free floor of the base: one side for every heading, or one a slab, round the full turn."""
+    """Free floor of the base: one side for every heading, or one a slab round the full turn, or both.
+
+    Of both, the side for every heading comes first.
+    """
 
     sides: tuple[Side, ...]
 
@@ -98,9 +101,9 @@ class Standing:
 
     def beside(self, a: Index, b: Index) -> Mask:
         """Mask of the pairs of sides that are the same, or neighbours in heading."""
-        apart = np.abs(a - b)
-        near: Mask = (apart <= 1) | (apart == len(self.sides) - 1)
-        return near
+        every, apart = int(self.sides[0].span == EVERY), np.abs(a - b)
+        near: Mask = (apart <= 1) | (apart == len(self.sides) - every - 1)
+        return near | (np.minimum(a, b) < every)
 
     def piece_at(self, axis: Array, yaw: float) -> int | None:
         """Return the label of the piece nearest to a pose; None where there is no floor at all."""
@@ -130,10 +133,12 @@ def into_span(yaw: float, span: tuple[float, float]) -> float:
 
 def into_spans(yaw: Array, low: float | Array, high: float | Array) -> Array:
     """Headings (n,) each as `into_span` has it, within one span or within n of them [rad]."""
+    every = np.subtract(high, low) >= 2 * np.pi
+    low, high = np.where(every, -np.pi, low), np.where(every, np.pi, high)  # `EVERY` has no middle
     middle, half = (low + high) / 2, (high - low) / 2
     off = np.remainder(yaw - middle + np.pi, 2 * np.pi) - np.pi
     over: Array = off - np.clip(off, -half, half)
-    return np.where(half >= np.pi, yaw, yaw - over)
+    return np.where(every, yaw, yaw - over)
 
 
 def component_labels(count: int, pairs: Index) -> Index:
@@ -162,6 +167,18 @@ def by_heading(world: World) -> Standing:
         return anywhere(world)
     ground = ground_of(world)
     return _inner_slabs(ground.floor, ground.base, ground.around)
+
+
+@lru_cache(maxsize=8)
+def turning(world: World) -> Standing:
+    """Free floor with a side for every heading and one a slab; `anywhere` where slabs make no difference.
+
+    Within a slab an arm without a pivot reaches next to nothing: it works where the base turns as it likes,
+    and the base drives by slabs from one such place to the next.
+    """
+    if not turns_matter(world):
+        return anywhere(world)
+    return Standing((*anywhere(world).sides, *by_heading(world).sides))
 
 
 def turns_matter(world: World) -> bool:

@@ -19,7 +19,7 @@ import shapely
 from shapely.geometry import LineString, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import ground_of
+from regionik.areas.ground import EVERY, ground_of
 from regionik.areas.layers import GUARD, Geometries
 from regionik.areas.standing import Standing, into_span, into_spans
 from regionik.ladder import Ladder
@@ -310,13 +310,16 @@ class ByHeadingPaths:
         return poses if free else None
 
     def _group(self, k: int) -> tuple[Slab, ...]:
-        """Areas that the components of a group cover, slab by slab."""
+        """Areas that the components of a group cover, slab by slab; those for every heading are in each."""
         group = int(self.ladder.group[k])
         if group not in self._slabs:
-            members, part = self.ladder.group == group, self.ladder.component
+            members, part, side = self.ladder.group == group, self.ladder.component, self.ladder.side
+            spans = {s: one.span for s, one in enumerate(self.driver.standing.sides)}
+            every = [s for s, span in spans.items() if span == EVERY]
             self._slabs[group] = tuple(
-                Slab(*one.span, shapely.union_all(part[members & (self.ladder.side == s)]), shapely.Polygon())
-                for s, one in enumerate(self.driver.standing.sides)
+                Slab(*spans[s], shapely.union_all(part[members & np.isin(side, [s, *every])]), Polygon())
+                for s in spans
+                if s not in every
             )
         return self._slabs[group]
 
