@@ -51,6 +51,11 @@ class Ladder:
         """Set-points without any component."""
         return np.flatnonzero(np.diff(self.rungs) == 0).tolist()
 
+    def off(self, piece: int | None) -> list[int]:
+        """Set-points with components, none of them on one piece of the free floor."""
+        there = set(self.target[self.floor == piece].tolist()) if piece is not None else set()
+        return sorted(set(self.target.tolist()) - there)
+
     def flat(self, k: int) -> FlatPolygon:
         """Return a component for kernels; a few are cached."""
         if k not in self._flats:

@@ -116,6 +116,9 @@ class Rules:
     parking : ParkingAccuracy or None
         Error with which the base parks at stops, and the least probability asked that the arm still does its
         work there; in mode ``stops``.
+    skip_unreachable : bool
+        Plans leave out the set-points that cannot be reached, as is proven or as far as is known, and name
+        them; without it one such set-point refuses the whole plan.
 
     Examples
     --------
@@ -142,6 +145,7 @@ class Rules:
     criteria: Criteria | None = None
     execution: Execution | None = None
     parking: ParkingAccuracy | None = None
+    skip_unreachable: bool = False
 
     def __post_init__(self) -> None:
         for key, value in vars(self).items():

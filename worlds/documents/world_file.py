@@ -134,6 +134,10 @@ class RulesPart(Strict):
     criteria: CriteriaPart | None = None
     execution: ExecutionPart | None = None
     parking: ParkingPart | None = None
+    skip_unreachable: bool = Field(
+        default=Rules.skip_unreachable,
+        description="leave out set-points that cannot be reached, and name them, in place of a refusal",
+    )
 
 
 class SpeedsPart(Strict):
