@@ -66,7 +66,9 @@ def test_a_refusal_names_every_set_point(rules: dict[str, str]) -> None:
     assert "above all" in found.failures[0].reason
     assert found.failures[1].reason.startswith("Set-point 5 of 6 at (6.500")
     if rules:
-        with pytest.raises(NoPlanFound, match=r"^Set-points 2 and 5 of 6 cannot be reached\. Set-point 2") as no:
+        with pytest.raises(
+            NoPlanFound, match=r"^Set-points 2 and 5 of 6 cannot be reached\. Set-point 2"
+        ) as no:
             stops(world)
         assert no.value.explanation.failures == found.failures
 

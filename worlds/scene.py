@@ -37,7 +37,8 @@ class Target:
     direction : (3,) array or None
         Unit tool axis (the tool frame's z); None leaves it free.
     cone : float
-        Allowed deviation from ``direction`` [rad].
+        Allowed deviation from ``direction`` [rad]. One of pi leaves the tool free: then there is neither a
+        direction nor an orientation.
     orientation : (3, 3) array or None
         Full tool orientation; its third column is ``direction``.
 
@@ -62,6 +63,9 @@ class Target:
             object.__setattr__(self, "direction", unit_vector(self.direction, "target: direction"))
         if not 0 < self.cone <= np.pi:
             raise InputError(f"target: cone must be above 0 and at most pi, got {self.cone}")
+        if self.cone >= np.pi:
+            for free in ("direction", "orientation"):
+                object.__setattr__(self, free, None)
 
     __repr__ = one_line
 
