@@ -33,7 +33,7 @@ class Configuration:
     error : float
         Distance of the tool from the target [m].
     iterations : int
-        Passes of Algorithm 1, restarts included.
+        Passes of Algorithm 1, and steps of polishing base and arm together; restarts included.
     converged : bool
     """
 
