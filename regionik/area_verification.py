@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import shapely
 from shapely.geometry import Point
 
-from regionik.parking.stops import check
+from regionik.pipeline import check_world
 from regionik.postures.poses import axis_of
 from regionik.pruning import whole_path
 from regionik.regions import planned_areas
@@ -48,7 +48,7 @@ def verify_areas(plan: Plan) -> Report:
 def _differences(plan: Plan) -> Iterator[Violation]:
     """Parts of areas that are not as the world gives them."""
     try:
-        check(plan.world)
+        check_world(plan.world)
         _, areas, pruned = whole_path(plan.world)
     except NoPlanFound as no:
         yield Violation("areas", None, no.explanation.setpoint, 0.0, no.explanation.reason)
