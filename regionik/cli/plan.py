@@ -23,6 +23,7 @@ from regionik.cli.console import (
     WorldName,
     check_output,
     explain_no_plan,
+    file_names,
     plan_summary,
     print_json,
     print_message,
@@ -92,7 +93,7 @@ def plan_world(
             "states": len(found.motion),
             "lift_offs": found.lift_offs,
         }
-        print_json({"ok": True, **figures, "stats": found.stats, "files": [str(path) for path in written]})
+        print_json({"ok": True, **figures, "stats": found.stats, "files": file_names(written)})
 
 
 def _write_plan(found: Plan, output: Path | None, html: Path | None, progress: DelayedProgress) -> list[Path]:
@@ -214,6 +215,7 @@ def export_plan(
     from regionik.output.export import check_options, export
     from regionik.output.plan_file import load_plan
 
+    frame = frame and file_names([frame])[0]
     check_options(kind, output, rate, frame)
     export(load_plan(path), output, kind, rate=rate, frame=frame)
     print_message(f"wrote {output}")

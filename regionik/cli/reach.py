@@ -20,6 +20,7 @@ from regionik.cli.console import (
     check_output,
     explain_no_plan,
     explanation_document,
+    file_names,
     percent_text,
     print_answers,
     print_explanation,
@@ -211,7 +212,7 @@ def find_stops(
             "stops": json_values(found),
             "stats": parking.stats(len(found)),
         }
-        print_json({**document, "files": [str(path) for path in written]})
+        print_json({**document, "files": file_names(written)})
     else:
         _print_stops(found)
     print_message(
