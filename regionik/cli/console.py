@@ -93,6 +93,13 @@ def print_json(document: Mapping[str, Any]) -> None:
     print(flush=True)
 
 
+def file_names(paths: Iterable[Path | str]) -> list[str]:
+    """Return the names of files as text, which a JSON document can hold."""
+    from regionik.worlds.readers.text import name_as_text
+
+    return [name_as_text(str(path)) for path in paths]
+
+
 def check_output(
     path: Path | None, suffixes: Iterable[str] = (), reads: Iterable[Path | str | None] = ()
 ) -> None:

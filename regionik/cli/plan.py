@@ -24,6 +24,7 @@ from regionik.cli.console import (
     WorldName,
     check_output,
     explain_no_plan,
+    file_names,
     plan_summary,
     print_json,
     print_message,
@@ -98,7 +99,7 @@ def plan_world(
         from regionik.storage.plan_document import skipped_document
 
         out = {"stats": found.stats, "skipped": skipped_document(found.skipped)}
-        print_json({"ok": True, **figures, **out, "files": [str(path) for path in written]})
+        print_json({"ok": True, **figures, **out, "files": file_names(written)})
 
 
 def _write_plan(found: Plan, output: Path | None, html: Path | None, progress: DelayedProgress) -> list[Path]:
@@ -220,6 +221,7 @@ def export_plan(
     from regionik.output.export import check_options, export
     from regionik.output.plan_file import load_plan
 
+    frame = frame and file_names([frame])[0]
     check_options(kind, output, rate, frame)
     export(load_plan(path), output, kind, rate=rate, frame=frame)
     print_message(f"wrote {output}")

@@ -21,6 +21,7 @@ from regionik.cli.console import (
     check_output,
     explain_no_plan,
     explanation_document,
+    file_names,
     percent_text,
     print_answers,
     print_explanation,
@@ -218,7 +219,7 @@ def find_stops(
             "stats": parking.stats(len(found)),
             "skipped": skipped_document(skipped),
         }
-        print_json({**document, "files": [str(path) for path in written]})
+        print_json({**document, "files": file_names(written)})
     else:
         _print_stops(found)
     count = len(scene.task)

@@ -19,6 +19,7 @@ from regionik.worlds.errors import InputError, located, read_each
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere, as_polygon
 from regionik.worlds.readers.meshes import read_mesh
 from regionik.worlds.readers.occupancy_map import load_map
+from regionik.worlds.readers.text import file_in
 from regionik.worlds.readers.validation import (
     FileName,
     Many,
@@ -91,7 +92,7 @@ class MeshFile(Strict):
 
     def solid(self, name: str, folder: Path) -> Mesh:
         with located("file", ""):
-            vertices, faces = read_mesh(folder / self.file)
+            vertices, faces = read_mesh(file_in(folder, self.file))
             return _closed(
                 Mesh(name, vertices * self.scale, faces).transformed(pose(self.position, self.rpy))
             )
@@ -171,7 +172,7 @@ def read_floor(part: PolygonFloor | MapFloor, where: str, folder: Path) -> Floor
     """Return the floor of a document that messages call ``where``; files are relative to ``folder``."""
     if isinstance(part, MapFloor):
         with located(where, "floor.map"):
-            return load_map(folder / part.map, part.height, part.free_thresh)
+            return load_map(file_in(folder, part.map), part.height, part.free_thresh)
     with located(where, "floor."):
         polygon = as_polygon(Polygon(part.polygon, part.holes), "polygon")
     return Floor(

@@ -24,7 +24,7 @@ from regionik.worlds.drives import BaseKind
 from regionik.worlds.errors import InputError, located, read_each
 from regionik.worlds.joints import Joint, Mimic
 from regionik.worlds.links import BASE, LINK_RADIUS, LinkMass, LinkSolid, capsules_along
-from regionik.worlds.readers.text import join_names
+from regionik.worlds.readers.text import file_in, join_names
 from regionik.worlds.readers.validation import (
     FileName,
     Matrix4,
@@ -219,8 +219,10 @@ def read_robot(part: str | NamedRobot | DhRobot | ChainRobot | UrdfRobot, where:
         with located(where, "robot.tool."):
             options["tool"] = None if part.tool is None else part.tool.tool()
         with located(where, "robot"):
-            options["srdf"] = None if part.srdf is None else folder / part.srdf
-            return load_robot(folder / part.urdf, **options, turning_radius=part.turning_radius or None)
+            options["srdf"] = None if part.srdf is None else file_in(folder, part.srdf)
+            return load_robot(
+                file_in(folder, part.urdf), **options, turning_radius=part.turning_radius or None
+            )
     if isinstance(part, NamedRobot):
         with located(where, "robot.name"):
             robot = robot_named(part.name)

@@ -28,8 +28,9 @@ from regionik.worlds.errors import FileNote, InputError, located, located_error
 from regionik.worlds.execution import Execution, ParkingAccuracy
 from regionik.worlds.frames import FrameNames
 from regionik.worlds.obstacles import Solid
-from regionik.worlds.readers.text import SUFFIXES, is_file_name, plain_mapping, read_document
+from regionik.worlds.readers.text import SUFFIXES, is_file_name, name_as_text, plain_mapping, read_document
 from regionik.worlds.readers.validation import (
+    NAME_LENGTH,
     Many,
     Matrix3,
     NotNegative,
@@ -229,7 +230,7 @@ def world_from_document(document: dict[str, Any], where: str = "world", folder: 
     rules = _rules(model.rules, robot, where)
     start = None if model.start is None else Start(np.array(model.start.base), np.array(model.start.joints))
     speeds = None if model.speeds is None else _speeds(model.speeds, robot, where)
-    name = model.name or Path(where).name.partition(".")[0] or "world"
+    name = model.name or name_as_text(Path(where).name).partition(".")[0][:NAME_LENGTH] or "world"
     with located(where, ""):
         world = World(name, robot, floor, obstacles, task, rules, start, model.about or "", speeds, frames)
         if start is not None:

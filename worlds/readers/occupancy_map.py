@@ -22,7 +22,7 @@ from shapely.geometry import Polygon, box
 from regionik.worlds.arrays import Array, Mask
 from regionik.worlds.errors import FileNote, InputError, located
 from regionik.worlds.obstacles import Prism
-from regionik.worlds.readers.text import read_document, reading
+from regionik.worlds.readers.text import file_in, read_document, reading
 from regionik.worlds.readers.validation import Strict, validated
 from regionik.worlds.scene import Floor
 
@@ -76,7 +76,7 @@ def load_map(yaml_path: Path, height: float, free_thresh: float | None = None) -
             f"{where}: free_thresh: must be below occupied_thresh {document.occupied_thresh:g}, got {free:g}"
         )
     with located(where, "image"):
-        darkness, opaque = _read_image(yaml_path.parent / document.image, bool(document.negate))
+        darkness, opaque = _read_image(file_in(yaml_path.parent, document.image), bool(document.negate))
         blocked = ~((darkness < free) & opaque)
     for note in _unseen(darkness[~blocked], bool(document.negate), free):
         warnings.warn(f"{where}: {note}", FileNote, stacklevel=2)

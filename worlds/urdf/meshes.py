@@ -66,14 +66,15 @@ class MeshFiles:
 
     def _find(self, shape: CollisionShape) -> Path | str:
         folder = Path(os.path.realpath(self.path)).parent
-        scheme = _SCHEME.match(shape.file)
+        name = os.fsdecode(shape.file.encode("utf-8"))
+        scheme = _SCHEME.match(name)
         if scheme is not None and scheme[1].lower() == _PACKAGE:
-            package, _, rest = shape.file[scheme.end() :].partition("/")
+            package, _, rest = name[scheme.end() :].partition("/")
             places = [(top, top / rest) for top in _packages(folder, package)]
             if not places:
                 return f"there is no folder {package} beside or above the URDF file's package"
         elif scheme is None or scheme[1].lower() == "file":
-            rest = shape.file if scheme is None else "/" + shape.file[scheme.end() :].lstrip("/")
+            rest = name if scheme is None else "/" + name[scheme.end() :].lstrip("/")
             places = [(_package_root(folder), folder / rest)]
         else:
             raise self._refused(shape, "expected package://name/file or a file relative to the URDF file")
