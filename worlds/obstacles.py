@@ -321,10 +321,10 @@ class Mesh(Obstacle):
         triangles = shapely.polygons(part.vertices[part.faces][:, :, :2])
         valid = shapely.is_valid(triangles)
         # Without a grid GEOS silently loses faces of one mesh in fifty: slivers throw its overlay off.
-        whole = shapely.union_all(triangles[valid], grid_size=GRID)
+        whole = shapely.union_all([*triangles[valid], *self._inside(below, above)], grid_size=GRID)
         lines = shapely.convex_hull(triangles[~valid])  # of upright faces; those of a sheet bound nothing
         sheets = lines[~shapely.covers(shapely.buffer(whole, 2 * GRID), lines)]
-        return Shadow(shapely.union_all([whole, *shapely.buffer(sheets, SHEET), *self._inside(below, above)]))
+        return Shadow(shapely.union_all([whole, *shapely.buffer(sheets, SHEET)]))
 
     def _inside(self, below: float, above: float) -> list[BaseGeometry]:
         """Return the parts of a level section that lie in the solid, of which some have no surface."""
