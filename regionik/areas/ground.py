@@ -154,6 +154,15 @@ class Ground:
             for name, taken in layer.grown_about(shape, distance)
         ]
 
+    def surely_taken(self, name: str) -> tuple[tuple[Shadow, float], ...]:
+        """Return a solid's shadows, and how far each is grown where it rejects the base at every heading [m]."""
+        return tuple(
+            (shadow, layer.clearance + layer.near)
+            for layer in (self.base, *self.inside)
+            for one, shadow in zip(layer.names, layer.shadows, strict=True)
+            if one == name
+        )
+
     def upper(self, offset: Array, guard: float = GUARD) -> list[Outline]:
         """Outlines above the footprint about another point, (2,) from there to the arm axis [m]."""
         return [layer.moved(offset, guard) for layer in self.around]
