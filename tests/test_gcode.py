@@ -140,7 +140,9 @@ def test_lines_that_do_not_fit_are_told(text: str, told: str, tmp_path: Path) ->
     ("G4 X1.5", ""), ("G04 U2", ""), ("G4 X200", ""), ("N9 G4 P500", ""), ("M5 M9", ""), ("T3 M6", ""),
     ("M205 X8 Y8", "M205"), ("M201 X500 Y500 Z100 E5000", "M201"), ("M600 X10 Y10 Z5", "M600"),
     ("M84 X Y E", "M84"), ("G43 H3", "G43"), ("G92 E0", "G92"), ("G69", "G69"), ("M117 Layer 2 of 9", "M117"),
-    ("G5.1 Q1", "G5.1"), ("G10", "G10"), ("M104 S210", "M104"), ("/G1 X99", "blocks that begin with /"),
+    ("G5.1 Q1", "G5.1"), ("G10", "G10"), ("M104 S210", "M104"), ("M150 R9 U2 B9", "M150"),
+    ("M115 U3.11.0", "M115"), ("M862.3 P \"MK3S\"", "M862.3"), ("M555 X80 Y80 W100 H100", "M555"),
+    ("/G1 X99", "blocks that begin with /"),
     ("G28 X Y", "G28"), ("G91 G28 U0 W0\nG90", "G28"), ("G0 G53 X0 Y0", "G53"),
 ])  # fmt: skip
 def test_words_of_blocks_that_are_no_move_leave_the_path_as_it_is(
