@@ -218,7 +218,7 @@ class Plan:
         All states, from the start (if any) to the last set-point; iterate over it for one `State` at a time.
     areas : tuple of PlannedArea
         One for each set-point. Files of very long paths have none, see
-        `regionik.storage.plan_document.CORNERS_LIMIT`.
+        `regionik.storage.plan_document.VALUES_LIMIT`.
     lift_offs : int
         Times that the tool leaves the path after the first set-point.
     stops : tuple of Stop
@@ -257,7 +257,12 @@ class Plan:
         Raises
         ------
         InputError
-            When the file cannot be written.
+            When the file cannot be written, or is too large to be read back.
+
+        Warns
+        -----
+        FileNote
+            When areas are left out, as the file could not be read back with them.
         """
         from regionik.storage.files import write_atomic  # values know no files until one is asked for
         from regionik.storage.plan_document import plan_to_text

@@ -16,7 +16,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely.geometry import GeometryCollection, LineString, MultiPolygon, Point, Polygon, box
 
-from regionik.cli.console import plan_summary
 from regionik.output import plan_file
 from regionik.output.export import plan_to_geojson
 from regionik.output.plan_file import load_plan, plan_schema
@@ -29,7 +28,8 @@ from regionik.verification.verifier import verify
 from regionik.view.figures import plot
 from regionik.view.page import to_html
 from regionik.worlds.documents.world_file import load_world
-from regionik.worlds.errors import InputError
+from regionik.worlds.errors import FileNote, InputError
+from regionik.worlds.readers.text import count_values
 from tests.plans import every_solid, l_shape, plan_to_document, synthetic_plan
 
 SCHEMA = Path(__file__).parents[1] / "docs" / "plan.schema.json"
@@ -97,17 +97,43 @@ def test_the_document_is_what_the_schema_says(document: dict[str, Any], plan: Pl
 
 def test_areas_too_many_to_be_read_back_are_left_out(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     made = search(load_world("slab"))
-    monkeypatch.setattr(plan_document, "CORNERS_LIMIT", 100)
     made.save(tmp_path / "plan.json")
-    assert "areas are left out" in plan_summary(made, 1.0, ())
+    whole = count_values((tmp_path / "plan.json").read_bytes())
+    for module in (plan_document, plan_file):
+        monkeypatch.setattr(module, "VALUES_LIMIT", whole - 1)
+    with pytest.warns(FileNote, match="areas are left out"):
+        made.save(tmp_path / "plan.json")
     back = load_plan(tmp_path / "plan.json")
     assert back.areas == ()
     assert verify(back).ok
-    assert plan_to_document(made)["areas"]["features"] == []
     assert json.loads(plan_to_geojson(back))["features"]
     to_html(back, tmp_path / "page.html")
     plot(back, tmp_path / "plan.png")
     assert [path.stat().st_size > 1000 for path in sorted(tmp_path.iterdir())] == [True] * 3
+
+
+@pytest.mark.parametrize(("limit", "told"), [
+    ("VALUES_LIMIT", r"values could not be read back, at most \d+ can, expected a task in parts"),
+    ("SIZE_LIMIT", r"MB could not be read back, at most \S+ MB can, expected a task in parts"),
+])  # fmt: skip
+def test_what_is_written_can_be_read(
+    limit: str, told: str, plan: Plan, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """A file at the limit of its reader is read; one beyond is not written."""
+    path, bare = tmp_path / "plan.json", dataclasses.replace(plan, areas=())
+    bare.save(path)
+    data = path.read_bytes()
+    least = count_values(data) if limit == "VALUES_LIMIT" else len(data)
+    for module in (plan_document, plan_file):
+        monkeypatch.setattr(module, limit, least + 20)
+    bare.save(path)
+    assert load_plan(path).areas == ()
+    path.unlink()
+    for module in (plan_document, plan_file):
+        monkeypatch.setattr(module, limit, least - 20)
+    with pytest.raises(InputError, match=told):
+        bare.save(path)
+    assert not path.exists()
 
 
 def test_the_committed_schema_is_this_one() -> None:

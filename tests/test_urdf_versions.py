@@ -9,6 +9,7 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
+from regionik.output.urdf import robot_to_urdf
 from regionik.timing.limits import MotionLimits
 from regionik.worlds.documents.robots import robot_to_document
 from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
@@ -55,6 +56,7 @@ SEEN = '<visual><origin rot="0 0 1"/><geometry><box size="9 9 9"/></geometry></v
     (ELBOW_ORIGIN, 'quat_xyzw="0 0 1"', "origin quat_xyzw: expected 4 finite numbers"),
     ('<axis xyz="0 1 1"/>', '<axis xyz="0 1 1" rpy="1 0 0"/>', "joint elbow: axis: unknown attribute 'rpy'"),
     ('radius="0.05" length="0.6"', 'radius="0.05" length="0.6" axis="x"', "unknown attribute 'axis'"),
+    ('multiplier="1"', 'multiplyer="1"', "joint grip_too: mimic: unknown attribute 'multiplyer'"),
     ('scale="0.001 0.001 0.001"', 'unit="mm"', "link upper: mesh: unknown attribute 'unit'"),
 ])  # fmt: skip
 def test_what_may_place_or_size_things_otherwise_is_refused(
@@ -128,13 +130,16 @@ def test_accelerations_of_limits_are_kept_by_timing(tmp_path: Path) -> None:
     assert Speeds().joint_limits(plain.chain)[1].tolist() == [0.14, 4.0, 2.0]
 
 
-def test_worlds_keep_accelerations(tmp_path: Path) -> None:
+def test_worlds_and_exports_keep_accelerations(tmp_path: Path) -> None:
     document = {
         "version": 1, "robot": robot_to_document(accelerating(tmp_path)), "task": [{"points": [[0.5, 0, 1]]}],
         "floor": {"polygon": [[-2, -2], [2, -2], [2, 2], [-2, 2]]},
     }  # fmt: skip
     again = world_from_document(world_to_document(world_from_document(document)))
     assert [joint.acceleration for joint in again.robot.chain.joints] == [np.inf, np.inf, 0.2]
+    (tmp_path / "again.urdf").write_text(robot_to_urdf(again.robot, again.floor.polygon))
+    exported = load_robot(tmp_path / "again.urdf", root="base", tip="tool")
+    assert [joint.acceleration for joint in exported.chain.joints] == [np.inf, np.inf, 0.2]
 
 
 def test_limits_of_jerk_are_told(tmp_path: Path) -> None:

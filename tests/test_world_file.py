@@ -27,7 +27,7 @@ from regionik.worlds.documents.world_file import (
     world_from_document,
     world_to_document,
 )
-from regionik.worlds.errors import InputError
+from regionik.worlds.errors import FileNote, InputError
 from regionik.worlds.joints import Joint
 from regionik.worlds.links import LinkBox, LinkCapsule, capsules_along
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
@@ -466,3 +466,36 @@ def test_every_key_of_a_world_file_is_described() -> None:
     ]
     rules = schema["$defs"]["RulesPart"]["properties"]
     assert rules["clearance"]["description"].startswith("least distance of the base from every solid")
+
+
+SEAM = """version: 1
+robot: youbot
+floor: {polygon: [[-1, -1], [3, -1], [3, 2], [-1, 2]]}
+task:
+  - {line: {from: [0.3, 0, 0.3], to: [1.0, 0, 0.3], count: 8}AIM}
+  - {arc: {center: [1.0, 0.5, 0.3], radius: 0.5, from: -1.5707963267948966, to: 0, count: 12}AIM}
+  - {points: [[1.5, 0.5, 0.3], [1.5, 0.6, 0.3], [1.5, 0.6000004, 0.3], [1.5, 0.7, 0.3], [1.5, 0.6, 0.3]]OTHER}
+"""
+
+
+@pytest.mark.parametrize(("aim", "other", "again"), [
+    ("", "", "9, 21, 23"), (", direction: [0, 0, -1]", ", direction: [0, 0, -1]", "9, 21, 23"),
+    ("", ", direction: [0, 0, -1]", "9, 23"),
+    (", orientation: [1, 0, 0, 0]", ", orientation: [1, 0, 0, 0]", "9, 21, 23"),
+    (", orientation: [1, 0, 0, 0]", ", orientation: [0, 1, 0, 0]", "9, 23"),
+    (", direction: [0, 0, -1], cone: 0.1", ", direction: [0, 0, -1], cone: 0.2", "9, 23"),
+])  # fmt: skip
+def test_a_set_point_given_twice_in_a_row_is_taken_once(
+    aim: str, other: str, again: str, tmp_path: Path
+) -> None:
+    """Where pieces meet, and within one; not where the tool turns, nor where the path comes back."""
+    path = tmp_path / "seam.world.yaml"
+    path.write_text(SEAM.replace("AIM", aim).replace("OTHER", other))
+    with pytest.warns(FileNote, match=rf"seam.world.yaml: set-points {again} are those before given again"):
+        world = load_world(path)
+    removed = again.count(",") + 1
+    assert len(world.task) == 25 - removed
+    again_read = world_from_document(through_json(world_to_document(world)))
+    assert len(again_read.task) == 25 - removed
+    path.write_text(f"{path.read_text()}rules: {{mode: stops}}\n")
+    assert len(load_world(path).task) == 25  # an arm may be asked to come twice

@@ -101,7 +101,7 @@ class RegionikError(Exception):
 
 
 class FileNote(UserWarning):
-    """What the reading of a file passed over, or found odd."""
+    """What the reading of a file passed over or found odd, or its writing left out."""
 
 
 class RobotNote(FileNote):

@@ -13,16 +13,13 @@ import shapely
 from pydantic import Field
 from shapely.geometry import MultiPolygon, Polygon
 
-from regionik.storage.plan_document import PARTS, VERSION
+from regionik.storage.plan_document import PARTS, SIZE_LIMIT, VALUES_LIMIT, VERSION
 from regionik.values import Configuration, Motion, Plan, PlannedArea, Skipped, Stop
 from regionik.worlds.documents.world_file import world_from_document
 from regionik.worlds.errors import InputError, Verdict, located
 from regionik.worlds.readers.text import LARGEST, check_count, reading
 from regionik.worlds.readers.validation import Many, Strict, validated
 from regionik.worlds.scene import StopCriterion, Target, World
-
-SIZE_LIMIT = 256 * 2**20  # [bytes]
-VALUES_LIMIT = 12_000_000  # depot has a thousand for each set-point, most of them corners of areas
 
 Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 Index = Annotated[int, Field(ge=0)]

@@ -28,7 +28,9 @@ _WORD = re.compile(r"([A-Z])([-+]?(?:\d+\.?\d*|\.\d+))?")
 _EXPONENT = re.compile(r"[\d.]\s*(?:E[-+]0\d)", re.IGNORECASE)
 _SMALL_EXPONENT = re.compile(r"[\d.]e[-+]?[\d.]")
 _FLOW = re.compile(r"\s*(?:N\d+\s*)?O(?:\d+|<[^>]*>)\s*(?:SUB|CALL|IF|WHILE|DO|REPEAT)\b", re.IGNORECASE)
-_WITH_TEXT = re.compile(r"\s*(?:N\d+\s*)?(M)0*(23|28|117|118|486|862(?:\.\d+)?|928)(?![\d.])", re.IGNORECASE)
+_WITH_TEXT = re.compile(
+    r"\s*(?:N\d+\s*)?(M)0*(23|28|115|117|118|486|862(?:\.\d+)?|928)(?![\d.])", re.IGNORECASE
+)
 _GROUPS = (MOVES, tuple(PLANES), tuple(UNITS), POSITIONS, CENTRES)
 _AXES, _OTHER_AXES, _OFFSETS = frozenset("XYZ"), frozenset("ABCUVW"), frozenset("IJK")
 
@@ -44,8 +46,8 @@ _WITHOUT_AXES = _codes("G", 5, 5.1, 10, 22, 23, 29, 50, 50.1)  # with axis words
 # Axis words are what these set, not where the tool goes: times, homes, speeds, currents, places to park.
 _OWN_WORDS = _codes("G", 4, 28, 30) | _codes(
     "M", 17, 18, 48, 84, 85, 92, 114, 119, 125, 201, 202, 203, 204, 205, 207, 208, 209, 211, 218, 350, 420,
-    421, 422, 425, 566, 569, 572, 593, 600, 601, 603, 701, 702, 851, 900, 906, 907, 908, 911, 912, 913, 914,
-    915, 919,
+    421, 422, 425, 555, 566, 569, 572, 593, 600, 601, 603, 701, 702, 851, 900, 906, 907, 908, 911, 912, 913,
+    914, 915, 919,
 )  # fmt: skip
 _CALLS = _codes("G", 65, 66, 66.1) | _codes("M", 32, 47, 96, 97, 98, 198, 808, *range(810, 820))
 _SHIFTS = _codes("G", 10, 52, 92) | _codes("M", 72, 206, 290, 428, 556, 579, 605, 665, 666, 852)
@@ -157,6 +159,12 @@ def _block(codes: tuple[str, ...], words: dict[str, float | None]) -> Block:
         if own not in AWAY and axes and set(codes) & set(MOVES):
             raise InputError(f"{own}: expected a block of its own, as {min(axes)} may be a move's or its own")
         return Block(codes, None, homed, passed_over)
+    foreign = next((code for code in codes if code[0] == "M" and float(code[1:]) >= 100), None)
+    if foreign is not None and not set(codes) & set(MOVES):
+        if axes:
+            told = f"{foreign} with {min(axes)} is not known, it may move the tool or its axes"
+            raise InputError(f"{told}: expected X, Y, Z with moves alone")
+        return Block(codes, None, homed, passed_over)
     values = {letter: number for letter, number in words.items() if number is not None}
     lacking = next((letter for letter in words if letter not in values), None)
     if lacking is not None:
@@ -164,10 +172,6 @@ def _block(codes: tuple[str, ...], words: dict[str, float | None]) -> Block:
     turning = next((letter for letter in words if letter in _OTHER_AXES), None)
     if turning is not None:
         raise InputError(f"axis {turning} is not read, expected X, Y and Z alone")
-    foreign = next((code for code in codes if code[0] == "M" and float(code[1:]) >= 100), None)
-    if foreign is not None and axes and not set(codes) & set(MOVES):
-        told = f"{foreign} with {min(axes)} is not known, it may move the tool or its axes"
-        raise InputError(f"{told}: expected X, Y, Z with moves alone")
     return Block(codes, values, homed, passed_over)
 
 
