@@ -1,4 +1,5 @@
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from regionik.values import Answer
 from regionik.verification.verifier import verify_answers
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError
+from regionik.worlds.execution import Execution
 from regionik.worlds.obstacles import Sphere
 from regionik.worlds.scene import Target, World
 
@@ -73,6 +75,28 @@ def test_a_direction_is_held() -> None:
     assert found.reachable.all()
     assert verify_answers(WORLD, found, ahead).ok
     assert "direction" in {one.kind for one in verify_answers(WORLD, found, across).violations}
+
+
+@pytest.mark.parametrize(
+    "rules",
+    [
+        {"path_tolerance": 1e-5},
+        {"tolerance": 0.05},
+        {"path_tolerance": 0.002, "execution": Execution(tool_error=0.0015)},
+        {"mode": "stops", "stop_tolerance": 0.05},
+        {"heading": "face_target"},
+    ],
+    ids=str,
+)
+def test_an_answer_is_held_to_the_tolerance_of_targets_not_to_that_of_paths(rules: dict[str, Any]) -> None:
+    asked = replace(WORLD, rules=replace(WORLD.rules, **rules))
+    found = reach(asked, POINTS[:2])
+    report = verify_answers(asked, found)
+    assert found.reachable.any()
+    assert report.ok, report
+    assert "path" not in report.margins
+    off = replace(found, base=found.base + [2 * asked.rules.tolerance, 0, 0])
+    assert "setpoint" in kinds(asked, off)
 
 
 def test_bad_questions_are_refused(answer: Answer) -> None:
