@@ -98,7 +98,7 @@ def _name(plan: Plan, n: int) -> str:
 
 
 def _room(world: World, base: Array) -> float:
-    """Distance by which the base may be off its pose, at its heading; below 0 where it is off the floor [m]."""
+    """Distance by which the base may be off its pose, at its heading; below 0 off the floor [m]."""
     room = float(_rooms(world, base[None])[0])
     if np.isfinite(room):
         return room
