@@ -3,15 +3,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+import shapely
 
 from regionik.reachability.reach import reach
 from regionik.values import Answer
 from regionik.verification.verifier import verify_answers
+from regionik.worlds.arrays import FARTHEST
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError
 from regionik.worlds.execution import Execution
-from regionik.worlds.obstacles import Sphere
-from regionik.worlds.scene import Target, World
+from regionik.worlds.obstacles import Box, Sphere
+from regionik.worlds.scene import Floor, Target, World
 
 WORLD = load_world("l_shape")
 POINTS = np.array([[0.3, 0.65, 0.25], [0.5, 0.2, 0.3], [1.2, 0.3, 0.2], [0.0, 0.0, 3.0]])
@@ -97,6 +99,20 @@ def test_an_answer_is_held_to_the_tolerance_of_targets_not_to_that_of_paths(rule
     assert "path" not in report.margins
     off = replace(found, base=found.base + [2 * asked.rules.tolerance, 0, 0])
     assert "setpoint" in kinds(asked, off)
+
+
+def test_answers_hold_as_far_from_the_origin_as_worlds_may_lie() -> None:
+    away = FARTHEST - 10.0
+    world = World(
+        "far",
+        WORLD.robot,
+        Floor(shapely.box(away, -away, away + 3, -away + 3)),
+        (Box("crate", np.array([0.2, 0.2, 0.6]), np.array([away + 1.2, -away + 1.8, 0.3])),),
+        tuple(Target([away + 1 + 0.2 * k, -away + 1.5, 0.3]) for k in range(3)),
+    )
+    found = reach(world, world.task)
+    assert found.reachable.all()
+    assert verify_answers(world, found).ok
 
 
 def test_bad_questions_are_refused(answer: Answer) -> None:
