@@ -441,6 +441,29 @@ def test_whatever_stands_anywhere_is_read_or_refused_in_one_line(data: st.DataOb
     assert str(caught.value).startswith("here: ")
 
 
+FAR = 1e5 + 1.0
+
+
+@pytest.mark.parametrize(
+    ("change", "where"),
+    [
+        ({"floor": {"polygon": [[FAR, 0], [FAR + 4, 0], [FAR, 4]]}}, "floor.polygon"),
+        ({"task": [{"points": [[0, 0, FAR]]}]}, "task[0]"),
+        ({"start": {"base": [0, -FAR, 0], "joints": [0, 1.0, -1.0, 0.5, 0]}}, "start"),
+        ({"obstacles": [{"name": "a", "sphere": {"center": [FAR, 0, 0], "radius": 1}}]}, "obstacles[0]"),
+        ({"obstacles": [{"name": "a", "cylinder": {"center": [0, FAR, 0], "radius": 1, "height": 1}}]}, "a"),
+        ({"obstacles": [{"name": "a", "box": {"center": [0, FAR, 0], "size": [1, 1, 1]}}]}, "a"),
+        ({"obstacles": [{"name": "a", "prism": {"polygon": [[0, 0], [1, 0], [0, 1]], "z": [0, FAR]}}]}, "a"),
+        ({"obstacles": [{"name": "a", "prism": {"polygon": [[0, 0], [FAR, 0], [0, 1]], "z": [0, 1]}}]}, "a"),
+    ],
+)
+def test_places_beyond_what_is_computed_are_refused_in_one_line(change: dict[str, Any], where: str) -> None:
+    with pytest.raises(InputError, match="expected coordinates of at most 100000 m") as refused:
+        world_from_document({**good(), **change})
+    assert where in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
 def test_criteria_and_masses_go_both_ways(tmp_path: Path) -> None:
     text = GOOD.replace(
         "robot: youbot",

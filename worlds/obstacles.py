@@ -17,7 +17,16 @@ from shapely.affinity import affine_transform
 from shapely.geometry import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.worlds.arrays import Array, Index, freeze, frozen, frozen_faces, one_line, transform_points
+from regionik.worlds.arrays import (
+    Array,
+    Index,
+    check_near_origin,
+    freeze,
+    frozen,
+    frozen_faces,
+    one_line,
+    transform_points,
+)
 from regionik.worlds.errors import InputError
 
 if TYPE_CHECKING:
@@ -112,6 +121,7 @@ class Box(Obstacle):
 
     def __post_init__(self) -> None:
         freeze(self, self.name, size=(3,), center=(3,))
+        check_near_origin(self.center, f"{self.name}: center")
         _check_positive(self.name, "size", *self.size)
         object.__setattr__(self, "yaw", float(frozen(self.yaw, (), f"{self.name}: yaw")))
 
@@ -161,6 +171,7 @@ class Cylinder(Obstacle):
 
     def __post_init__(self) -> None:
         freeze(self, self.name, center=(3,))
+        check_near_origin(self.center, f"{self.name}: center")
         _check_positive(self.name, "radius and height", self.radius, self.height)
 
     @property
@@ -203,6 +214,7 @@ class Sphere(Obstacle):
 
     def __post_init__(self) -> None:
         freeze(self, self.name, center=(3,))
+        check_near_origin(self.center, f"{self.name}: center")
         _check_positive(self.name, "radius", self.radius)
 
     @property
@@ -248,6 +260,7 @@ class Prism(Obstacle):
         if not isinstance(self.polygon, Polygon):
             parts = shapely.get_num_geometries(self.polygon)
             raise InputError(f"{self.name}: polygon: expected one polygon, got {parts}: a prism for each")
+        check_near_origin([self.bottom, self.top], f"{self.name}: z")
         _check_positive(self.name, "height (z from low to high)", self.top - self.bottom)
 
     @property
@@ -300,6 +313,7 @@ class Mesh(Obstacle):
 
     def __post_init__(self) -> None:
         freeze(self, self.name, vertices=(None, 3))
+        check_near_origin(self.vertices, f"{self.name}: vertices")
         faces = frozen_faces(self.faces, len(self.vertices), f"{self.name}: mesh")
         if not len(faces):
             raise InputError(f"{self.name}: mesh: expected triangles, got none")
@@ -397,6 +411,7 @@ def as_polygon(outline: Polygon | ArrayLike, what: str) -> Any:
     if not polygon.is_valid or polygon.is_empty or polygon.area <= 0:
         why = "its area is zero" if polygon.is_valid else shapely.is_valid_reason(polygon)
         raise InputError(f"{what}: expected an outline that does not cross or touch itself: {why}")
+    check_near_origin(polygon.bounds, what)
     return polygon
 
 

@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from shapely.geometry import MultiPolygon, Polygon
 
-from regionik.worlds.arrays import Array, freeze, frozen, one_line, unit_vector
+from regionik.worlds.arrays import Array, check_near_origin, freeze, frozen, one_line, unit_vector
 from regionik.worlds.criteria import Criteria
 from regionik.worlds.errors import InputError
 from regionik.worlds.execution import Execution, ParkingAccuracy
@@ -55,6 +55,7 @@ class Target:
 
     def __post_init__(self) -> None:
         freeze(self, "target", position=(3,))
+        check_near_origin(self.position, "target: position")
         if self.orientation is not None:
             R = frozen(self.orientation, (3, 3), "target: orientation")
             object.__setattr__(self, "orientation", R)
@@ -247,6 +248,7 @@ class Start:
 
     def __post_init__(self) -> None:
         freeze(self, "start", base=(3,), joints=(None,))
+        check_near_origin(self.base[:2], "start: base")
 
     __repr__ = one_line
 

@@ -19,6 +19,7 @@ from regionik.explain.constraints import join, no_way_to, rounded_down, setpoint
 from regionik.planners.driving.footprint_planner import NarrowPassageError, passage_width
 from regionik.planners.driving.footprint_scene import footprint_width
 from regionik.planners.driving.point_planner import NoPathError
+from regionik.planners.geometry.depths import deepest_inside, farthest_outside
 from regionik.regions import (
     RejectedPart,
     largest_clearance,
@@ -266,7 +267,7 @@ def blocked_start(world: World) -> Explanation | None:
     outline = Point(corners[0]) if len(corners) == 1 else shapely.Polygon(corners)
     where = f"The start at ({x:z.3f}, {y:z.3f})"
     if not world.drivable_floor.covers(outline):
-        off = max(float(world.drivable_floor.distance(Point(corner))) for corner in corners)
+        off = farthest_outside(outline, world.drivable_floor)
         reason = f"{where} is off the floor by {off:.3f} m; the base must start on it."
         return Explanation("start-blocked", None, reason, (Cause("floor", "edge of the floor", off),))
     found = ground.nearest(outline)
@@ -306,10 +307,10 @@ def _crossed(world: World, bridge: BaseGeometry) -> list[str]:
 
 
 def _depth(shadow: Shadow, outline: BaseGeometry) -> float:
-    """Depth of a base inside a shadow [m]."""
-    if shadow.radius:
-        return shadow.radius - float(shadow.core.distance(outline))
-    return float(shadow.core.boundary.distance(outline)) if shadow.core.covers(outline) else 0.0
+    """Depth of a base's deepest point inside a shadow [m]."""
+    if shadow.core.area and shadow.core.intersects(outline):
+        return shadow.radius + deepest_inside(outline, shadow.core)
+    return shadow.radius - float(shadow.core.distance(outline))
 
 
 def no_drive(world: World, i: int, refusal: NoPathError) -> Explanation:

@@ -41,6 +41,7 @@ from regionik.worlds.scene import Target, World
 
 HEADING_TOLERANCE = 1e-9  # of an answer, where the rules fix the heading [rad]
 ARM_KINDS = ("arm", "self")  # checks that hold for answers only where the rules ask for avoidance
+PATH_KINDS = ("path",)  # checks that do not: their tools are held to ``tolerance``, on no path
 
 
 def verify(plan: Plan) -> Report:
@@ -126,7 +127,8 @@ def verify_answers(
     Returns
     -------
     Report
-        ``setpoint`` of a violation is the target's row. Margins are those of `regionik.verify`.
+        ``setpoint`` of a violation is the target's row. Margins are those of `regionik.verify`, but for
+        ``path``: an answer is on no path.
 
     Raises
     ------
@@ -139,7 +141,7 @@ def verify_answers(
     wrong = [i for i in rows if not 0 <= i < len(answer.targets) or not answer.reachable[i]]
     if wrong:
         raise InputError(f"which: expected rows of reachable targets, got {wrong[0]}")
-    ignored = () if world.rules.avoidance else ARM_KINDS
+    ignored = PATH_KINDS if world.rules.avoidance else PATH_KINDS + ARM_KINDS
     margins: dict[str, float] = {}
     violations: list[Violation] = []
     for i in rows:
