@@ -47,6 +47,10 @@ def reach_targets(
         list[str] | None, typer.Option("--target", metavar=TARGET, help="A target [m]; may be repeated.")
     ] = None,
     table: Annotated[Path | None, typer.Option("--csv", help="Targets from a CSV file: x, y, z.")] = None,
+    base: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option("--base", metavar="X Y YAW", help="Where the base stands, exactly [m], [rad]."),
+    ] = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Answers to a .csv, .json or .geojson file.")
     ] = None,
@@ -65,7 +69,7 @@ def reach_targets(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Tell which targets the tool reaches, and from which base pose.
+    """Tell which targets the tool reaches, and from which base pose: any on the floor, or that of --base.
 
     Without --target and --csv the targets are the set-points of WORLD. From one CSV file to another there may
     be any number of targets; a run that was interrupted resumes when it is called again. The exit code is 1
@@ -82,12 +86,13 @@ def reach_targets(
         scene = read_world(world, progress)
         if streams and table is not None and output is not None:
             with _executor(workers or workers_for(_lines(table)), dask) as (pool, ahead):
-                count, total = stream_answers(scene, table, output, pool, ahead)
+                count, total = stream_answers(scene, table, output, pool, ahead, base)
         else:
             asked = parse_targets(scene, target or [], table)
             with _executor(workers or workers_for(len(asked)), dask) as (pool, _):
-                count, total = _reach_at_once(scene, asked, output, as_json, pool)
-    print_message(f"{scene.name}: {count} of {total} targets are reachable")
+                count, total = _reach_at_once(scene, asked, base, output, as_json, pool)
+    there = "" if base is None else f" from {_pose_text(base)}"
+    print_message(f"{scene.name}: {count} of {total} targets are reachable{there}")
     if count < total:
         raise typer.Exit(NO)
 
@@ -104,14 +109,24 @@ def _lines(table: Path) -> int:
         return sum(1 for _ in lines)
 
 
+def _pose_text(base: tuple[float, float, float]) -> str:
+    x, y, yaw = base
+    return f"x {x:z.3f} m, y {y:z.3f} m, yaw {yaw:z.3f} rad"
+
+
 def _reach_at_once(
-    scene: World, targets: list[Target], output: Path | None, as_json: bool, pool: Pool | None
+    scene: World,
+    targets: list[Target],
+    base: tuple[float, float, float] | None,
+    output: Path | None,
+    as_json: bool,
+    pool: Pool | None,
 ) -> tuple[int, int]:
     """Answer targets that are all held in memory; return how many are reachable, and all."""
     from regionik.output.answers import answers_document, write_answers
     from regionik.reachability.reach import reach
 
-    answer = reach(scene, targets, executor=pool)
+    answer = reach(scene, targets, base=base, executor=pool)
     if output is not None:
         write_answers(answer, scene.robot.chain.names, output)
     if as_json:
