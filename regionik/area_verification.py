@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import shapely
 from shapely.geometry import Point
 
-from regionik.parking.stops import check
+from regionik.pipeline import check_world
+from regionik.planners.geometry.offsets import shrunk
 from regionik.postures.poses import axis_of
 from regionik.pruning import whole_path
-from regionik.regions import planned_areas
+from regionik.reachability.reach import reach
+from regionik.regions import outer_areas, planned_areas
 from regionik.tracker import can_track
 from regionik.values import Plan, Report, Violation
 from regionik.worlds.errors import NoPlanFound
@@ -28,27 +31,43 @@ def verify_areas(plan: Plan) -> Report:
     ----------
     plan : Plan
 
+    Set-points that are left out as unreachable are asked for again.
+
     Returns
     -------
     Report
-        Without margins. It is ok for a plan without areas (those of very long paths are not kept in files).
+        Without margins. Areas of very long paths are not kept in files, and not looked at then.
 
     Raises
     ------
     InputError
         For a world that cannot be planned for.
     """
-    if not plan.areas:
-        return Report(True, {}, ())
-    depends_on_motion = plan.world.rules.mode == "stops" or can_track(plan.world)
-    violations = tuple(_bases_outside(plan) if depends_on_motion else _differences(plan))
+    violations = tuple(_reachable(plan))
+    if plan.areas:
+        depends_on_motion = plan.world.rules.mode == "stops" or can_track(plan.world)
+        violations += tuple(_bases_outside(plan) if depends_on_motion else _differences(plan))
     return Report(not violations, {}, violations)
+
+
+def _reachable(plan: Plan) -> Iterator[Violation]:
+    """Set-points that are left out as proven unreachable, and are not."""
+    for one in plan.skipped:
+        if one.verdict != "unreachable":
+            continue
+        alone = replace(plan.world, task=(one.target,))
+        room = outer_areas(alone, alone.task)[0]
+        if plan.world.rules.mode == "stops":
+            room = shrunk(room, plan.world.rules.stop_tolerance, outside=True)
+        if not room.is_empty and reach(alone, alone.task).reachable[0]:
+            text = f"set-point {one.setpoint + 1} as given is left out as unreachable, and can be reached"
+            yield Violation("areas", None, None, 0.0, text)
 
 
 def _differences(plan: Plan) -> Iterator[Violation]:
     """Parts of areas that are not as the world gives them."""
     try:
-        check(plan.world)
+        check_world(plan.world)
         _, areas, pruned = whole_path(plan.world)
     except NoPlanFound as no:
         yield Violation("areas", None, no.explanation.setpoint, 0.0, no.explanation.reason)

@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from regionik.areas.ground import Geometries
+from regionik.areas.layers import Geometries
 from regionik.areas.standing import LEAST_AREA, PathAreas, Standing, component_labels
 from regionik.planners.geometry.polygons import FlatPolygon
 from regionik.postures.families import Family
@@ -50,6 +50,11 @@ class Ladder:
     def empty(self) -> list[int]:
         """Set-points without any component."""
         return np.flatnonzero(np.diff(self.rungs) == 0).tolist()
+
+    def off(self, piece: int | None) -> list[int]:
+        """Set-points with components, none of them on one piece of the free floor."""
+        there = set(self.target[self.floor == piece].tolist()) if piece is not None else set()
+        return sorted(set(self.target.tolist()) - there)
 
     def flat(self, k: int) -> FlatPolygon:
         """Return a component for kernels; a few are cached."""

@@ -6,10 +6,13 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from regionik.explain import arm_failures, failures
 from regionik.explain.questions import ArmQuestion, Oracles, PathQuestion
+from regionik.explain.several import as_setpoint, failures_of, naming_all, naming_as_given, together
+from regionik.explain.skipping import Explained, leaving_out, naming_each, with_skipped
 from regionik.explain.why import Say, explained, explained_target, target_name, unsaid
 from regionik.mfabrik import configurations
 from regionik.motion import connect_configurations
@@ -32,9 +35,10 @@ from regionik.values import Plan, PlannedArea, Stop
 from regionik.verification.verifier import verify
 from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import frozen
-from regionik.worlds.errors import Cause, Explanation, InputError, NoPlanFound
+from regionik.worlds.errors import Cause, Explanation, InputError, NoPlanFound, Verdict
 from regionik.worlds.scene import Target, World
 
+_VERDICTS: dict[str, Verdict] = {"unreachable": "unreachable", "undecided": "undecided"}
 ORACLES = Oracles(
     reach=lambda world: reach(world, world.task),
     seen=lambda world: TargetSearch(world, world.task[0]).in_areas() is not None,
@@ -74,17 +78,56 @@ def plan(world: World, *, seed: int = 0, say: Say | None = None, progress: Progr
     0
     """
     with listening(progress):
-        try:
-            found = _staged(world, seed)
-        except NoPlanFound as no:
-            raise NoPlanFound(_explained(world, no.explanation, seed, say or unsaid)) from None
-        return _verified(_timed_where_asked(found))
+        return _planned(world, seed, lambda left, quick: _explained(left, quick, seed, say or unsaid))
+
+
+def _planned(world: World, seed: int, explained: Explained) -> Plan:
+    """Return a plan of all set-points, or of those that can be done where the rules leave others out."""
+
+    def attempt(left: World) -> Plan:
+        return _verified(_timed_where_asked(_staged(left, seed)))
+
+    if world.rules.skip_unreachable:
+        found, skipped = leaving_out(world, attempt, explained)
+        return with_skipped(found, skipped)
+    try:
+        return attempt(world)
+    except NoPlanFound as no:
+        raise NoPlanFound(explained(world, _naming_all(world, no.explanation))) from None
+
+
+def _naming_all(world: World, first: Explanation) -> Explanation:
+    """The first refusal with all set-points named that cannot be done, by areas and by `reach`."""
+    every = naming_each(world, first, _check_areas)
+    if any(one.verdict == "no-posture" for one in failures_of(first)):
+        every = naming_each(world, every, _check_postures)
+    return naming_all(every, len(world.task))
+
+
+def _check_areas(world: World) -> None:
+    """Raise `NoPlanFound` where solids bury set-points, or areas leave no place for the base."""
+    _refuse(arm_failures.target_in_solid(world))
+    if world.rules.mode == "stops":
+        park(world)
+    elif not can_track(world):
+        whole_path(world)
+
+
+def _check_postures(world: World) -> None:
+    """Raise `NoPlanFound` where set-points are not reached with a clear posture, as `reach` says."""
+    answer = reach(world, world.task)
+    found = [
+        Explanation(_VERDICTS[str(answer.verdict[i])], i, as_setpoint(answer.reason[i], i, len(world.task)))
+        for i in np.flatnonzero(~answer.reachable).tolist()
+    ]
+    if found:
+        raise NoPlanFound(together(found))
 
 
 def _timed_where_asked(found: Plan) -> Plan:
     """Return the plan, timed where its world has speeds or its robot limits of them."""
     world = found.world
-    if world.speeds is None and not world.robot.chain.has_velocity_limits:
+    if world.speeds is None and not world.robot.chain.has_speed_limits:
         return found
     from regionik.timing.retime import retime  # takes long to load
 
@@ -237,7 +280,8 @@ def _plan_stops(world: World, seed: int) -> Plan:
     """A plan with the base standing still at the fewest stops."""
     parking = park(world)
     work = in_sequence(world, parking)
-    done = connect_stops(work, seed)
+    with naming_as_given(work.order):
+        done = connect_stops(work, seed)
     shown = planned_areas(work.world, work.parking_areas.areas, lambda i: done.places[i])
     stops = {**parking.stats(len(done.stops)), "split_before": list(done.split)}
     stats: dict[str, Any] = {"stops": stops}

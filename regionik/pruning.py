@@ -12,14 +12,17 @@ from functools import partial
 
 import numpy as np
 import shapely
+from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import united
 from regionik.areas.standing import PathAreas, Standing, into_span, into_spans
-from regionik.explain.failures import cut_off, no_places, too_many_lifts
+from regionik.explain.failures import beyond, cut_off, no_place, too_many_lifts
+from regionik.explain.several import together
 from regionik.ladder import Ladder, Mask, build_ladder
 from regionik.mfabrik import Solver, solver_for
 from regionik.planners.geometry.polygons import FlatPolygon, clamp_each
+from regionik.planners.progress import track
 from regionik.postures.poses import axis_of
 from regionik.regions import path_areas, ways_to_stand
 from regionik.worlds.arrays import Array
@@ -97,11 +100,11 @@ def prune_path(
 
 def _cut(world: World, standing: Standing, ladder: Ladder) -> Pruned | Refusal:
     if ladder.empty:
-        return partial(no_places, world, ladder.empty)
+        return partial(_unserved, world, standing, ladder)
     every = (prune(ladder, ladder.floor == piece) for piece in _start_pieces(world, standing, ladder))
     pruned = min(every, key=lambda found: (found.gap is not None, len(found.breaks)))
     if pruned.gap is not None:
-        return partial(_cut_off, world, standing, pruned, pruned.gap)
+        return partial(_unserved, world, standing, ladder)
     allowed = world.rules.max_lift_offs
     if allowed is not None and len(pruned.breaks) > allowed:
         return partial(_too_many_lifts, world, pruned)
@@ -113,13 +116,27 @@ def _too_many_lifts(world: World, pruned: Pruned) -> Explanation:
     return too_many_lifts(world, pruned.breaks, bridges)
 
 
-def _cut_off(world: World, standing: Standing, pruned: Pruned, gap: int) -> Explanation:
-    """Explain why the base gets to no component of a set-point."""
-    ladder = pruned.ladder
-    kept = ladder.floor[pruned.keep]
-    piece = int(kept[0] if len(kept) else _start_pieces(world, standing, ladder)[0])
-    there = shapely.union_all(ladder.component[ladder.rungs[gap] : ladder.rungs[gap + 1]])
-    return cut_off(world, gap, shapely.union_all(standing.whole(piece)), there)
+def _unserved(world: World, standing: Standing, ladder: Ladder) -> Explanation:
+    """Explain all set-points without a place for the base, or with none that it gets to."""
+    found = [no_place(world, i) for i in track("reasons", ladder.empty)]
+    piece = _widest_piece(world, standing, ladder)
+    here = Polygon() if piece is None else shapely.union_all(standing.whole(piece))
+    for i in ladder.off(piece):
+        there = shapely.union_all(ladder.component[ladder.rungs[i] : ladder.rungs[i + 1]])
+        if found or here.is_empty:
+            failure = beyond(world, i, here, there)
+            found.append(Explanation("ladder-broken", i, failure.reason, failures=(failure,)))
+        else:
+            found.append(cut_off(world, i, here, there))
+    return together(found)
+
+
+def _widest_piece(world: World, standing: Standing, ladder: Ladder) -> int | None:
+    """The piece of free floor that the base starts on, else the one from which most set-points are done."""
+    if world.start is not None:
+        return next(iter(_start_pieces(world, standing, ladder)), None)
+    pieces = sorted(set(ladder.floor.tolist()) - {-1})
+    return min(pieces, key=lambda piece: len(ladder.off(piece)), default=None)
 
 
 def _start_pieces(world: World, standing: Standing, ladder: Ladder) -> list[int]:

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from regionik.worlds.arrays import Array, frozen
-from regionik.worlds.errors import InputError
-from regionik.worlds.scene import StopCriterion, World
+from regionik.worlds.errors import InputError, Verdict
+from regionik.worlds.scene import StopCriterion, Target, World
 
 StateKind = Literal["setpoint", "step", "transit"]
 
@@ -33,7 +33,7 @@ class Configuration:
     error : float
         Distance of the tool from the target [m].
     iterations : int
-        Passes of Algorithm 1, restarts included.
+        Passes of Algorithm 1, and steps of polishing base and arm together; restarts included.
     converged : bool
     """
 
@@ -181,12 +181,36 @@ class Stop:
 
 
 @dataclass(frozen=True, eq=False)
+class Skipped:
+    """A set-point of the world as given that a plan leaves out: ``rules.skip_unreachable`` allows it.
+
+    Attributes
+    ----------
+    setpoint : int
+        Its index in the task as given.
+    target : Target
+    verdict : str
+        As in an `regionik.worlds.errors.Explanation`.
+    reason : str
+    """
+
+    setpoint: int
+    target: Target
+    verdict: Verdict
+    reason: str
+
+    def __repr__(self) -> str:
+        return f"Skipped(set-point {self.setpoint + 1}, {self.verdict})"
+
+
+@dataclass(frozen=True, eq=False)
 class Plan:
     """A whole-path plan. It embeds its world, so that it can be verified alone.
 
     Attributes
     ----------
     world : World
+        With the set-points that are done, in the order of the work.
     seed : int
     setpoints : tuple of Configuration
         One for each target of ``world.task``.
@@ -200,7 +224,10 @@ class Plan:
     stops : tuple of Stop
         In mode ``stops``; empty otherwise.
     stats : dict
-        Plain numbers about the plan, the same for the same world and seed.
+        Plain numbers about the plan, the same for the same world and seed. ``order`` has the index in the
+        task as given of each set-point, where that is not its own.
+    skipped : tuple of Skipped
+        Set-points of the world as given that are left out; together with ``world.task`` they are its task.
     """
 
     world: World
@@ -211,9 +238,11 @@ class Plan:
     lift_offs: int
     stops: tuple[Stop, ...] = ()
     stats: dict[str, Any] = field(default_factory=dict)
+    skipped: tuple[Skipped, ...] = ()
 
     def __repr__(self) -> str:
-        counts = f"{len(self.setpoints)} set-points, {len(self.motion)} states"
+        given = f" of {len(self.setpoints) + len(self.skipped)}" * bool(self.skipped)
+        counts = f"{len(self.setpoints)}{given} set-points, {len(self.motion)} states"
         counts += f", {self.lift_offs} lift-off{'s' * (self.lift_offs != 1)}"
         return f"Plan({self.world.name}: {counts})"
 

@@ -19,6 +19,7 @@ import pytest
 
 from regionik import __version__
 from regionik.cli import app, console
+from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
 from regionik.worlds.errors import EngineError
 from tests.nasty import NASTY, Nasty
 
@@ -591,3 +592,41 @@ def test_progress_shows_late_and_only_on_a_terminal(
         for k in range(4):
             progress("areas", k, 3)
     assert ("areas" in screen.getvalue()) is shows
+
+
+LINE = "version: 1\nrobot: youbot\nfloor: {polygon: [[-1, -1], [2, -1], [2, 1], [-1, 1]]}\n"
+
+
+def test_names_that_the_locale_does_not_know_reach_files_as_text(tmp_path: Path) -> None:
+    """The locale C reads names as ASCII: those of files are its own, what is written is UTF-8."""
+    corners, faces = ("1.5 0 0", "1.6 0 0", "1.5 0.1 0", "1.5 0 0.1"), ("1 3 2", "1 2 4", "1 4 3", "2 3 4")
+    solid = [*(f"v {corner}" for corner in corners), *(f"f {face}" for face in faces)]
+    (tmp_path / "tïsch.obj").write_text("\n".join(solid))
+    (tmp_path / "weg ä.csv").write_text("0.3,0,0.3\n0.5,0,0.3\n")
+    document = LINE + "about: Prüfung 日本\nobstacles: [{name: tïsch, mesh: {file: tïsch.obj}}]\n"
+    (tmp_path / "wörld 1.yaml").write_text(f"{document}task: [{{csv: weg ä.csv}}]\n", encoding="utf-8")
+    there = {**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONPATH": str(Path(__file__).parents[1])}
+
+    def done(*arguments: str) -> subprocess.CompletedProcess[bytes]:
+        command = [sys.executable, "-m", "regionik", *arguments]
+        return subprocess.run(command, cwd=tmp_path, env=there, capture_output=True, check=False)
+
+    made = done("plan", "wörld 1.yaml", "-o", "plän.json", "--html", "p.html", "--json")
+    assert made.returncode == 0, made.stderr
+    assert json.loads(made.stdout)["files"] == ["plän.json", "p.html"]
+    assert json.loads((tmp_path / "plän.json").read_text(encoding="utf-8"))["world"]["name"] == "wörld 1"
+    assert "<title>wörld 1" in (tmp_path / "p.html").read_text(encoding="utf-8")
+    assert done("verify", "plän.json").returncode == 0
+    assert (
+        done("export", "plän.json", "--format", "path", "--frame", "kärte", "-o", "path.yaml").returncode == 0
+    )
+    assert "kärte" in (tmp_path / "path.yaml").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", [b"w\xf6rld", b"two\nlines", b"a" * 240], ids=["latin", "lines", "long"])
+def test_a_world_is_named_by_one_line_whatever_its_file_is_called(name: bytes, tmp_path: Path) -> None:
+    path = tmp_path / os.fsdecode(name + b".yaml")
+    path.write_text(f"{LINE}task: [{{points: [[0.3, 0, 0.3]]}}]\n", encoding="utf-8")
+    document = world_to_document(load_world(path))
+    assert world_from_document(json.loads(json.dumps(document))).name == document["name"]
+    assert document["name"].isprintable()

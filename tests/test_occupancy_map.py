@@ -14,7 +14,7 @@ from PIL import Image
 from shapely.geometry import Point, box
 
 from regionik.worlds.bundled import DATA
-from regionik.worlds.errors import InputError
+from regionik.worlds.errors import FileNote, InputError
 from regionik.worlds.readers.occupancy_map import CELL_LIMIT, load_map
 from regionik.worlds.scene import Floor
 from tests import examples
@@ -60,8 +60,24 @@ def test_occupied_and_unknown_cells_block(tmp_path: Path) -> None:
     assert blocked_area(load_map(path, 1.0)) == 0.5
     # With 0.25 every reader takes grey 205 for free, as 1 - 205/255 = 0.196.
     path = write_map(tmp_path, pixels, free_thresh="0.25")
-    assert blocked_area(load_map(path, 1.0)) == 0.25
+    with pytest.warns(FileNote):
+        assert blocked_area(load_map(path, 1.0)) == 0.25
     assert blocked_area(load_map(path, 1.0, free_thresh=0.196)) == 0.5
+
+
+@pytest.mark.parametrize(("grey", "negate", "threshold", "kept"), [
+    (205, False, "0.25", "0.196"), (50, True, "0.25", "0.196"), (128, False, "0.6", "0.498"),
+])  # fmt: skip
+def test_unseen_cells_that_count_as_free_are_told(
+    grey: int, negate: bool, threshold: str, kept: str, tmp_path: Path
+) -> None:
+    pixels = np.full((4, 5), 1 if negate else 254)
+    pixels[1, :3] = grey
+    path = write_map(tmp_path, pixels, free_thresh=threshold, negate=str(int(negate)))
+    told = rf"map.yaml: 3 cells of grey {grey}, .* free_thresh {threshold}; free_thresh: {kept} beside"
+    with pytest.warns(FileNote, match=told):
+        load_map(path, 1.0)
+    assert blocked_area(load_map(path, 1.0, free_thresh=float(kept))) == 0.75  # nothing is told of these
 
 
 def test_negate(tmp_path: Path) -> None:

@@ -62,7 +62,7 @@ def test_chain_limits_and_speeds(tmp_path: Path) -> None:
     ]
 
 
-_BARE = pytest.mark.filterwarnings("ignore:.*are left out; give footprint")
+_BARE = pytest.mark.filterwarnings("ignore:.*are taken to stand still")
 
 
 @_BARE
@@ -487,7 +487,7 @@ BROKEN = (
     Broken(
         "cone",
         changed('sphere radius="0.04"', 'cone radius="0.04"'),
-        "expected one of box, cylinder, sphere, mesh",
+        "expected one of box, cylinder, sphere, capsule, mesh",
     ),
     Broken("no geometry", changed('<geometry><sphere radius="0.04"/></geometry>', ""), "got nothing"),
     Broken(

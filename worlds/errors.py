@@ -63,12 +63,22 @@ class Repair:
 
 
 @dataclass(frozen=True)
+class SetpointFailure:
+    """A set-point that cannot be done, whichever others are: it counts from 0, the reason from 1."""
+
+    setpoint: int
+    verdict: Verdict
+    reason: str
+
+
+@dataclass(frozen=True)
 class Explanation:
     """Why the answer is no: one paragraph for people, the same as data for programs.
 
     ``verdict`` is "unreachable" where it is proven, "undecided" where no place for the base is known but
     none is ruled out; "ladder-broken" and "no-posture" say that no way and no posture was found.
-    ``setpoint`` counts from 0; ``reason`` counts from 1, as people do.
+    ``setpoint`` counts from 0; ``reason`` counts from 1, as people do. ``failures`` are all the set-points
+    that cannot be done themselves, ``setpoint`` among them; none where it is the way between two that fails.
     """
 
     verdict: Verdict
@@ -76,6 +86,7 @@ class Explanation:
     reason: str
     causes: tuple[Cause, ...] = ()
     repairs: tuple[Repair, ...] = ()
+    failures: tuple[SetpointFailure, ...] = ()
 
     def __repr__(self) -> str:
         counts = f"{len(self.causes)} causes, {len(self.repairs)} repairs"
@@ -89,7 +100,11 @@ class RegionikError(Exception):
     """Root of every error that regionik raises on purpose."""
 
 
-class RobotNote(UserWarning):
+class FileNote(UserWarning):
+    """What the reading of a file passed over, or found odd."""
+
+
+class RobotNote(FileNote):
     """What the reading of a robot's file left out or replaced."""
 
 

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     import trimesh  # takes long to load: imported by the functions that need it
 
 GRID = 1e-9  # to which corners of a mesh's shadow are rounded [m]
+SECTION = 0.4142  # share of a band of heights at which it is cut, as few meshes have corners there
 SHEET = 1e-6  # that a shadow of a sheet is wider than nothing, to either side [m]
 
 
@@ -62,11 +63,15 @@ class Obstacle:
         low, high = self.bounds[:, 2]
         return float(low), float(high)
 
-    def shadow(self, below: float) -> Shadow | None:
-        """Return the floor area under the part lower than ``below`` [m]; None where there is no such part."""
-        return self._shadow(below) if self.z_range[0] < below else None
+    def shadow(self, below: float = np.inf, above: float = -np.inf) -> Shadow | None:
+        """Return the floor area under the part between two heights [m]; None where there is no such part.
 
-    def _shadow(self, below: float) -> Shadow:
+        What only touches one of the heights is no part: a rug may lie on the floor, and a pipe below it.
+        """
+        low, high = self.z_range
+        return self._shadow(below, above) if low < below and high > above else None
+
+    def _shadow(self, below: float, above: float) -> Shadow:
         raise NotImplementedError
 
     def distance(self, point: Array) -> float:
@@ -115,7 +120,7 @@ class Box(Obstacle):
         half = np.array([np.hypot(*self.size[:2]), np.hypot(*self.size[:2]), self.size[2]]) / 2
         return np.stack([self.center - half, self.center + half])
 
-    def _shadow(self, below: float) -> Shadow:
+    def _shadow(self, below: float, above: float) -> Shadow:
         c, s = np.cos(self.yaw), np.sin(self.yaw)
         corners = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * self.size[:2] / 2
         return Shadow(Polygon(corners @ np.array([[c, s], [-s, c]]) + self.center[:2]))
@@ -163,7 +168,7 @@ class Cylinder(Obstacle):
         half = np.array([self.radius, self.radius, self.height / 2])
         return np.stack([self.center - half, self.center + half])
 
-    def _shadow(self, below: float) -> Shadow:
+    def _shadow(self, below: float, above: float) -> Shadow:
         return Shadow(Point(self.center[:2]), self.radius)
 
     def distance(self, point: Array) -> float:
@@ -204,9 +209,9 @@ class Sphere(Obstacle):
     def bounds(self) -> Array:
         return np.stack([self.center - self.radius, self.center + self.radius])
 
-    def _shadow(self, below: float) -> Shadow:
-        over = max(0.0, self.center[2] - below)
-        return Shadow(Point(self.center[:2]), float(np.sqrt(self.radius**2 - over**2)))
+    def _shadow(self, below: float, above: float) -> Shadow:
+        off = float(self.center[2] - np.clip(self.center[2], above, below))
+        return Shadow(Point(self.center[:2]), float(np.sqrt(self.radius**2 - off**2)))
 
     def distance(self, point: Array) -> float:
         return float(np.linalg.norm(point - self.center) - self.radius)
@@ -254,7 +259,7 @@ class Prism(Obstacle):
     def z_range(self) -> tuple[float, float]:
         return self.bottom, self.top
 
-    def _shadow(self, below: float) -> Shadow:
+    def _shadow(self, below: float, above: float) -> Shadow:
         return Shadow(self.polygon)
 
     def distance(self, point: Array) -> float:
@@ -309,19 +314,33 @@ class Mesh(Obstacle):
         """True where every edge joins two triangles, so that there is an inside."""
         return bool(self._trimesh.is_watertight)
 
-    def _shadow(self, below: float) -> Shadow:
-        import trimesh
-
-        part = trimesh.intersections.slice_mesh_plane(  # type: ignore[no-untyped-call]
-            self._trimesh, plane_normal=[0, 0, -1], plane_origin=[0, 0, below]
-        )
+    def _shadow(self, below: float, above: float) -> Shadow:
+        part = self._trimesh
+        for height, up in ((below, -1.0), (above, 1.0)):
+            part = _sliced(part, height, up)
         triangles = shapely.polygons(part.vertices[part.faces][:, :, :2])
         valid = shapely.is_valid(triangles)
         # Without a grid GEOS silently loses faces of one mesh in fifty: slivers throw its overlay off.
         whole = shapely.union_all(triangles[valid], grid_size=GRID)
         lines = shapely.convex_hull(triangles[~valid])  # of upright faces; those of a sheet bound nothing
         sheets = lines[~shapely.covers(shapely.buffer(whole, 2 * GRID), lines)]
-        return Shadow(shapely.union_all([whole, *shapely.buffer(sheets, SHEET)]))
+        return Shadow(shapely.union_all([whole, *shapely.buffer(sheets, SHEET), *self._inside(below, above)]))
+
+    def _inside(self, below: float, above: float) -> list[BaseGeometry]:
+        """Return the parts of a level section that lie in the solid, of which some have no surface."""
+        import trimesh
+
+        low, high = self.z_range
+        if above <= low or below >= high:
+            return []
+        z = above + SECTION * (below - above)
+        lines = trimesh.intersections.mesh_plane(  # type: ignore[no-untyped-call]
+            self._trimesh, plane_normal=[0, 0, 1], plane_origin=[0, 0, z]
+        )
+        edges = shapely.union_all(shapely.linestrings(lines[:, :, :2]), grid_size=GRID)
+        faces = shapely.get_parts(shapely.polygonize(shapely.get_parts(edges)))
+        spots = shapely.get_coordinates(shapely.point_on_surface(faces))
+        return [one for one, at in zip(faces, spots, strict=True) if self.contains(np.append(at, z))]
 
     def distance(self, point: Array) -> float:
         import trimesh
@@ -351,6 +370,17 @@ class Mesh(Obstacle):
 
 
 Solid = Box | Cylinder | Sphere | Prism | Mesh
+
+
+def _sliced(mesh: trimesh.Trimesh, height: float, up: float) -> trimesh.Trimesh:
+    """Return the surface of a mesh above a height, or below it where ``up`` is -1 [m]."""
+    import trimesh
+
+    if not np.isfinite(height):
+        return mesh
+    return trimesh.intersections.slice_mesh_plane(  # type: ignore[no-untyped-call]
+        mesh, plane_normal=[0, 0, up], plane_origin=[0, 0, height]
+    )
 
 
 def as_polygon(outline: Polygon | ArrayLike, what: str) -> Any:

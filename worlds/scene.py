@@ -37,7 +37,8 @@ class Target:
     direction : (3,) array or None
         Unit tool axis (the tool frame's z); None leaves it free.
     cone : float
-        Allowed deviation from ``direction`` [rad].
+        Allowed deviation from ``direction`` [rad]. One of pi leaves the tool free: then there is neither a
+        direction nor an orientation.
     orientation : (3, 3) array or None
         Full tool orientation; its third column is ``direction``.
 
@@ -62,6 +63,9 @@ class Target:
             object.__setattr__(self, "direction", unit_vector(self.direction, "target: direction"))
         if not 0 < self.cone <= np.pi:
             raise InputError(f"target: cone must be above 0 and at most pi, got {self.cone}")
+        if self.cone >= np.pi:
+            for free in ("direction", "orientation"):
+                object.__setattr__(self, free, None)
 
     __repr__ = one_line
 
@@ -116,6 +120,9 @@ class Rules:
     parking : ParkingAccuracy or None
         Error with which the base parks at stops, and the least probability asked that the arm still does its
         work there; in mode ``stops``.
+    skip_unreachable : bool
+        Plans leave out the set-points that cannot be reached, as is proven or as far as is known, and name
+        them; without it one such set-point refuses the whole plan.
 
     Examples
     --------
@@ -142,6 +149,7 @@ class Rules:
     criteria: Criteria | None = None
     execution: Execution | None = None
     parking: ParkingAccuracy | None = None
+    skip_unreachable: bool = False
 
     def __post_init__(self) -> None:
         for key, value in vars(self).items():
@@ -333,10 +341,11 @@ class World:
         left: Polygon | MultiPolygon = self.floor.polygon.buffer(-self.base_allowance, join_style="mitre")
         return left
 
-    @property
+    @cached_property
     def solids(self) -> tuple[Solid, ...]:
-        """Obstacles and occupied map cells together."""
-        return (*self.obstacles, *self.floor.cells)
+        """Obstacles and occupied map cells together, but for what a solid floor covers."""
+        above = tuple(one for one in self.obstacles if one.z_range[1] > 0 or not self.rules.solid_floor)
+        return (*above, *self.floor.cells)
 
     @cached_property
     def floor_slab(self) -> Box | None:

@@ -10,9 +10,9 @@ import math
 import os
 import sys
 import warnings
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from threading import Lock, Timer
 from types import TracebackType
@@ -28,7 +28,7 @@ from regionik.worlds.errors import Explanation, InputError, NoPlanFound, RobotNo
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
-    from regionik.values import Answer, Plan, Report
+    from regionik.values import Answer, Plan, Report, Skipped
     from regionik.worlds.scene import World
 
 DONE, NO = 0, 1  # exit codes
@@ -55,6 +55,10 @@ WorldName = Annotated[
     ),
 ]
 PlanPath = Annotated[Path, typer.Argument(metavar="PLAN", help="A plan.json.")]
+Skip = Annotated[
+    bool,
+    typer.Option("--skip", help="Leave out set-points that cannot be reached, and name them."),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document, and only it, on stdout.")]
 
 
@@ -87,6 +91,13 @@ def print_json(document: Mapping[str, Any]) -> None:
     """Write one JSON document on stdout; NaN becomes null."""
     json.dump(json_values(document), sys.stdout, allow_nan=False, indent=2)
     print(flush=True)
+
+
+def file_names(paths: Iterable[Path | str]) -> list[str]:
+    """Return the names of files as text, which a JSON document can hold."""
+    from regionik.worlds.readers.text import name_as_text
+
+    return [name_as_text(str(path)) for path in paths]
 
 
 def check_output(
@@ -265,14 +276,35 @@ def print_explanation(explanation: Explanation, progress: DelayedProgress) -> No
         print_message(f"The smallest change: {explanation.repairs[0].text}.")
 
 
+def skipping(world: World, skip: bool) -> World:
+    """Return the world with the rule that unreachable set-points are left out, if that is wanted."""
+    return replace(world, rules=replace(world.rules, skip_unreachable=True)) if skip else world
+
+
+def skipped_lines(skipped: Sequence[Skipped], count: int) -> list[str]:
+    """Return lines on the set-points left out, of ``count`` as given: all in a sentence, then each reason."""
+    if not skipped:
+        return []
+    from regionik.explain.several import left_out
+
+    lines = [f"  {left_out(skipped, count)}", *(f"    {one.reason}" for one in skipped[:_SHOWN])]
+    more = len(skipped) - _SHOWN
+    return [*lines, f"    ... and {more} more"] if more > 0 else lines
+
+
 def explanation_document(explanation: Explanation) -> dict[str, Any]:
     """Return the JSON document of an explanation."""
-    return {"ok": False, **asdict(explanation)}
+    from regionik.explain.several import failures_of
+
+    return {"ok": False, **asdict(replace(explanation, failures=failures_of(explanation)))}
 
 
-def report_document(report: Report) -> dict[str, Any]:
-    """Return the JSON document of a verification."""
-    found = {"margins": report.margins, "violations": [asdict(v) for v in report.violations]}
+def report_document(report: Report, plan: Plan) -> dict[str, Any]:
+    """Return the JSON document of a plan's verification."""
+    from regionik.storage.plan_document import skipped_document
+
+    found: dict[str, Any] = {"margins": report.margins, "violations": [asdict(v) for v in report.violations]}
+    found["skipped"] = skipped_document(plan.skipped)
     if report.ok:
         return {"ok": True, **found}
     first = report.violations[0]
@@ -286,9 +318,10 @@ def plan_summary(plan: Plan, seconds: float, written: Iterable[Path]) -> str:
     from regionik.view.picture import count_noun
 
     length = plan.world.robot.drive.travel(plan.motion.base)
-    worst = max(c.error for c in plan.setpoints)
+    worst, count = max(c.error for c in plan.setpoints), len(plan.setpoints) + len(plan.skipped)
+    done = f"{len(plan.setpoints)} of " * bool(plan.skipped) + count_noun(count, "set-point")
     lines = [
-        f"{plan.world.name}: {count_noun(len(plan.setpoints), 'set-point')} within {worst * 1000:.3f} mm, "
+        f"{plan.world.name}: {done} within {worst * 1000:.3f} mm, "
         f"{count_noun(sum(c.iterations for c in plan.setpoints), 'iteration')}",
         f"  {count_noun(plan.lift_offs, 'lift-off')}, {length:.2f} m of base travel, "
         f"{count_noun(len(plan.motion), 'state')}",
@@ -299,6 +332,7 @@ def plan_summary(plan: Plan, seconds: float, written: Iterable[Path]) -> str:
     margins = plan.stats.get("margins")
     if margins:
         lines.append(f"  to spare: {spare_text(margins, plan.world)}")
+    lines += skipped_lines(plan.skipped, count)
     lines.append(f"  planned and verified in {seconds:.1f} s")
     lines += [f"  wrote {path}" for path in written]
     if not keeps_areas(plan):
@@ -315,12 +349,15 @@ def percent_text(probability: float) -> str:
     return f"{math.floor(probability * 1e4) / 100:.2f} %"
 
 
-def report_summary(name: str, report: Report, world: World) -> str:
-    """Return a verification report for people."""
+def report_summary(name: str, report: Report, plan: Plan) -> str:
+    """Return a plan's verification for people."""
     from regionik.view.picture import count_noun
 
     if report.ok:
-        return f"{name}: the plan holds\n  to spare: {spare_text(report.margins, world)}"
+        count = len(plan.setpoints) + len(plan.skipped)
+        part = f" for {len(plan.setpoints)} of {count} set-points" * bool(plan.skipped)
+        spare = f"  to spare: {spare_text(report.margins, plan.world)}"
+        return "\n".join([f"{name}: the plan holds{part}", spare, *skipped_lines(plan.skipped, count)])
     lines = [f"{name}: the plan does not hold, {count_noun(len(report.violations), 'violation')}"]
     lines += [f"  {violation.text}" for violation in report.violations[:_SHOWN]]
     if len(report.violations) > _SHOWN:

@@ -20,9 +20,11 @@ from regionik.cli.console import (
     AsJson,
     DelayedProgress,
     PlanPath,
+    Skip,
     WorldName,
     check_output,
     explain_no_plan,
+    file_names,
     plan_summary,
     print_json,
     print_message,
@@ -31,6 +33,7 @@ from regionik.cli.console import (
     read_world_to_plan,
     report_document,
     report_summary,
+    skipping,
 )
 from regionik.cli.interrupts import INTERRUPTED, exit_code
 from regionik.worlds.errors import InputError
@@ -68,6 +71,7 @@ def plan_world(
     output: Annotated[Path | None, typer.Option("-o", "--output", help="File for the plan.")] = None,
     html: Annotated[Path | None, typer.Option("--html", help="File for an offline page of it.")] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, max=2**31 - 1, help="Same seed, same plan.")] = 0,
+    skip: Skip = False,
     as_json: AsJson = False,
 ) -> None:
     """Plan the whole tool path of WORLD and verify the plan."""
@@ -77,7 +81,7 @@ def plan_world(
         raise InputError(f"{html}: the plan and the page need two different files")
     began = time.monotonic()
     with DelayedProgress("plan", _NOTHING) as progress, explain_no_plan(as_json, progress):
-        scene = read_world_to_plan(world, progress)
+        scene = skipping(read_world_to_plan(world, progress), skip)
         from regionik.pipeline import plan
 
         found = plan(scene, seed=seed, say=progress.say if progress.shown and not as_json else None)
@@ -92,7 +96,10 @@ def plan_world(
             "states": len(found.motion),
             "lift_offs": found.lift_offs,
         }
-        print_json({"ok": True, **figures, "stats": found.stats, "files": [str(path) for path in written]})
+        from regionik.storage.plan_document import skipped_document
+
+        out = {"stats": found.stats, "skipped": skipped_document(found.skipped)}
+        print_json({"ok": True, **figures, **out, "files": file_names(written)})
 
 
 def _write_plan(found: Plan, output: Path | None, html: Path | None, progress: DelayedProgress) -> list[Path]:
@@ -130,9 +137,9 @@ def verify_plan(path: PlanPath, as_json: AsJson = False) -> None:
         areas = verify_areas(found)
         ok, violations = checked.ok and areas.ok, checked.violations + areas.violations
         report = replace(checked, ok=ok, violations=violations)
-    print_message(report_summary(str(path), report, found.world))
+    print_message(report_summary(str(path), report, found))
     if as_json:
-        print_json(report_document(report))
+        print_json(report_document(report, found))
     if not report.ok:
         raise typer.Exit(NO)
 
@@ -214,6 +221,7 @@ def export_plan(
     from regionik.output.export import check_options, export
     from regionik.output.plan_file import load_plan
 
+    frame = frame and file_names([frame])[0]
     check_options(kind, output, rate, frame)
     export(load_plan(path), output, kind, rate=rate, frame=frame)
     print_message(f"wrote {output}")

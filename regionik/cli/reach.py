@@ -16,16 +16,20 @@ from regionik.cli.console import (
     PAGES,
     AsJson,
     DelayedProgress,
+    Skip,
     WorldName,
     check_output,
     explain_no_plan,
     explanation_document,
+    file_names,
     percent_text,
     print_answers,
     print_explanation,
     print_json,
     print_message,
     read_world,
+    skipped_lines,
+    skipping,
 )
 from regionik.storage.files import json_values
 from regionik.worlds.errors import InputError
@@ -202,6 +206,7 @@ def find_stops(
     picture: Annotated[
         Path | None, typer.Option("--picture", help="Floor and stops to an .svg or .png file.")
     ] = None,
+    skip: Skip = False,
     as_json: AsJson = False,
 ) -> None:
     """Find the fewest stops of the base that serve all set-points.
@@ -211,28 +216,35 @@ def find_stops(
     check_output(output, (".geojson",), [world])
     check_output(picture, (".svg", ".png"))
     with DelayedProgress("stops", "nothing is written") as progress, explain_no_plan(as_json, progress):
-        scene = read_world(world, progress)
+        scene = skipping(read_world(world, progress), skip)
         if criterion is not None:
             scene = replace(scene, rules=replace(scene.rules, stop_criterion=_stop_criterion(criterion)))
-        from regionik.parking.stops import find
+        from regionik.parking.stops import find_served
 
-        found, parking = find(scene)
+        found, parking, skipped = find_served(scene)
         _write_stops(scene, found, output, picture)
     written = [path for path in (output, picture) if path is not None]
     if as_json:
+        from regionik.storage.plan_document import skipped_document
+
         document = {
             "ok": True,
             "world": scene.name,
             "stops": json_values(found),
             "stats": parking.stats(len(found)),
+            "skipped": skipped_document(skipped),
         }
-        print_json({**document, "files": [str(path) for path in written]})
+        print_json({**document, "files": file_names(written)})
     else:
         _print_stops(found)
+    count = len(scene.task)
+    served = f"{count - len(skipped)} of {count}" if skipped else f"{count}"
     print_message(
-        f"{scene.name}: {len(found)} stops for {len(scene.task)} set-points; "
+        f"{scene.name}: {len(found)} stops for {served} set-points; "
         f"fewer than {parking.lower} are not possible"
     )
+    for line in skipped_lines(skipped, count):
+        print_message(line)
     for path in written:
         print_message(f"wrote {path}")
 

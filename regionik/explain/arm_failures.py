@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import compress
 
 import numpy as np
 
 from regionik.explain.changes import one_lift_off
 from regionik.explain.constraints import setpoint_at
+from regionik.explain.several import together
 from regionik.planners.collision.distances import obstacles_from, solids_within
 from regionik.worlds.errors import Cause, Explanation, Repair
 from regionik.worlds.scene import World
@@ -17,7 +19,13 @@ CORNER = 3**0.5  # how much deeper than its sides the corner of a box may be in 
 
 
 def target_in_solid(world: World) -> Explanation | None:
-    """Explain which set-point is too near to a solid for any posture; None where none is.
+    """Explain which set-points are too near to a solid for any posture, the first in full; None for none."""
+    found = list(_targets_in_solids(world))
+    return together(found) if found else None
+
+
+def _targets_in_solids(world: World) -> Iterator[Explanation]:
+    """Explanations of the set-points that are too near to a solid for any posture.
 
     Where the tool point lies inside its link, the ball of the link about it must keep the arm's clearance
     from every solid; into the one that the tool may touch it may sink no deeper than the rules allow. Where
@@ -25,7 +33,8 @@ def target_in_solid(world: World) -> Explanation | None:
     """
     tip, part = world.robot.tip_depth
     if not tip:
-        return _target_buried(world)
+        yield from _targets_buried(world)
+        return
     rules, solids = world.rules, world.solids
     if part in compress((solid.name for solid in world.robot.all_solids), off_floor(world.robot)):
         solids = world.arm_solids
@@ -37,7 +46,8 @@ def target_in_solid(world: World) -> Explanation | None:
             gap, touched = gaps[0][0], solids[gaps[0][1]].name
             most, miss = rules.deepest_contact, rules.tolerance
             if tip - max(0.0, gap) > most + miss or -gap > CORNER * most + miss:
-                return _too_deep(world, i, touched, tip, max(tip - max(0.0, gap), -gap) - miss)
+                yield _too_deep(world, i, touched, tip, max(tip - max(0.0, gap), -gap) - miss)
+                continue
             gaps = gaps[1:]
         if not gaps or gaps[0][0] >= need:
             continue
@@ -50,18 +60,17 @@ def target_in_solid(world: World) -> Explanation | None:
             f"would have to be {missing:.4f} m farther away."
         )
         repair = Repair("move-target", f"set-point {i + 1}", missing, f"move it {missing:.4f} m from {name}")
-        return Explanation("no-posture", i, reason, (_cause(world, name, missing),), (repair,))
-    return None
+        yield Explanation("no-posture", i, reason, (_cause(world, name, missing),), (repair,))
 
 
-def _target_buried(world: World) -> Explanation | None:
-    """Explain which set-point lies so deep in a solid that the tool's link would be in it too."""
+def _targets_buried(world: World) -> Iterator[Explanation]:
+    """Explanations of the set-points that lie so deep in a solid that the tool's link would be in it too."""
     robot, rules = world.robot, world.rules
     tool = robot.chain.T_last_tool[:3, 3]
     own = [solid for solid in robot.solids if solid.link == len(robot.chain.joints) - 1]
     away = [float(np.linalg.norm(one.corners - tool, axis=1).min()) - one.radius for one in own]  # at most
     if not away:
-        return None
+        return
     need = min(away) + CORNER * (rules.deepest_contact + rules.tolerance)
     for i, target in enumerate(world.task):
         for solid in world.solids:
@@ -73,8 +82,8 @@ def _target_buried(world: World) -> Explanation | None:
                 f"last link, {min(away):.4f} m from the tool point, is in it too. The tool point would "
                 f"have to be at least {depth - need:.4f} m farther out."
             )
-            return Explanation("no-posture", i, reason, (Cause("obstacle", solid.name, depth - need),))
-    return None
+            yield Explanation("no-posture", i, reason, (Cause("obstacle", solid.name, depth - need),))
+            break
 
 
 def _too_deep(world: World, i: int, name: str, tip: float, need: float) -> Explanation:
@@ -121,12 +130,33 @@ def no_clear_posture(
         )
     else:
         reason = (
-            f"{who} has admissible places for the base, but in none of the {looked[1]} postures at "
-            f"{looked[0]} places that were looked at is the arm clear: at best {closest}, and {rule}."
+            f"{who} has admissible places for the base, but of {_counted(looked[1], 'posture')} at "
+            f"{_counted(looked[0], 'place')} that were looked at none is clear: at best {closest}, and "
+            f"{rule}."
         )
         if looked[2]:
             reason += f" At {looked[2]} of the places it is proven that there is none."
     return Explanation("no-posture", i, reason, (cause,))
+
+
+def no_fitting_posture(world: World, i: int, clear: int, postures: int) -> Explanation:
+    """Explain that some postures at set-point i are clear, and none is what else the rules ask for."""
+    rules, asked = world.rules, list[str]()
+    if rules.criteria is not None:
+        asked.append("meets the rules' criteria")
+    if rules.mode == "stops" and rules.stop_tolerance:
+        asked.append(f"can be kept all round the circle of {rules.stop_tolerance:g} m to park in")
+    wanted = " and ".join(asked) or f"is proven to keep the arm's clearance of {world.arm_clearance:g} m"
+    reason = (
+        f"{setpoint_at(world.task, i)} has admissible places for the base, and the arm touches nothing in "
+        f"{clear} of {_counted(postures, 'posture')} that were looked at, but none was found that also "
+        f"{wanted}."
+    )
+    return Explanation("no-posture", i, reason, (Cause("limits", world.robot.name, None),))
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count} {noun}{'s'[: count != 1]}"
 
 
 def blocked_arm(world: World, closest: str, cause: Cause) -> Explanation:

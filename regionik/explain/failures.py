@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 import shapely
 from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import ground_of, grow
+from regionik.areas.ground import ground_of
+from regionik.areas.layers import grow
 from regionik.areas.reachable import model_of
 from regionik.areas.standing import by_heading, outer_by_heading, turns_matter
 from regionik.explain.changes import one_lift_off
 from regionik.explain.constraints import join, no_way_to, rounded_down, setpoint_at, spot, with_rules
-from regionik.planners.driving.footprint import footprint_width
 from regionik.planners.driving.footprint_planner import NarrowPassageError, passage_width
+from regionik.planners.driving.footprint_scene import footprint_width
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.regions import (
     largest_clearance,
@@ -27,23 +27,11 @@ from regionik.regions import (
 )
 from regionik.values import Violation
 from regionik.worlds.arms import reach_bound
-from regionik.worlds.errors import Cause, CauseKind, Explanation, Repair
+from regionik.worlds.errors import Cause, CauseKind, Explanation, Repair, SetpointFailure
 from regionik.worlds.obstacles import Shadow
 from regionik.worlds.scene import Target, World
 
 NO_WAY = 1e-3  # a narrower one is rounding of the floor [m]
-
-
-def no_places(world: World, empty: Sequence[int]) -> Explanation:
-    """Explain set-points without a known place for the base, by the first that is proven to have none."""
-    outer = outer_areas(world, [world.task[i] for i in empty])
-    proven = (i for i, area in zip(empty, outer, strict=True) if area.is_empty)
-    found = no_place(world, next(proven, empty[0]))
-    if len(empty) == 1:
-        return found
-    have = "set-points have" if len(empty) > 2 else "set-point has"
-    more = f" {len(empty) - 1} more {have} no known place for the base either."
-    return replace(found, reason=found.reason + more)
 
 
 def no_place(world: World, i: int, targets: Sequence[Target] | None = None) -> Explanation:
@@ -186,8 +174,17 @@ def cut_off(world: World, i: int, here: BaseGeometry, areas: BaseGeometry) -> Ex
         f"clearance of {world.base_clearance:.3f} m."
     )
     reason += narrow_passage(world, here, areas)
-    causes = tuple(Cause("obstacle", name, gap) for name in blockers)
-    return Explanation("ladder-broken", i, reason, causes or (Cause("floor", names, gap),))
+    causes = tuple(Cause("obstacle", name, gap) for name in blockers) or (Cause("floor", names, gap),)
+    return Explanation("ladder-broken", i, reason, causes, failures=(beyond(world, i, here, areas),))
+
+
+def beyond(world: World, i: int, here: BaseGeometry, areas: BaseGeometry) -> SetpointFailure:
+    """The failure of a set-point i whose ``areas`` are all on other floor than the base is on, ``here``."""
+    names = join(_crossed(world, shapely.shortest_line(here, areas))) if not here.is_empty else "nothing"
+    who = setpoint_at(world.task, i)
+    what = "the edge of the floor" if names == "nothing" else names
+    reason = f"{who} has known places only on floor that the base cannot get to: {what} cuts it off."
+    return SetpointFailure(i, "ladder-broken", reason)
 
 
 def narrow_passage(world: World, here: BaseGeometry, there: BaseGeometry) -> str:
@@ -288,4 +285,5 @@ def no_drive(world: World, i: int, refusal: NoPathError) -> Explanation:
         f"the places that were looked at: {refusal}."
     )
     missing = refusal.across - refusal.passage if isinstance(refusal, NarrowPassageError) else None
-    return Explanation("ladder-broken", i, reason, (Cause("base", world.robot.name, missing),))
+    cause, alone = Cause("base", world.robot.name, missing), SetpointFailure(i, "ladder-broken", reason)
+    return Explanation("ladder-broken", i, reason, (cause,), failures=(alone,))

@@ -14,12 +14,12 @@ from pydantic import Field
 from shapely.geometry import MultiPolygon, Polygon
 
 from regionik.storage.plan_document import PARTS, VERSION
-from regionik.values import Configuration, Motion, Plan, PlannedArea, Stop
+from regionik.values import Configuration, Motion, Plan, PlannedArea, Skipped, Stop
 from regionik.worlds.documents.world_file import world_from_document
-from regionik.worlds.errors import InputError
+from regionik.worlds.errors import InputError, Verdict, located
 from regionik.worlds.readers.text import LARGEST, check_count, reading
 from regionik.worlds.readers.validation import Many, Strict, validated
-from regionik.worlds.scene import StopCriterion, World
+from regionik.worlds.scene import StopCriterion, Target, World
 
 SIZE_LIMIT = 256 * 2**20  # [bytes]
 VALUES_LIMIT = 12_000_000  # depot has a thousand for each set-point, most of them corners of areas
@@ -106,6 +106,22 @@ class StopRecord(Strict):
     )
 
 
+class SkippedRecord(Strict):
+    """A set-point of the world as given that the plan leaves out."""
+
+    setpoint: Index = Field(description="its index in the task as given; counts from 0")
+    target: Three = Field(description="x, y, z [m]")
+    direction: Three | None = Field(default=None, description="unit tool axis")
+    orientation: Annotated[list[Three], Field(min_length=3, max_length=3)] | None = Field(
+        default=None, description="rows of the tool's rotation matrix"
+    )
+    cone: Annotated[float, Field(gt=0, le=np.pi)] = Field(
+        default=Target.cone, description="allowed deviation from the direction [rad]"
+    )
+    verdict: Verdict = Field(description="as in an explanation of why not")
+    reason: str
+
+
 class PlanRecord(Strict):
     """A whole-path plan of regionik. Metres, radians, seconds; right-handed, z up, x forward."""
 
@@ -118,7 +134,12 @@ class PlanRecord(Strict):
     areas: AreasRecord
     lift_offs: Index = Field(description="runs of transits after the first set-point")
     stops: Many[StopRecord] = Field(description="base stops in mode stops; empty otherwise")
-    stats: dict[str, Any]
+    stats: dict[str, Any] = Field(
+        description="plain numbers; order: index in the task as given of each set-point, where not its own"
+    )
+    skipped: Many[SkippedRecord] = Field(
+        default=[], description="set-points of the task as given that rules.skip_unreachable leaves out"
+    )
 
 
 def load_plan(path: str | os.PathLike[str]) -> Plan:
@@ -155,6 +176,7 @@ def load_plan(path: str | os.PathLike[str]) -> Plan:
         lift_offs=record.lift_offs,
         stops=tuple(_stop(s) for s in record.stops),
         stats=record.stats,
+        skipped=tuple(_skipped(s, f"{where}: skipped[{k}]") for k, s in enumerate(record.skipped)),
     )
 
 
@@ -230,6 +252,16 @@ def _configuration(record: SetpointRecord) -> Configuration:
 def _stop(record: StopRecord) -> Stop:
     base = np.array(record.base, dtype=np.float64)
     return Stop(base, tuple(record.setpoints), record.tolerance, record.criterion, record.probability)
+
+
+def _skipped(record: SkippedRecord, where: str) -> Skipped:
+    direction, orientation = (
+        None if value is None else np.array(value, dtype=np.float64)
+        for value in (record.direction, record.orientation)
+    )
+    with located(where, ""):
+        target = Target(np.array(record.target, dtype=np.float64), direction, record.cone, orientation)
+    return Skipped(record.setpoint, target, record.verdict, record.reason)
 
 
 def _motion(record: PlanRecord, world: World) -> Motion:

@@ -14,10 +14,11 @@ from functools import lru_cache
 import numpy as np
 import shapely
 
-from regionik.areas.ground import Geometries
+from regionik.areas.layers import Geometries
 from regionik.areas.standing import Index
 from regionik.explain.constraints import no_way_to, rounded_down, setpoint_at
 from regionik.explain.failures import cut_off, no_place
+from regionik.explain.several import together
 from regionik.parking.parking_areas import (
     Parking,
     ParkingAreas,
@@ -36,9 +37,12 @@ from regionik.planners.coverage.set_cover import (
     stride,
 )
 from regionik.planners.geometry.offsets import shrunk
+from regionik.planners.progress import track
 from regionik.regions import outer_areas, ways_to_stand
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 from regionik.worlds.scene import Target, World
+
+Unserved = tuple[list[int], ParkingAreas]  # set-points without a place to park, and the areas
 
 SURE = 0.99  # of a circle, that the rounding of shrunk areas leaves a place for
 
@@ -60,19 +64,19 @@ def park_in_order(world: World) -> Parking:
     Ways to stand and to face come in one after the other until the bound from outer areas is met.
     """
     best: Parking | None = None
-    refused: NoPlanFound | None = None
+    refused = list[Unserved]()
     for standing, facings in ways_to_stand(world):
         for parking_areas in parking_areas_on(world, standing(world), facings):
             groups = parking_areas.groups()
             done = groups[-1].setpoints[-1] + 1 if groups else 0
             if done < len(world.task):
-                refused = refused or NoPlanFound(no_room(world, done, parking_areas))
+                refused.append(_unserved(parking_areas))
             elif best is None or len(groups) < len(best.groups):
                 best = Parking(parking_areas, tuple(groups), 1)
         if best is not None and (len(best.groups) == 1 or len(best.groups) <= _fewest_outer_runs(world)):
             break
     if best is None:
-        raise refused or NoPlanFound(no_place(world, 0))
+        raise NoPlanFound(_no_rooms(world, refused))
     lower = 1 if len(best.groups) == 1 else _fewest_outer_runs(world)
     known: dict[str, int | bool | str] = {"lower_bound": lower, "bound": "outer areas"}
     return Parking(best.parking_areas, best.groups, lower, known)
@@ -83,20 +87,18 @@ def park_in_any_order(world: World) -> Parking:
 
     Headings by slab come in only where a set-point has no place at every heading.
     """
-    refused: NoPlanFound | None = None
+    refused = list[Unserved]()
     for standing, facings in list(ways_to_stand(world))[1::2]:
         found: list[Parking] = []
         for parking_areas in parking_areas_on(world, standing(world), facings):
-            ladder = parking_areas.ladder
-            held = set(ladder.target[shapely.area(parking_areas.narrow) > 0].tolist())
-            empty = [i for i in range(ladder.count) if i not in held]
-            if empty:
-                refused = refused or NoPlanFound(no_room(world, empty[0], parking_areas))
+            unserved = _unserved(parking_areas)
+            if unserved[0]:
+                refused.append(unserved)
             else:
                 found.append(_covered(world, parking_areas))
         if found:
             return min(found, key=lambda one: len(one.groups))
-    raise refused or NoPlanFound(no_place(world, 0))
+    raise NoPlanFound(_no_rooms(world, refused))
 
 
 def _covered(world: World, parking_areas: ParkingAreas) -> Parking:
@@ -146,6 +148,21 @@ def _fewest_outer_runs(world: World) -> int:
     areas, count = _outer_places(world, world.task), len(world.task)
     back = [[i - 1] if i else [] for i in range(count)]
     return len(fewest_runs(areas, np.arange(count + 1), back))
+
+
+def _unserved(parking_areas: ParkingAreas) -> Unserved:
+    """Set-points without a place to park."""
+    ladder = parking_areas.ladder
+    held = set(ladder.target[shapely.area(parking_areas.narrow) > 0].tolist())
+    return [i for i in range(ladder.count) if i not in held], parking_areas
+
+
+def _no_rooms(world: World, refused: Sequence[Unserved]) -> Explanation:
+    """Explanation of all set-points without a place to park, on the floor where they are fewest."""
+    if not refused:
+        return together([no_place(world, i) for i in range(len(world.task))])
+    empty, parking_areas = min(refused, key=lambda one: len(one[0]))
+    return together([no_room(world, i, parking_areas) for i in track("reasons", empty)])
 
 
 def no_room(world: World, i: int, parking_areas: ParkingAreas) -> Explanation:

@@ -10,6 +10,8 @@ import shapely
 
 from regionik.areas.standing import spread
 from regionik.explain.arm_failures import no_posture
+from regionik.explain.several import naming_all, naming_as_given
+from regionik.explain.skipping import as_given, leaving_out, naming_each
 from regionik.parking.arm_roadmap import HeldPostures
 from regionik.parking.arm_tour import in_short_order
 from regionik.parking.fewest_stops import park
@@ -18,7 +20,7 @@ from regionik.parking.placements import BasePlacement, PlacementSearch
 from regionik.parking.sampled_poses import PoseCover
 from regionik.parking.stop_sequence import StopSequence, stop_sequence
 from regionik.planners.coverage.set_cover import least_cover, undominated
-from regionik.values import Stop
+from regionik.values import Skipped, Stop
 from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.scene import World
 
@@ -45,7 +47,8 @@ def stops(world: World) -> tuple[Stop, ...]:
     Raises
     ------
     NoPlanFound
-        Where a set-point has no place to park.
+        Where set-points have no place to park, all of them named; with ``rules.skip_unreachable`` only where
+        none has one.
     InputError
         For a world without a task, or a heading that turns with the target.
 
@@ -55,15 +58,34 @@ def stops(world: World) -> tuple[Stop, ...]:
     >>> [(stop.first, stop.last) for stop in stops(load_world("pillar"))]
     [(0, 9), (10, 14)]
     """
-    return find(world)[0]
+    return find_served(world)[0]
+
+
+def find_served(world: World) -> tuple[tuple[Stop, ...], Parking, tuple[Skipped, ...]]:
+    """Return the stops as `stops` does, the bound of their number, and what the rules let be left out.
+
+    Raises NoPlanFound with all set-points named that have no place to park.
+    """
+    check(world)
+    if not world.rules.skip_unreachable:
+        try:
+            return (*find(world), ())
+        except NoPlanFound as no:
+            every = naming_each(world, no.explanation, park)
+            raise NoPlanFound(naming_all(every, len(world.task))) from None
+    (found, parking), skipped = leaving_out(world, find, lambda _, quick: quick)
+    kept = as_given(len(world.task), skipped)
+    named = (replace(stop, setpoints=tuple(kept[i] for i in stop.setpoints)) for stop in found)
+    return tuple(named), parking, skipped
 
 
 def find(world: World) -> tuple[tuple[Stop, ...], Parking]:
-    """Return the stops as `stops` does, and with them the bound of their number."""
+    """Return stops for all set-points, and with them the bound of their number."""
     check(world)
     parking = park(world)
     sequence = in_sequence(world, parking)
-    found = [placement.stop(sequence.world) for placement in placed(sequence)]
+    with naming_as_given(sequence.order):
+        found = [placement.stop(sequence.world) for placement in placed(sequence)]
     named = (replace(stop, setpoints=tuple(sequence.order[i] for i in stop.setpoints)) for stop in found)
     return tuple(named), parking
 

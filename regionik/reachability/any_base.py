@@ -9,7 +9,8 @@ import numpy as np
 import shapely
 from shapely.geometry import MultiPolygon, Point, Polygon
 
-from regionik.areas.ground import GUARD, Side, ground_of
+from regionik.areas.ground import Side, ground_of
+from regionik.areas.layers import GUARD
 from regionik.areas.reachable import model_of, planar_reach, reach_model
 from regionik.areas.standing import room_for
 from regionik.planners.avoidance.posture_proof import solid_at_target

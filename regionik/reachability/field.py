@@ -9,7 +9,9 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
-from regionik.areas.ground import GUARD, Side
+from regionik.areas.ground import Side
+from regionik.areas.layers import GUARD
+from regionik.areas.lifted import lifts_matter
 from regionik.areas.reach_model import ReachModel
 from regionik.areas.reachable import reach_model, reach_rows
 from regionik.areas.standing import anywhere, by_heading, outer_by_heading
@@ -152,7 +154,7 @@ def reach_slice(world: World, height: float, cell: float = 0.05) -> Field:
     for side in outer_by_heading(world).sides:
         values[_met(side, outer, x, y)] = UNDECIDED
     (side,) = anywhere(world).sides
-    if _model(world).turns_freely(world.rules, side.span):
+    if _model(world).turns_freely(world.rules, side.span) and not lifts_matter(world):
         values[_met(side, inner, x, y)] = REACHABLE
     else:
         values[_met_one_by_one(world, float(z[0]), values, x, y)] = REACHABLE
@@ -183,7 +185,8 @@ def _counted(
     world: World, targets: Array | list[Target], side: Side, free: NDArray[np.bool_], x: Array, y: Array
 ) -> NDArray[np.int32]:
     """Targets reached from each free cell within one side's headings."""
-    if isinstance(targets, list) or not _model(world).turns_freely(world.rules, side.span):
+    by_rings = _model(world).turns_freely(world.rules, side.span) and not lifts_matter(world)
+    if isinstance(targets, list) or not by_rings:
         return _count_areas(world, _as_targets(targets), side, free, x, y)
     return count_rings(targets[:, :2], _distances(world, targets[:, 2], inner=True), x, y, free)
 

@@ -19,7 +19,7 @@ from regionik.storage.files import json_values
 from regionik.worlds.documents.world_file import world_to_document
 
 if TYPE_CHECKING:
-    from regionik.values import Plan
+    from regionik.values import Plan, Skipped
 
 VERSION = 1
 CORNERS_LIMIT = 5_000_000  # of the areas in a file; with more it could not be read back
@@ -84,6 +84,23 @@ def _members(plan: Plan) -> Iterator[tuple[str, Any]]:
     yield "lift_offs", int(plan.lift_offs)
     yield "stops", json_values(plan.stops)
     yield "stats", json_values(plan.stats)
+    yield "skipped", skipped_document(plan.skipped)
+
+
+def skipped_document(skipped: Iterable[Skipped]) -> list[dict[str, Any]]:
+    """Return the set-points that are left out, as JSON documents."""
+    return [
+        {
+            "setpoint": one.setpoint,
+            "target": _numbers(one.target.position),
+            "direction": json_values(one.target.direction),
+            "orientation": json_values(one.target.orientation),
+            "cone": float(one.target.cone),
+            "verdict": one.verdict,
+            "reason": one.reason,
+        }
+        for one in skipped
+    ]
 
 
 def _text(key: str, value: Any) -> str:

@@ -73,7 +73,7 @@ def footprint_hulls(robot: Robot, base: Array) -> Shapes:
 
 def base_shadows(world: World) -> list[tuple[str, Shadow]]:
     """Names and shadows of the solids that the base could hit."""
-    shadows = ((solid.name, solid.shadow(below=world.robot.body_height)) for solid in world.solids)
+    shadows = ((solid.name, solid.shadow(world.robot.body_height, above=0.0)) for solid in world.solids)
     return [(name, shadow) for name, shadow in shadows if shadow is not None and not shadow.core.is_empty]
 
 

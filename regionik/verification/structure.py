@@ -15,6 +15,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Start
 
 EXACT = 1e-9  # [m] or [rad]
+SKIPPED_FOR = ("unreachable", "undecided", "no-posture", "ladder-broken")  # verdicts on a set-point left out
 KINDS = ("setpoint", "step", "transit")
 
 
@@ -58,6 +59,25 @@ def inconsistencies(plan: Plan, names: StateNames) -> Iterator[Violation]:
     if (np.diff(motion.time[~np.isnan(motion.time)]) < 0).any():
         yield _fault("the times of the states run backwards")
     yield from _wrong_lift_offs(plan, reached)
+    yield from _wrong_skipped(plan)
+
+
+def _wrong_skipped(plan: Plan) -> Iterator[Violation]:
+    """Set-points that are left out although the rules do not allow it, or twice, or that are done as well."""
+    if not plan.skipped:
+        return
+    if not plan.world.rules.skip_unreachable:
+        yield _fault(f"the plan leaves out {len(plan.skipped)} set-points, rules.skip_unreachable is not set")
+    count, order = len(plan.world.task) + len(plan.skipped), plan.stats.get("order")
+    numbers = [one.setpoint for one in plan.skipped]
+    if isinstance(order, list) and all(isinstance(i, int) for i in order):
+        if sorted([*order, *numbers]) != list(range(count)):
+            yield _fault(f"set-points done and left out are not the {count} as given, each once")
+    else:
+        yield _fault("the plan leaves out set-points, and its stats.order does not say which it does")
+    for one in plan.skipped:
+        if one.verdict not in SKIPPED_FOR or not one.reason:
+            yield _fault(f"set-point {one.setpoint + 1} of {count} as given is left out for no reason")
 
 
 def _fault(text: str, state: int | None = None, setpoint: int | None = None) -> Violation:

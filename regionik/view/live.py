@@ -14,7 +14,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from regionik.areas.ground import ground_of, grow, shadow_of
+from regionik.areas.ground import ground_of
+from regionik.areas.layers import grow, shadow_of
 from regionik.areas.standing import PathAreas, by_heading, turns_matter
 from regionik.pruning import Pruned, whole_path
 from regionik.regions import path_areas
@@ -241,7 +242,7 @@ def _floor_meshes(floor: Floor) -> tuple[SceneMesh, ...]:
 @lru_cache(maxsize=4096)
 def _obstacle_meshes(solid: Solid, k: int, height: float, distance: float) -> tuple[SceneMesh, ...]:
     """An obstacle and its rejection, which is opaque: two of them may overlap."""
-    shadow, mesh = shadow_of(solid, height), scene_obstacle(f"obstacles/{k}", solid)
+    shadow, mesh = shadow_of(solid, height, 0.0), scene_obstacle(f"obstacles/{k}", solid)
     if shadow is None:
         return (mesh,)
     rejected = grow(shadow, distance, inner=False).simplify(DETAIL)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 from shapely.geometry import LineString
 from shapely.geometry.base import BaseGeometry
 
+from regionik.explain.several import left_out
 from regionik.timing.trajectory import is_timed, trajectory
 from regionik.values import Plan
 from regionik.view.floor_areas import DETAIL, area_words, axis_path, drawn_union, parking_circles, used_areas
@@ -138,11 +140,15 @@ def picture_of_plan(plan: Plan, clock: Array | None = None) -> Picture:
     some = slice(None, None, 1 + len(frames.times) // 300)
     camera = camera_for(world, robot_points(world.robot, frames.base[some], frames.joints[some]))
     moves = len(frames.times) > 1
-    counts = count_noun(len(plan.setpoints), "set-point"), count_noun(plan.lift_offs, "lift-off")
+    counts = [count_noun(len(plan.setpoints), "set-point"), count_noun(plan.lift_offs, "lift-off")]
+    out = [left_out(plan.skipped, len(plan.setpoints) + len(plan.skipped))] if plan.skipped else []
     return Picture(
         title=world.name,
-        facts=(*counts, f"{plan.motion.time[-1]:.1f} s" if is_timed(plan.motion) else "not timed"),
-        bodies=(*areas, *_parking_meshes(plan), *world_meshes(world, covered), *marks, *trace, *robot),
+        facts=(*counts, *out, f"{plan.motion.time[-1]:.1f} s" if is_timed(plan.motion) else "not timed"),
+        bodies=(
+            *(*areas, *_parking_meshes(plan), *world_meshes(world, covered)),
+            *(*_left_out(plan), *marks, *trace, *robot),
+        ),
         poses=poses,
         camera=camera,
         extent=floor_radius(world, camera),
@@ -181,6 +187,14 @@ def _parking_meshes(plan: Plan) -> list[SceneMesh]:
         return []
     circles = parking_circles(plan.world, plan.stops)
     return [floor_layer("areas/parking", circles, Color.PARKING, 7, "circles to park in")]
+
+
+def _left_out(plan: Plan) -> Iterator[SceneMesh]:
+    """Marks of the set-points that are left out, each named by its reason."""
+    for one in plan.skipped:
+        mark = spheres(one.target.position[None], 1.6 * MARK_RADIUS)
+        path = f"task/left out {one.setpoint}"
+        yield SceneMesh(path, mark, Color.MISSING, label="set-points left out", name=one.reason)
 
 
 def _passed_setpoints(plan: Plan, frames: KeyFrames) -> tuple[list[SceneMesh], list[KeyframeTrack]]:

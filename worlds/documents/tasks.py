@@ -16,6 +16,7 @@ from regionik.worlds.documents.frames import FrameReference, Poses, frame_pose
 from regionik.worlds.errors import InputError, located, located_error
 from regionik.worlds.readers.csv_path import Delimiter, read_csv, read_csv_columns
 from regionik.worlds.readers.gcode_path import read_gcode
+from regionik.worlds.readers.text import file_in
 from regionik.worlds.readers.validation import (
     FileName,
     Many,
@@ -142,10 +143,10 @@ class CsvPiece(ToolAim):
         if self.columns is None:
             if self.delimiter != "comma":
                 raise InputError("delimiter: goes with columns")
-            path = read_csv(folder / self.csv)
+            path = read_csv(file_in(folder, self.csv))
         else:
             chosen = self.columns.model_dump(exclude_none=True)
-            path = read_csv_columns(folder / self.csv, chosen, self.delimiter)
+            path = read_csv_columns(file_in(folder, self.csv), chosen, self.delimiter)
         return replace(path, points=path.points * self.scale)
 
 
@@ -156,7 +157,7 @@ class GcodePiece(ToolAim):
     chord: Positive = 0.0001
 
     def path(self, folder: Path) -> ToolPath:
-        return read_gcode(folder / self.gcode, self.chord)
+        return read_gcode(file_in(folder, self.gcode), self.chord)
 
 
 Piece = LinePiece | SinePiece | ArcPiece | PointsPiece | CsvPiece | GcodePiece

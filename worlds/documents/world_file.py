@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -15,6 +16,7 @@ from regionik.worlds.documents.environment import (
     FloorPart,
     ObstaclePart,
     floor_to_document,
+    huge_meshes,
     read_floor,
     read_obstacle,
     solid_to_document,
@@ -22,12 +24,13 @@ from regionik.worlds.documents.environment import (
 from regionik.worlds.documents.frames import FramesPart, read_frames
 from regionik.worlds.documents.robots import RobotPart, read_robot, robot_to_document
 from regionik.worlds.documents.tasks import PiecePart, read_task, task_to_document
-from regionik.worlds.errors import InputError, located, located_error
+from regionik.worlds.errors import FileNote, InputError, located, located_error
 from regionik.worlds.execution import Execution, ParkingAccuracy
 from regionik.worlds.frames import FrameNames
 from regionik.worlds.obstacles import Solid
-from regionik.worlds.readers.text import SUFFIXES, is_file_name, plain_mapping, read_document
+from regionik.worlds.readers.text import SUFFIXES, is_file_name, name_as_text, plain_mapping, read_document
 from regionik.worlds.readers.validation import (
+    NAME_LENGTH,
     Many,
     Matrix3,
     NotNegative,
@@ -132,6 +135,10 @@ class RulesPart(Strict):
     criteria: CriteriaPart | None = None
     execution: ExecutionPart | None = None
     parking: ParkingPart | None = None
+    skip_unreachable: bool = Field(
+        default=Rules.skip_unreachable,
+        description="leave out set-points that cannot be reached, and name them, in place of a refusal",
+    )
 
 
 class SpeedsPart(Strict):
@@ -217,11 +224,13 @@ def world_from_document(document: dict[str, Any], where: str = "world", folder: 
     parts = enumerate(model.obstacles)
     frames, poses = read_frames(model.frames, where)
     obstacles = tuple(read_obstacle(part, where, f"obstacles[{k}]", folder, poses) for k, part in parts)
+    for note in huge_meshes(model.obstacles, obstacles, floor):
+        warnings.warn(f"{where}: {note}", FileNote, stacklevel=3)
     task, places = read_task(model.task, where, folder, poses)
     rules = _rules(model.rules, robot, where)
     start = None if model.start is None else Start(np.array(model.start.base), np.array(model.start.joints))
     speeds = None if model.speeds is None else _speeds(model.speeds, robot, where)
-    name = model.name or Path(where).name.partition(".")[0] or "world"
+    name = model.name or name_as_text(Path(where).name).partition(".")[0][:NAME_LENGTH] or "world"
     with located(where, ""):
         world = World(name, robot, floor, obstacles, task, rules, start, model.about or "", speeds, frames)
         if start is not None:

@@ -8,6 +8,7 @@ defines entities, is refused.
 from __future__ import annotations
 
 import json
+import os
 import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -62,6 +63,17 @@ for _tag, _pattern, _first in (
     ("float", r"[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)", list("-+.")),
 ):
     _Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(rf"^(?:{_pattern})$"), _first)
+
+
+def name_as_text(name: str) -> str:
+    """Return a file's name as one line of text; what the locale does not know of it is read as UTF-8."""
+    text = name.encode("utf-8", "surrogateescape").decode("utf-8", "replace")
+    return re.sub(r"[\x00-\x1f]", " ", text)
+
+
+def file_in(folder: Path, name: str) -> Path:
+    """Return the path of a file that a document names, as it is called where the locale is not UTF-8 too."""
+    return folder / os.fsdecode(name.encode("utf-8", "surrogateescape"))
 
 
 @contextmanager

@@ -1,0 +1,96 @@
+"""What can be done of a task: set-points that cannot are left out, refusal by refusal, or all named."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TypeVar
+
+from regionik.explain.several import failures_of, in_order, naming_all, numbered, renumbered, together
+from regionik.values import Plan, Skipped
+from regionik.worlds.errors import Explanation, NoPlanFound, SetpointFailure
+from regionik.worlds.scene import World
+
+T = TypeVar("T")
+Explained = Callable[[World, Explanation], Explanation]  # of the world that an explanation is about
+
+
+def leaving_out(
+    world: World, attempt: Callable[[World], T], explained: Explained
+) -> tuple[T, tuple[Skipped, ...]]:
+    """Return what an attempt makes of the set-points of a world that can be done, and the others.
+
+    Raises
+    ------
+    NoPlanFound
+        Where none can be done, or where it is not set-points by themselves that cannot, ``explained``.
+    """
+    failures = tuple[SetpointFailure, ...]()
+    while True:
+        left, kept = _without(world, failures)
+        try:
+            return attempt(left), tuple(_skipped(world, one) for one in failures)
+        except NoPlanFound as no:
+            found = failures_of(renumbered(no.explanation, kept, len(world.task)))
+            if not found or len(found) == len(kept):
+                refusal = explained(left, no.explanation)
+                raise NoPlanFound(_of_all(world, failures, refusal, kept)) from None
+            failures = in_order([*failures, *found])
+
+
+def naming_each(world: World, first: Explanation, attempt: Callable[[World], object]) -> Explanation:
+    """The first refusal of an attempt, with all the set-points that it refuses, one time after the other."""
+    found = [first]
+    while failures := failures_of(together(found)):
+        left, kept = _without(world, failures)
+        if not kept:
+            break
+        try:
+            attempt(left)
+            break
+        except NoPlanFound as no:
+            found.append(renumbered(no.explanation, kept, len(world.task)))
+            if not failures_of(found[-1]):
+                break
+    return replace(first, failures=failures)
+
+
+def as_given(count: int, skipped: Sequence[Skipped]) -> list[int]:
+    """Index in a task of ``count`` set-points of each that is not skipped."""
+    gone = {one.setpoint for one in skipped}
+    return [i for i in range(count) if i not in gone]
+
+
+def with_skipped(found: Plan, skipped: tuple[Skipped, ...]) -> Plan:
+    """The plan with the set-points that it leaves out, and the index as given of those that it does."""
+    if not skipped:
+        return found
+    kept = as_given(len(found.world.task) + len(skipped), skipped)
+    order = [kept[i] for i in found.stats.get("order", range(len(kept)))]
+    return replace(found, stats={**found.stats, "order": order}, skipped=skipped)
+
+
+def _without(world: World, failures: Sequence[SetpointFailure]) -> tuple[World, list[int]]:
+    """The world without some set-points, and the index as given of each that is left."""
+    gone = {one.setpoint for one in failures}
+    kept = [i for i in range(len(world.task)) if i not in gone]
+    return (replace(world, task=tuple(world.task[i] for i in kept)) if gone else world), kept
+
+
+def _skipped(world: World, failure: SetpointFailure) -> Skipped:
+    return Skipped(failure.setpoint, world.task[failure.setpoint], failure.verdict, failure.reason)
+
+
+def _of_all(
+    world: World, failures: Sequence[SetpointFailure], refusal: Explanation, kept: Sequence[int]
+) -> Explanation:
+    """A refusal of the set-points that are left, with those that were left out."""
+    count = len(world.task)
+    if not failures:
+        return refusal
+    told = renumbered(refusal, kept, count)
+    out, be = numbered([one.setpoint for one in failures], count), "are" if len(failures) > 1 else "is"
+    every = in_order([*failures, *failures_of(told)])
+    if len(every) == count:
+        return naming_all(replace(told, failures=every), count)
+    return replace(told, reason=f"{out} {be} left out. {told.reason}", failures=every)
