@@ -91,6 +91,18 @@ def lift_for(robot: Robot, height: float, reach: float = 0.0) -> tuple[float, fl
     return (low, high) if low <= high else None
 
 
+def without_body(robot: Robot) -> Robot:
+    """Return the robot without what stands on its base and on its lifts: a footprint, and an arm."""
+    count = sum(1 for _ in _lifts(robot))
+    solids = tuple(solid for solid in robot.solids if solid.link >= count)
+    return replace(robot, base_solids=(), solids=solids)
+
+
+def has_body(robot: Robot) -> bool:
+    """Return True where something stands on the base or on its lifts."""
+    return len(robot.all_solids) > len(without_body(robot).solids)
+
+
 def _lifts(robot: Robot) -> Iterator[tuple[Array, tuple[float, float]]]:
     """Frame (4, 4) of the link on each lift, all of them at zero, and how far it is raised there [m]."""
     T, low, high = robot.T_base_arm, 0.0, 0.0
