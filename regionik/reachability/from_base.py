@@ -130,10 +130,11 @@ def _blocked(world: World, base: Array) -> str:
         outside = shapely.points(shapely.get_coordinates(outline))
         off = float(shapely.distance(outside, ground.floor).max())
         return f"the base stands off the floor there, by {off:.4f} m"
-    inside = [k for k in ground.within(outline, 0.0) if _holds_some(ground.shadows[k], outline)]
-    if inside:
-        return f"the base stands inside {ground.names[inside[0]]} there"
     name, gap = ground.nearest(outline) or ("", np.inf)
+    named = zip(ground.names, ground.shadows, strict=True) if gap == 0.0 else ()
+    inside = next((name for name, shadow in named if _holds_some(shadow, outline)), "")
+    if inside:
+        return f"the base stands inside {inside} there"
     if gap >= ground.clearance - EXACT:
         return ""
     return f"the base stands {gap:.4f} m from {name} there, and must keep {ground.clearance:.4f} m"

@@ -19,7 +19,7 @@ from regionik.storage.files import json_values
 from regionik.worlds.documents.world_file import world_to_document
 
 if TYPE_CHECKING:
-    from regionik.values import Plan, Skipped
+    from regionik.values import Plan, Skipped, Stop
 
 VERSION = 1
 CORNERS_LIMIT = 5_000_000  # of the areas in a file; with more it could not be read back
@@ -82,7 +82,7 @@ def _members(plan: Plan) -> Iterator[tuple[str, Any]]:
     yield "states", _states(plan)
     yield "areas", _areas(plan) if keeps_areas(plan) else iter(())
     yield "lift_offs", int(plan.lift_offs)
-    yield "stops", json_values(plan.stops)
+    yield "stops", [stop_document(stop) for stop in plan.stops]
     yield "stats", json_values(plan.stats)
     yield "skipped", skipped_document(plan.skipped)
 
@@ -101,6 +101,13 @@ def skipped_document(skipped: Iterable[Skipped]) -> list[dict[str, Any]]:
         }
         for one in skipped
     ]
+
+
+def stop_document(stop: Stop) -> dict[str, Any]:
+    """A stop of a plan, all of whose set-points are verified."""
+    document: dict[str, Any] = json_values(stop)
+    del document["unconfirmed"]
+    return document
 
 
 def _text(key: str, value: Any) -> str:
