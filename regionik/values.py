@@ -158,6 +158,9 @@ class Stop:
     probability : float or None
         Proven lower bound: so probably do arm and base as within that circle, once the base has parked with
         the error of `regionik.worlds.execution.ParkingAccuracy`. None without one in the rules.
+    unconfirmed : tuple of int
+        Those of the set-points at which no clear posture is known with the base exactly there; at all others
+        one was found and checked. Of a plan's stops, whose motion is verified, there are none.
     """
 
     base: Array
@@ -165,11 +168,13 @@ class Stop:
     tolerance: float
     criterion: StopCriterion
     probability: float | None = None
+    unconfirmed: tuple[int, ...] = ()
 
     def __repr__(self) -> str:
         likely = "" if self.probability is None else f", parks with {self.probability:.4f}"
         served = f"{len(self.setpoints)} set-points, {self.tolerance:.3g} m"
-        return f"Stop({_pose_text(self.base)}, {served}{likely})"
+        doubt = f", {len(self.unconfirmed)} of them unconfirmed" if self.unconfirmed else ""
+        return f"Stop({_pose_text(self.base)}, {served}{likely}{doubt})"
 
     @property
     def first(self) -> int:

@@ -22,7 +22,7 @@ from regionik.worlds.errors import FileNote, InputError
 from regionik.worlds.readers.text import count_values
 
 if TYPE_CHECKING:
-    from regionik.values import Plan, Skipped
+    from regionik.values import Plan, Skipped, Stop
 
 VERSION = 1
 # Of a file that is written, and of one that is read.
@@ -116,7 +116,7 @@ def _members(plan: Plan) -> Iterator[tuple[str, Any]]:
     yield "states", _states(plan)
     yield "areas", _areas(plan)
     yield "lift_offs", int(plan.lift_offs)
-    yield "stops", json_values(plan.stops)
+    yield "stops", [stop_document(stop) for stop in plan.stops]
     yield "stats", json_values(plan.stats)
     yield "skipped", skipped_document(plan.skipped)
 
@@ -135,6 +135,13 @@ def skipped_document(skipped: Iterable[Skipped]) -> list[dict[str, Any]]:
         }
         for one in skipped
     ]
+
+
+def stop_document(stop: Stop) -> dict[str, Any]:
+    """A stop of a plan, all of whose set-points are verified."""
+    document: dict[str, Any] = json_values(stop)
+    del document["unconfirmed"]
+    return document
 
 
 def _text(key: str, value: Any) -> str:
