@@ -157,9 +157,9 @@ def why(
     ----------
     world : World
     target : Target or (3,) array_like, optional
-        A bare point leaves the tool direction free [m]. By default the world's whole path is explained: its
-        start, the first set-point with an empty area, floor cut off, or more lift-offs than are allowed.
-        Motion is left to `plan`: what only obstacles of the arm or wheels of the base forbid.
+        A bare point leaves the tool direction free [m]. By default the world's whole path is explained, as
+        `plan` explains what it refuses: nothing stands in the way only of what it plans. What the rules let
+        plans leave out is explained too.
     say : callable, optional
         Called with each sentence as soon as it is known: what failed, its causes, every repair.
     progress : callable, optional
@@ -184,7 +184,7 @@ def why(
     """
     with listening(progress):
         if target is None:
-            return _why_path(world, say or unsaid)
+            return _why_path(world, 0, say or unsaid)
         return _why_target(world, target, say or unsaid)
 
 
@@ -205,13 +205,15 @@ def _why_target(world: World, target: Target | ArrayLike, say: Say) -> Explanati
     return _explained_arm(asked, 0, Explanation("unreachable", 0, reason, causes), say)
 
 
-def _why_path(world: World, say: Say) -> Explanation | None:
+def _why_path(world: World, seed: int, say: Say) -> Explanation | None:
+    """The explanation of `plan`, or of what it leaves out."""
     try:
-        check_world(world)
-        whole_path(world)
+        found = _planned(world, seed, lambda left, quick: _explained(left, quick, seed, say))
     except NoPlanFound as no:
-        return _explained(world, no.explanation, 0, say)
-    return None
+        return no.explanation
+    if not found.skipped:
+        return None
+    return _why_path(replace(world, rules=replace(world.rules, skip_unreachable=False)), seed, say)
 
 
 def _explained(world: World, quick: Explanation, seed: int, say: Say) -> Explanation:

@@ -52,6 +52,8 @@ class Repair:
         Of ``amount``.
     vector : tuple of float
         Of a target (x, y, z) or an obstacle (x, y) that is moved [m]; else empty.
+    also : tuple of Repair
+        What has to be changed besides; ``text`` tells it too.
     """
 
     kind: RepairKind
@@ -60,6 +62,7 @@ class Repair:
     text: str
     unit: Unit = "m"
     vector: tuple[float, ...] = ()
+    also: tuple[Repair, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -28,17 +28,25 @@ class ChangeKind:
 
 
 def repaired(world: World, repair: Repair, i: int = 0) -> World:
-    """Return the world with a repair made; a moved target is set-point i."""
-    return _TABLE[repair.kind].made(world, repair, i)
+    """Return the world with a repair made, and what it has besides; a moved target is set-point i."""
+    made = _TABLE[repair.kind].made(world, repair, i)
+    for other in repair.also:
+        made = repaired(made, other, i)
+    return made
 
 
 def share(world: World, repair: Repair) -> float:
-    """Relative size of a repair.
+    """Relative size of a repair, with what it has besides.
 
     Lengths, and the loss of a clearance, count as parts of the arm's length, the gain of a cone as a part of
     a half turn, a lift-off as one.
     """
-    return _TABLE[repair.kind].share(world, repair)
+    return _TABLE[repair.kind].share(world, repair) + sum(share(world, other) for other in repair.also)
+
+
+def both(one: Repair, other: Repair) -> Repair:
+    """One repair and then another, as one."""
+    return replace(one, text=f"{one.text}, and {other.text}", also=(*one.also, other))
 
 
 def smallest_first(world: World, repairs: Iterable[Repair]) -> tuple[Repair, ...]:
