@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from regionik.explain import arm_failures, failures
+from regionik.explain.changes import repaired
 from regionik.explain.questions import ArmQuestion, Oracles, PathQuestion
 from regionik.explain.several import as_setpoint, failures_of, naming_all, naming_as_given, together
 from regionik.explain.skipping import Explained, leaving_out, naming_each, with_skipped
+from regionik.explain.tried_changes import mended_motion, mended_start
 from regionik.explain.why import Say, explained, explained_target, target_name, unsaid
 from regionik.mfabrik import configurations
 from regionik.motion import connect_configurations
@@ -35,7 +37,7 @@ from regionik.values import Plan, PlannedArea, Stop
 from regionik.verification.verifier import verify
 from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import frozen
-from regionik.worlds.errors import Cause, Explanation, InputError, NoPlanFound, Verdict
+from regionik.worlds.errors import Cause, Explanation, InputError, NoPlanFound, Repair, Verdict
 from regionik.worlds.scene import Target, World
 
 _VERDICTS: dict[str, Verdict] = {"unreachable": "unreachable", "undecided": "undecided"}
@@ -157,9 +159,9 @@ def why(
     ----------
     world : World
     target : Target or (3,) array_like, optional
-        A bare point leaves the tool direction free [m]. By default the world's whole path is explained: its
-        start, the first set-point with an empty area, floor cut off, or more lift-offs than are allowed.
-        Motion is left to `plan`: what only obstacles of the arm or wheels of the base forbid.
+        A bare point leaves the tool direction free [m]. By default the world's whole path is explained, as
+        `plan` explains what it refuses: nothing stands in the way only of what it plans. What the rules let
+        plans leave out is explained too.
     say : callable, optional
         Called with each sentence as soon as it is known: what failed, its causes, every repair.
     progress : callable, optional
@@ -184,7 +186,7 @@ def why(
     """
     with listening(progress):
         if target is None:
-            return _why_path(world, say or unsaid)
+            return _why_path(world, 0, say or unsaid)
         return _why_target(world, target, say or unsaid)
 
 
@@ -205,27 +207,60 @@ def _why_target(world: World, target: Target | ArrayLike, say: Say) -> Explanati
     return _explained_arm(asked, 0, Explanation("unreachable", 0, reason, causes), say)
 
 
-def _why_path(world: World, say: Say) -> Explanation | None:
+def _why_path(world: World, seed: int, say: Say) -> Explanation | None:
+    """The explanation of `plan`, or of what it leaves out."""
     try:
-        check_world(world)
-        whole_path(world)
+        found = _planned(world, seed, lambda left, quick: _explained(left, quick, seed, say))
     except NoPlanFound as no:
-        return _explained(world, no.explanation, 0, say)
-    return None
+        return no.explanation
+    if not found.skipped:
+        return None
+    return _why_path(replace(world, rules=replace(world.rules, skip_unreachable=False)), seed, say)
 
 
 def _explained(world: World, quick: Explanation, seed: int, say: Say) -> Explanation:
-    """Return an explanation with irreducible causes and repairs, where areas allow no plan."""
+    """Return an explanation with causes and repairs, by areas where they allow no plan, else by plans."""
+
+    def plans(changed: World) -> bool:
+        return _can_be_planned(changed, seed)
+
     i = quick.setpoint
-    if i is None or can_track(world):
+    if can_track(world):
         return quick
-    if quick.verdict == "ladder-broken" and not spans(world):
-        question = PathQuestion(world, i, spans, lambda changed: _can_be_planned(changed, seed))
-        return explained(question, quick, say)
-    alone = replace(world, task=(world.task[i],))
-    if quick.verdict in ("unreachable", "undecided") and has_no_known_place(alone):
-        return explained_target(world, i, quick, ORACLES, say)  # otherwise there is no room to park
-    return _explained_arm(world, i, quick, say) if quick.verdict == "no-posture" else quick
+    if quick.verdict == "start-blocked" and failures.blocked_start(world) is not None:
+        return _said(
+            mended_start(world, quick, lambda left: failures.blocked_start(left) is not None, plans), say
+        )
+    if quick.verdict == "ladder-broken" and i is not None and not spans(world):
+        return explained(PathQuestion(world, i, spans, plans), quick, say)
+    if quick.verdict in ("unreachable", "undecided") and i is not None:
+        if has_no_known_place(replace(world, task=(world.task[i],))):
+            return explained_target(world, i, quick, ORACLES, say)
+        return _said(_with_what_helps(world, quick, i), say)  # there is no room to park
+    if quick.verdict == "no-posture" and i is not None:
+        found = _explained_arm(world, i, quick, say)
+        if found is not quick:
+            return found
+    return _said(mended_motion(world, quick, plans), say)
+
+
+def _said(found: Explanation, say: Say) -> Explanation:
+    """Say an explanation, and return it."""
+    say(found.reason)
+    return found
+
+
+def _with_what_helps(world: World, quick: Explanation, i: int) -> Explanation:
+    """The explanation with those of its repairs after which areas leave set-point i a place."""
+
+    def helps(repair: Repair) -> bool:
+        try:
+            _check_areas(repaired(world, repair, i))
+        except NoPlanFound as no:
+            return all(one.setpoint != i for one in failures_of(no.explanation))
+        return True
+
+    return replace(quick, repairs=tuple(repair for repair in quick.repairs if helps(repair)))
 
 
 def _explained_arm(world: World, i: int, quick: Explanation, say: Say) -> Explanation:

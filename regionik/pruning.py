@@ -26,7 +26,7 @@ from regionik.planners.progress import track
 from regionik.postures.poses import axis_of
 from regionik.regions import path_areas, ways_to_stand
 from regionik.worlds.arrays import Array
-from regionik.worlds.errors import Explanation, NoPlanFound
+from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 from regionik.worlds.scene import World
 
 TURN_WEIGHT = 0.1  # cost of a turn of the base against driving [m/rad]
@@ -125,7 +125,8 @@ def _unserved(world: World, standing: Standing, ladder: Ladder) -> Explanation:
         there = shapely.union_all(ladder.component[ladder.rungs[i] : ladder.rungs[i + 1]])
         if found or here.is_empty:
             failure = beyond(world, i, here, there)
-            found.append(Explanation("ladder-broken", i, failure.reason, failures=(failure,)))
+            cause = Cause("base", world.robot.name)
+            found.append(Explanation("ladder-broken", i, failure.reason, (cause,), failures=(failure,)))
         else:
             found.append(cut_off(world, i, here, there))
     return together(found)

@@ -10,6 +10,7 @@ import shapely
 
 from regionik.area_verification import verify_areas
 from regionik.cli.app import run
+from regionik.explain.arm_failures import target_in_solid
 from regionik.explain.several import naming_as_given, numbered
 from regionik.output.plan_file import load_plan
 from regionik.parking.stops import stops
@@ -104,21 +105,19 @@ def test_nothing_that_can_be_done_is_refused_all_the_same() -> None:
 
 
 def test_a_set_point_without_a_clear_posture_is_left_out() -> None:
-    world = kept_heading()
-    assert refused(replace(world, task=(level(0.05, 0.7),))).verdict == "no-posture"
-    both = replace(world, task=(*world.task, level(0.05, 0.7)))
-    assert [one.verdict for one in refused(both).failures] == ["no-posture"]
-    assert refused(both).reason.count("of 2") >= 1
-    found = plan(skipping(both))
+    forward = Target(np.array([0.7, 0.0, 0.3]))
+    found = plan(skipping(replace(kept_heading(), task=(forward, level(0.05, 0.7)))))
     assert left_out(found) == [1]
     assert found.skipped[0].verdict == "no-posture"
+    assert found.skipped[0].reason.startswith("Set-point 2 of 2 at")
 
 
 def test_targets_in_solids_are_all_named_and_left_out() -> None:
     crate = Box("crate", np.array([0.6, 0.6, 0.8]), np.array([1.3, 0.0, 0.4]))
     spots = (SPOTS[0], (1.3, 0.1, 0.4), (1.3, -0.1, 0.4), (2.5, 0.0, 0.3))
     world = replace(hall(*spots), obstacles=(crate,))
-    found = refused(world)
+    found = target_in_solid(world)
+    assert found is not None
     assert [one.setpoint for one in found.failures] == [1, 2]
     assert all("crate" in one.reason for one in found.failures)
     assert left_out(plan(skipping(world))) == [1, 2]

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from regionik.explain.causes import irreducible
 from regionik.explain.changes import Move, smallest_first
 from regionik.explain.constraints import Constraint, joint_causes, mended, places_open, setpoint
+from regionik.explain.pairs import pair
 from regionik.explain.questions import Oracles, Question, TargetQuestion
 from regionik.planners.progress import track
 from regionik.worlds.errors import Cause, Explanation, Repair
 from regionik.worlds.scene import World
 
-Closed = Callable[[World], bool]
 Say = Callable[[str], None]
 
 if TYPE_CHECKING:
@@ -37,7 +38,8 @@ def explained(question: Question, quick: Explanation, say: Say = unsaid) -> Expl
     say(why)
     repairs = _repairs(question, kept, say)
     causes = tuple(cause_of(one, quick) for one in kept) or (arm_too_short(world, quick),)
-    reason = " ".join(part for part in (quick.reason, why, mended(repairs)) if part)
+    told = mended(repairs, () if repairs else tried(question, kept))
+    reason = " ".join(part for part in (quick.reason, why, told) if part)
     return replace(quick, reason=reason, causes=causes, repairs=repairs)
 
 
@@ -52,9 +54,26 @@ def _repairs(question: Question, causes: Sequence[Constraint], say: Say) -> tupl
             found = replace(found, text=found.text + left)
             (partial if left else whole).append(found)
             say(f"This would mend it: {found.text}.")
+    if not whole and not partial and isinstance(question, TargetQuestion):
+        found = pair(question, causes)
+        if found is not None:
+            found = replace(found, text=found.text + question.leaves(found))
+            say(f"This would mend it: {found.text}.")
+            return (found,)
     if not whole and not partial:
-        say(mended(()))
+        say(mended((), tried(question, causes)))
     return smallest_first(question.world, whole) + smallest_first(question.world, partial)
+
+
+def tried(question: Question, causes: Sequence[Constraint]) -> tuple[str, ...]:
+    """Words on the changes that a question tries, each with the most of it."""
+    return tuple(
+        f"move {change.name} by up to {question.farthest(change):.4g} m"
+        if isinstance(change, Move)
+        else change.repair(change.most).text
+        for change in question.changes(causes)
+        if change is not None
+    )
 
 
 def explained_target(
@@ -86,36 +105,6 @@ def _by_itself(quick: Explanation, answer: Answer, who: str) -> Explanation:
     else:
         told = f"{places_open(answer.gap[0])}: a posture from one of them would decide it."
     return replace(quick, reason=f"{quick.reason} {told}")
-
-
-def irreducible(world: World, constraints: Iterable[Constraint], closed: Closed) -> tuple[Constraint, ...]:
-    """Constraints that rule a world's task out, and of which none can be left out; none where all can be.
-
-    A deletion filter: constraints are dropped one by one, in their order, where the rest still rules the task
-    out (``closed`` is True), all obstacles at once first. It is repeated until nothing more is dropped, as
-    areas are rounded.
-    """
-    every = tuple(constraints)
-    kept = tuple(one for one in every if one.kind != "obstacle")
-    if not closed(relaxed(world, every, kept)):
-        kept = every
-    before = None
-    while kept != before:
-        before = kept
-        for one in track("causes", before):
-            rest = tuple(other for other in kept if other is not one)
-            if closed(relaxed(world, every, rest)):
-                kept = rest
-    return kept
-
-
-def relaxed(world: World, constraints: Iterable[Constraint], kept: Iterable[Constraint]) -> World:
-    """A world without the constraints that are not kept."""
-    names = {(one.kind, one.name) for one in kept}
-    for one in constraints:
-        if (one.kind, one.name) not in names:
-            world = one.relax(world)
-    return world
 
 
 def cause_of(one: Constraint, quick: Explanation) -> Cause:

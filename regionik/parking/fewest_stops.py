@@ -16,6 +16,7 @@ import shapely
 
 from regionik.areas.layers import Geometries
 from regionik.areas.standing import Index
+from regionik.explain.changes import smaller_circle
 from regionik.explain.constraints import no_way_to, rounded_down, setpoint_at
 from regionik.explain.failures import cut_off, no_place
 from regionik.explain.several import together
@@ -185,6 +186,7 @@ def no_room(world: World, i: int, parking_areas: ParkingAreas) -> Explanation:
     if not proven:
         reason = f"{no_way_to(who)} from a {circle}; the largest known has {widest:.4f} m, and outer areas "
         reason += "leave room for one."
-    reason += f" A stop_tolerance of at most {rounded_down(SURE * widest, 4):.4f} m would do."
-    cause = Cause("floor", "room to park", wanted - widest)
-    return Explanation("unreachable" if proven else "undecided", i, reason, (cause,))
+    left = rounded_down(SURE * widest, 4)
+    reason += f" A stop_tolerance of at most {left:.4f} m would do."
+    causes, repairs = (Cause("floor", "room to park", wanted - widest),), (smaller_circle(world, left),)
+    return Explanation("unreachable" if proven else "undecided", i, reason, causes, repairs)
