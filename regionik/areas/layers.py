@@ -110,7 +110,8 @@ class Layer:
 
     def keeping(self, which: Sequence[int]) -> Layer:
         """Return the layer with some of its shadows."""
-        names, shadows = (tuple(rows[k] for k in which) for rows in (self.names, self.shadows))
+        shadows = tuple(self.shadows[k] for k in which)
+        names = tuple(self.names[k] for k in which)
         return replace(self, outline=replace(self.outline, shadows=shadows), names=names)
 
     @cached_property
