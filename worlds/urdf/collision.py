@@ -69,8 +69,8 @@ def collision_model(
     A box stays a box and a capsule a capsule, a cylinder becomes the least capsule around it, a sphere one of
     next to no length, a mesh a few boxes and capsules; where there are many, those of a link share some
     (`regionik.worlds.urdf.decomposition`). A mesh that is missing or unreadable is noted, and something
-    stands in for it (`regionik.worlds.urdf.stand_ins`). Neither that nor links that are ``resting`` on the base
-    decide where it is cut.
+    stands in for it (`regionik.worlds.urdf.stand_ins`). Neither that nor ``resting`` links of the base decide
+    where it is cut.
     """
     meshes = MeshFiles(model.path)
     parts: list[CollisionPart] = []
