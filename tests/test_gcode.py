@@ -216,7 +216,7 @@ def test_a_full_circle_is_not_lost_by_rounding(
     unit: str, plane: str, clockwise: bool,
 ) -> None:  # fmt: skip
     """Its start comes from relative steps of tenths, whose sum in binary is off by a last digit."""
-    (u, v), (i, j) = {"G17": ("XY", "IJ"), "G18": ("ZX", "KI"), "G19": ("YZ", "JK")}[plane]
+    u, v, i, j = {"G17": tuple("XYIJ"), "G18": tuple("ZXKI"), "G19": tuple("YZJK")}[plane]
     text = f"{unit} {plane} G91\nG1 {u}0 {v}0\n"
     text += "".join(f"{u}{a / 10} {v}{b / 10}\n" for a, b in steps)
     end = [sum(step[k] for step in steps) / 10 for k in (0, 1)]

@@ -250,7 +250,7 @@ def test_missing_and_too_large_files(tmp_path: Path, monkeypatch: pytest.MonkeyP
         load_plan(tmp_path)
     huge = tmp_path / "huge.json"
     huge.touch()
-    os.truncate(huge, plan_file.SIZE_LIMIT + 1)
+    os.truncate(huge, plan_document.SIZE_LIMIT + 1)
     with pytest.raises(InputError, match=r"expected at most 256 MB"):
         load_plan(huge)
 

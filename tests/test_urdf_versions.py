@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -160,7 +161,7 @@ def bracket(folder: Path, suffix: str, more: str = "") -> Path:
     """A crane whose upper arm is an L of two boxes [mm]."""
     parts = [trimesh.creation.box((300.0, 40.0, 40.0)), trimesh.creation.box((40.0, 40.0, 300.0))]
     parts[1].apply_translation((170.0, 0.0, 130.0))
-    mesh = trimesh.util.concatenate(parts)
+    mesh: Any = trimesh.util.concatenate(parts)
     scale = "1 1 1" if suffix == ".dae" else "0.001 0.001 0.001"  # COLLADA files know their unit
     path = crane(folder, ("upper.stl", f"l{suffix}"), ("0.001 0.001 0.001", scale))
     if suffix == ".dae":

@@ -18,6 +18,7 @@ MOVES, ARCS = ("G0", "G1", "G2", "G3"), ("G2", "G3")
 PLANES = {"G17": ("X", "Y", "Z"), "G18": ("Z", "X", "Y"), "G19": ("Y", "Z", "X")}  # of arcs, the last across
 UNITS = {"G20": INCH, "G21": MILLIMETRE}
 POSITIONS, CENTRES = ("G90", "G91"), ("G90.1", "G91.1")
+MODES = frozenset({*MOVES, *PLANES, *UNITS, *POSITIONS, *CENTRES})
 AWAY = ("G28", "G30", "G53")  # moves to places of the machine, which the program's frame does not know
 ENDS = ("M2", "M30", "M99")
 BLOCK_DELETE = "blocks that begin with /"
@@ -25,7 +26,7 @@ BLOCK_DELETE = "blocks that begin with /"
 _COMMENT = re.compile(r"\([^()]*\)|;.*")
 _WORD = re.compile(r"([A-Z])([-+]?(?:\d+\.?\d*|\.\d+))?")
 # C and Python write small numbers as 1e-05; the filament of a program without blanks is X10E0.5.
-_EXPONENT = re.compile(r"[\d.]\s*(?:E[-+]0\d)", re.IGNORECASE)
+_EXPONENT = re.compile(r"[\d.]E[-+]0\d", re.IGNORECASE)
 _SMALL_EXPONENT = re.compile(r"[\d.]e[-+]?[\d.]")
 _FLOW = re.compile(r"\s*(?:N\d+\s*)?O(?:\d+|<[^>]*>)\s*(?:SUB|CALL|IF|WHILE|DO|REPEAT)\b", re.IGNORECASE)
 _WITH_TEXT = re.compile(
@@ -51,6 +52,7 @@ _OWN_WORDS = _codes("G", 4, 28, 30) | _codes(
 )  # fmt: skip
 _CALLS = _codes("G", 65, 66, 66.1) | _codes("M", 32, 47, 96, 97, 98, 198, 808, *range(810, 820))
 _SHIFTS = _codes("G", 10, 52, 92) | _codes("M", 72, 206, 290, 428, 556, 579, 605, 665, 666, 852)
+_KNOWN = MODES | _PLAIN | _PASSED_OVER | _OWN_WORDS | {*AWAY}
 
 
 @dataclass(frozen=True)
@@ -128,9 +130,9 @@ def _no_words(text: str) -> InputError:
 def _check_codes(codes: tuple[str, ...], words: dict[str, float | None]) -> None:
     """Refuse codes that may move the path and are not followed."""
     with_axes = bool(words.keys() & (_AXES | _OTHER_AXES | _OFFSETS))
-    settings = {*MOVES, *PLANES, *UNITS, *POSITIONS, *CENTRES, *AWAY}
-    known = settings | _PLAIN | _PASSED_OVER | _OWN_WORDS
     for code in codes:
+        if code in MODES:
+            continue
         if code in _CALLS or (code == "M99" and "P" in words):
             raise InputError(f"{code}: calls and jumps are not followed, {_WRITE_OUT}")
         if code in _WITHOUT_AXES and not with_axes and "L" not in words:
@@ -139,10 +141,10 @@ def _check_codes(codes: tuple[str, ...], words: dict[str, float | None]) -> None
             continue
         if code in _SHIFTS:
             raise InputError(f"{code} may shift or scale what the program's axes mean, which is not followed")
-        if code[0] == "G" and code not in known:
+        if code[0] == "G" and code not in _KNOWN:
             valid = ", ".join([*MOVES, *PLANES, *UNITS, *POSITIONS, *CENTRES])
             raise InputError(f"{code} is not read, valid moves and settings: {valid}")
-    if not set(codes) & {"G28", "G30"}:
+    if len(codes) > 1 and not {"G28", "G30"} & set(codes):
         for group in _GROUPS:
             several = list(dict.fromkeys(code for code in codes if code in group))
             if len(several) > 1:
@@ -177,7 +179,4 @@ def _block(codes: tuple[str, ...], words: dict[str, float | None]) -> Block:
 
 def _is_named(code: str) -> bool:
     """Return True for codes without effect on the path that a note names."""
-    if code in AWAY or code == "M99":
-        return True
-    silent = {*MOVES, *PLANES, *UNITS, *POSITIONS, *CENTRES, *_PLAIN}
-    return code not in silent
+    return code not in MODES and code not in _PLAIN

@@ -25,6 +25,7 @@ from regionik.worlds.readers.gcode_blocks import (
     CENTRES,
     ENDS,
     MILLIMETRE,
+    MODES,
     MOVES,
     PLANES,
     POSITIONS,
@@ -126,8 +127,7 @@ class _Program:
     @staticmethod
     def _owners(block: Block) -> list[str]:
         """Return the codes of a block that words other than axes may belong to."""
-        modes = {*MOVES, *PLANES, *UNITS, *POSITIONS, *CENTRES}
-        return [code for code in block.codes if code not in modes]
+        return [code for code in block.codes if code not in MODES]
 
     def _go(self, values: dict[str, float], owners: list[str]) -> None:
         if not self.move:
