@@ -200,7 +200,8 @@ class Plan:
     stops : tuple of Stop
         In mode ``stops``; empty otherwise.
     stats : dict
-        Plain numbers about the plan, the same for the same world and seed.
+        Plain numbers about the plan, the same for the same world and seed. Files keep those of them that
+        `regionik.verify` computes again, see `regionik.storage.plan_document.FIGURES`.
     """
 
     world: World

@@ -13,7 +13,7 @@ import shapely
 from pydantic import Field
 from shapely.geometry import MultiPolygon, Polygon
 
-from regionik.storage.plan_document import PARTS, VERSION
+from regionik.storage.plan_document import PARTS, VERSION, kept_figures
 from regionik.values import Configuration, Motion, Plan, PlannedArea, Stop
 from regionik.worlds.documents.world_file import world_from_document
 from regionik.worlds.errors import InputError
@@ -118,7 +118,7 @@ class PlanRecord(Strict):
     areas: AreasRecord
     lift_offs: Index = Field(description="runs of transits after the first set-point")
     stops: Many[StopRecord] = Field(description="base stops in mode stops; empty otherwise")
-    stats: dict[str, Any]
+    stats: dict[str, Any] = Field(description="figures that verify computes again; others are not read")
 
 
 def load_plan(path: str | os.PathLike[str]) -> Plan:
@@ -154,7 +154,7 @@ def load_plan(path: str | os.PathLike[str]) -> Plan:
         areas=tuple(_area(a, f"{where}: areas.features[{k}]") for k, a in enumerate(record.areas.features)),
         lift_offs=record.lift_offs,
         stops=tuple(_stop(s) for s in record.stops),
-        stats=record.stats,
+        stats=kept_figures(record.stats),
     )
 
 

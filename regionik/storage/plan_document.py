@@ -24,6 +24,10 @@ if TYPE_CHECKING:
 VERSION = 1
 CORNERS_LIMIT = 5_000_000  # of the areas in a file; with more it could not be read back
 PARTS = ("admissible", "pruned", "rejected")
+FIGURES: Mapping[str, tuple[str, ...]] = {  # of ``Plan.stats`` that files keep, and which parts, () for all
+    "setpoints": (), "iterations": (), "states": (), "base_travel": (), "largest_error": (), "margins": (),
+    "order": (), "stops": ("count",), "timing": ("duration", "blend"),
+}  # fmt: skip
 
 
 def feature(geometry: Mapping[str, Any], properties: Mapping[str, Any]) -> dict[str, Any]:
@@ -55,6 +59,23 @@ def _polygons(geometry: BaseGeometry) -> list[Polygon]:
     return [polygon for part in getattr(geometry, "geoms", ()) for polygon in _polygons(part)]
 
 
+def kept_figures(stats: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the figures of a plan that its file keeps: those that `regionik.verify` computes again.
+
+    How the search went, bounds of stops and tours, and what a timing uses of its limits are not among them.
+
+    >>> kept_figures({"states": 7, "base_moves": {"ompl": 1}, "stops": {"count": 2, "lower_bound": 2}})
+    {'states': 7, 'stops': {'count': 2}}
+    """
+    kept: dict[str, Any] = {}
+    for key, parts in FIGURES.items():
+        if key in stats:
+            value = stats[key]
+            some = parts and isinstance(value, Mapping)
+            kept[key] = {part: value[part] for part in parts if part in value} if some else value
+    return kept
+
+
 def plan_to_text(plan: Plan) -> str:
     """The plan as JSON, in the layout of ``docs/plan.schema.json``: a line a set-point, state or feature.
 
@@ -83,7 +104,7 @@ def _members(plan: Plan) -> Iterator[tuple[str, Any]]:
     yield "areas", _areas(plan) if keeps_areas(plan) else iter(())
     yield "lift_offs", int(plan.lift_offs)
     yield "stops", json_values(plan.stops)
-    yield "stats", json_values(plan.stats)
+    yield "stats", json_values(kept_figures(plan.stats))
 
 
 def _text(key: str, value: Any) -> str:
