@@ -230,7 +230,8 @@ class Plan:
         In mode ``stops``; empty otherwise.
     stats : dict
         Plain numbers about the plan, the same for the same world and seed. ``order`` has the index in the
-        task as given of each set-point, where that is not its own.
+        task as given of each set-point, where that is not its own. Files keep those figures that
+        `regionik.verify` computes again, see `regionik.storage.plan_document.FIGURES`.
     skipped : tuple of Skipped
         Set-points of the world as given that are left out; together with ``world.task`` they are its task.
     """

@@ -77,7 +77,7 @@ def test_times_are_kept_and_nan_is_null(plan: Plan, tmp_path: Path) -> None:
     timed = dataclasses.replace(
         plan,
         motion=Motion(m.base, m.joints, m.kind, m.setpoint, time),
-        stats={"worst": np.inf, "n": np.int64(3)},
+        stats={"largest_error": np.inf, "states": np.int64(3), "base_moves": {"ompl": 1}},
     )
     timed.save(tmp_path / "plan.json")
     text = (tmp_path / "plan.json").read_text()
@@ -85,7 +85,7 @@ def test_times_are_kept_and_nan_is_null(plan: Plan, tmp_path: Path) -> None:
     assert "Infinity" not in text
     assert json.loads(text)["states"][2]["time"] is None
     assert np.array_equal(load_plan(tmp_path / "plan.json").motion.time, time, equal_nan=True)
-    assert load_plan(tmp_path / "plan.json").stats == {"worst": None, "n": 3}
+    assert load_plan(tmp_path / "plan.json").stats == {"largest_error": None, "states": 3}
 
 
 def test_the_document_is_what_the_schema_says(document: dict[str, Any], plan: Plan) -> None:

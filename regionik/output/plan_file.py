@@ -13,7 +13,7 @@ import shapely
 from pydantic import Field
 from shapely.geometry import MultiPolygon, Polygon
 
-from regionik.storage.plan_document import PARTS, SIZE_LIMIT, VALUES_LIMIT, VERSION
+from regionik.storage.plan_document import PARTS, SIZE_LIMIT, VALUES_LIMIT, VERSION, kept_figures
 from regionik.values import Configuration, Motion, Plan, PlannedArea, Skipped, Stop
 from regionik.worlds.documents.world_file import world_from_document
 from regionik.worlds.errors import InputError, Verdict, located
@@ -131,9 +131,7 @@ class PlanRecord(Strict):
     areas: AreasRecord
     lift_offs: Index = Field(description="runs of transits after the first set-point")
     stops: Many[StopRecord] = Field(description="base stops in mode stops; empty otherwise")
-    stats: dict[str, Any] = Field(
-        description="plain numbers; order: index in the task as given of each set-point, where not its own"
-    )
+    stats: dict[str, Any] = Field(description="figures that verify computes again; others are not read")
     skipped: Many[SkippedRecord] = Field(
         default=[], description="set-points of the task as given that rules.skip_unreachable leaves out"
     )
@@ -172,7 +170,7 @@ def load_plan(path: str | os.PathLike[str]) -> Plan:
         areas=tuple(_area(a, f"{where}: areas.features[{k}]") for k, a in enumerate(record.areas.features)),
         lift_offs=record.lift_offs,
         stops=tuple(_stop(s) for s in record.stops),
-        stats=record.stats,
+        stats=kept_figures(record.stats),
         skipped=tuple(_skipped(s, f"{where}: skipped[{k}]") for k, s in enumerate(record.skipped)),
     )
 

@@ -30,6 +30,10 @@ SIZE_LIMIT = 256 * 2**20  # [bytes]
 VALUES_LIMIT = 12_000_000  # depot has a thousand for each set-point, most of them corners of areas
 _AROUND = 3  # characters beside each member
 PARTS = ("admissible", "pruned", "rejected")
+FIGURES: Mapping[str, tuple[str, ...]] = {  # of ``Plan.stats`` that files keep, and which parts, () for all
+    "setpoints": (), "iterations": (), "states": (), "base_travel": (), "largest_error": (), "margins": (),
+    "order": (), "stops": ("count",), "timing": ("duration", "blend"),
+}  # fmt: skip
 
 
 def feature(geometry: Mapping[str, Any], properties: Mapping[str, Any]) -> dict[str, Any]:
@@ -59,6 +63,23 @@ def _polygons(geometry: BaseGeometry) -> list[Polygon]:
     if isinstance(geometry, Polygon):
         return [] if geometry.is_empty else [geometry]
     return [polygon for part in getattr(geometry, "geoms", ()) for polygon in _polygons(part)]
+
+
+def kept_figures(stats: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the figures of a plan that its file keeps: those that `regionik.verify` computes again.
+
+    How the search went, bounds of stops and tours, and what a timing uses of its limits are not among them.
+
+    >>> kept_figures({"states": 7, "base_moves": {"ompl": 1}, "stops": {"count": 2, "lower_bound": 2}})
+    {'states': 7, 'stops': {'count': 2}}
+    """
+    kept: dict[str, Any] = {}
+    for key, parts in FIGURES.items():
+        if key in stats:
+            value = stats[key]
+            some = parts and isinstance(value, Mapping)
+            kept[key] = {part: value[part] for part in parts if part in value} if some else value
+    return kept
 
 
 def plan_to_text(plan: Plan) -> str:
@@ -117,7 +138,7 @@ def _members(plan: Plan) -> Iterator[tuple[str, Any]]:
     yield "areas", _areas(plan)
     yield "lift_offs", int(plan.lift_offs)
     yield "stops", [stop_document(stop) for stop in plan.stops]
-    yield "stats", json_values(plan.stats)
+    yield "stats", json_values(kept_figures(plan.stats))
     yield "skipped", skipped_document(plan.skipped)
 
 

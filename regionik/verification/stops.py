@@ -44,6 +44,10 @@ def verify_stops(plan: Plan, names: StateNames) -> Finding:
     margins = []
     for n, stop in enumerate(plan.stops):
         violations += _unlikely(plan, n)
+        if stop.criterion != plan.world.rules.stop_criterion:
+            text = f"{_name(plan, n)} was chosen by {stop.criterion}, the rules ask for "
+            text += plan.world.rules.stop_criterion
+            violations.append(Violation("stops", None, stop.first, 0.0, text))
         wanted = plan.world.rules.stop_tolerance
         if not stop.tolerance >= wanted - TOUCH:
             text = f"{_name(plan, n)} promises {stop.tolerance:.4f} m to park in, asked for are {wanted:g} m"

@@ -35,6 +35,7 @@ from regionik.verification.tool_path import (
     verify_path,
     verify_setpoints,
 )
+from regionik.verification.world_agreement import verify_world
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import Target, World
@@ -44,12 +45,15 @@ ARM_KINDS = ("arm", "self")  # checks that hold for answers only where the rules
 PATH_KINDS = ("path",)  # checks that do not: their tools are held to ``tolerance``, on no path
 
 
-def verify(plan: Plan) -> Report:
+def verify(plan: Plan, world: World | None = None) -> Report:
     """Check every promise of a plan.
 
     Parameters
     ----------
     plan : Plan
+    world : World, optional
+        One that the plan's own world has to agree with, in all that matters to a plan; each difference is a
+        violation of kind ``world``.
 
     Returns
     -------
@@ -76,7 +80,8 @@ def verify(plan: Plan) -> Report:
         findings.append(found)
         tell("verify", len(findings), 0)
     tell("verify", len(findings), len(findings))
-    return _report([*findings, verify_derived_fields(plan, segments, names, findings)])
+    findings.append(verify_derived_fields(plan, segments, names, findings))
+    return _report(findings if world is None else [verify_world(plan, world), *findings])
 
 
 def _findings(plan: Plan, segments: MotionSegments, names: StateNames) -> Iterator[Finding]:
