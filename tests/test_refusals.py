@@ -68,7 +68,7 @@ def test_too_little_room_to_park_is_mended_by_a_smaller_circle() -> None:
 
 
 @pytest.mark.parametrize(
-    "seeds", [(13, 17), pytest.param(range(60), marks=pytest.mark.slow)], ids=["few", "many"]
+    "seeds", [(8, 17), pytest.param(range(60), marks=pytest.mark.slow)], ids=["few", "many"]
 )
 def test_both_doors_say_the_same(seeds: range) -> None:
     verdicts = set()
@@ -77,7 +77,7 @@ def test_both_doors_say_the_same(seeds: range) -> None:
             plan(random_world(seed))
         except NoPlanFound:
             verdicts.add(refused(random_world(seed)).verdict)
-    assert {"unreachable", "start-blocked"} <= verdicts
+    assert {"undecided", "start-blocked"} <= verdicts
 
 
 # Changes farther away, and pairs of them ---------------------------------------------------------------

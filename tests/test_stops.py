@@ -262,7 +262,7 @@ def test_no_room_to_park_is_explained() -> None:
 
 
 def test_a_heading_that_turns_is_refused() -> None:
-    with pytest.raises(InputError, match="valid choices: free, fixed"):
+    with pytest.raises(InputError, match="expected free or fixed"):
         stops(load_world("free"))
     with pytest.raises(InputError, match="order: any goes with"):
         plan(ruled(load_world("pillar"), order="any"))

@@ -164,14 +164,14 @@ class Rules:
                 valid = ", ".join(get_args(choices))
                 raise InputError(f"{key}: expected one of {valid}, got {getattr(self, key)!r}")
         if self.order == "any" and self.mode != "stops":
-            raise InputError("order: any goes with rules.mode: stops, expected given")
+            raise InputError("order: any needs rules.mode: stops; in mode continuous it is given")
         if self.parking is not None and self.mode != "stops":
-            raise InputError("parking: goes with rules.mode: stops, expected none")
+            raise InputError("parking: needs rules.mode: stops; in mode continuous there is none")
         if self.parking is None and self.stop_criterion == "probability":
             raise InputError("stop_criterion: probability goes with rules.parking")
         if self.mode == "stops" and self.heading == "face_target":
-            text = "face_target turns the base at every set-point; with rules.mode: stops valid choices"
-            raise InputError(f"heading: {text}: free, fixed")
+            text = "face_target turns the base at every set-point, but at a stop it stands still"
+            raise InputError(f"heading: {text}; expected free or fixed")
         if self.planned_path_tolerance <= 0:
             text = f"must be below path_tolerance, {self.path_tolerance:g} m"
             raise InputError(f"execution: tool_error: {text}, got {self.errors.tool_error:g}")

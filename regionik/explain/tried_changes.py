@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from regionik.explain.changes import (
+    Change,
     Move,
     lower_clearance,
     move_obstacle,
@@ -30,6 +31,7 @@ LENGTHS = (0.1, 0.3)  # of moves [m]
 ASKED = 2  # of the smallest repairs, whether the whole path is planned with them
 FEW = 4  # set-points, up to which a whole path is asked about where a part of it can be planned
 START = Scan(40, 1e-3, 0.01)  # of lengths by which a start is moved
+SPARE = 1e-3  # of a start beyond what frees it, so that the base can drive off [m]
 FARTHEST = 2.0  # of them [m]
 
 
@@ -98,27 +100,29 @@ def mended_start(world: World, quick: Explanation, blocked: Asked, plans: Asked)
     deep = any((cause.margin or 0.0) >= world.base_clearance for cause in quick.causes)
     if lower is not None and not deep:  # no clearance helps a base that stands in a solid, or off the floor
         amount = START.first(lambda cut: not blocked(lower.at(cut)), lower.most)
-        found += [] if amount is None else [lower.repair(amount)]
-    moves = [move_start(world)]
-    moves += [move_obstacle(world, cause.name) for cause in quick.causes if cause.kind == "obstacle"]
-    found += [one for move in moves if move is not None for one in _shortest(move, blocked)]
+        found += [] if amount is None else [lower.repair(min(amount + SPARE, lower.most))]
+    solids = (move_obstacle(world, cause.name) for cause in quick.causes if cause.kind == "obstacle")
+    moves = [move_start(world), *(move for move in solids if move is not None)]
+    found += [one for one in (_shortest(move, blocked) for move in moves) if one is not None]
     repairs = [
         one if plans(repaired(world, one)) else replace(one, text=f"{one.text}, which frees the start alone")
         for one in smallest_first(world, found)
     ]
-    told = mended(
-        repairs, [f"move {move.name} by up to {FARTHEST:g} m" for move in moves if move is not None]
-    )
+    told = mended(repairs, [f"move {move.name} by up to {FARTHEST:g} m" for move in moves])
     return replace(quick, reason=f"{quick.reason} {told}", repairs=tuple(repairs))
 
 
-def _shortest(move: Move, blocked: Asked) -> Iterator[Repair]:
+def _shortest(move: Move, blocked: Asked) -> Repair | None:
     """The shortest of some steps on the floor that free the start, if any does."""
-    best = FARTHEST
-    found: Repair | None = None
+    best, found = FARTHEST, None
     for way in circle(16):
-        length = START.first(lambda amount, way=way: not blocked(move.at(amount * way)), best)
+        change = move.along(way, FARTHEST)
+        length = START.first(_frees(change, blocked), best)
         if length is not None and (found is None or length < best):
-            best, found = length, move.repair(length * way)
-    if found is not None:
-        yield found
+            best, found = length, change.repair(length + SPARE)
+    return found
+
+
+def _frees(change: Change, blocked: Asked) -> Callable[[float], bool]:
+    """Test whether amounts of a change free the start."""
+    return lambda amount: not blocked(change.at(amount))

@@ -11,8 +11,9 @@ from regionik.explain.changes import Move, smallest_first
 from regionik.explain.constraints import Constraint, joint_causes, mended, places_open, setpoint
 from regionik.explain.pairs import pair
 from regionik.explain.questions import Oracles, Question, TargetQuestion
+from regionik.explain.several import failures_of, in_order, naming_all
 from regionik.planners.progress import track
-from regionik.worlds.errors import Cause, Explanation, Repair
+from regionik.worlds.errors import Cause, Explanation, Repair, SetpointFailure
 from regionik.worlds.scene import World
 
 Say = Callable[[str], None]
@@ -82,7 +83,7 @@ def explained_target(
     """Return `explained` for a set-point whose inner area is empty; if undecided, `reach` is asked first."""
     asked = replace(world, task=(world.task[i],))
     if quick.verdict == "undecided":
-        quick = _by_itself(quick, oracles.reach(asked), setpoint(i, len(world.task)))
+        quick = _by_itself(quick, oracles.reach(asked), i, len(world.task))
     return explained(TargetQuestion(asked, target_name(world, i), oracles, (world, i)), quick, say)
 
 
@@ -91,11 +92,13 @@ def target_name(world: World, i: int) -> str:
     return f"set-point {i + 1}" if len(world.task) > 1 else "the target"
 
 
-def _by_itself(quick: Explanation, answer: Answer, who: str) -> Explanation:
-    """The explanation of a set-point without a known place, with what `reach` says of it alone."""
+def _by_itself(quick: Explanation, answer: Answer, i: int, count: int) -> Explanation:
+    """The explanation of set-point i of several without a known place, with what `reach` says of it alone."""
     if answer.verdict[0] == "unreachable":
-        told = f"{who}{answer.reason[0].removeprefix('The target').rstrip('.')}."
-        return replace(quick, verdict="unreachable", reason=told)
+        told = f"{setpoint(i, count)}{answer.reason[0].removeprefix('The target').rstrip('.')}."
+        others = [one for one in failures_of(quick) if one.setpoint != i]
+        failures = in_order([*others, SetpointFailure(i, "unreachable", told)])
+        return naming_all(replace(quick, verdict="unreachable", reason=told, failures=failures), count)
     if answer.reachable[0]:
         x, y, yaw = answer.base[0]
         told = (
