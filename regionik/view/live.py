@@ -102,6 +102,7 @@ def watch(
     `InputError`. Only the file itself is watched, not those it names. ``report`` is called with the verdict,
     a line each time; ``changes`` yields once a change, by default `file_changes`, which never ends.
     """
+    changes = file_changes(path) if changes is None else changes  # a save while areas are found counts
     areas = live_areas(_load(path))
     picture = live_picture(areas)
     camera = picture.camera
@@ -110,7 +111,7 @@ def watch(
     draw_message(visualizer, verdict(areas), camera, picture.legend)
     report(verdict(areas))
     gc.freeze()  # what lives as long as the process: scanning it again takes a tenth of a second each time
-    for _ in file_changes(path) if changes is None else changes:
+    for _ in changes:
         began = time.perf_counter()
         try:
             areas = live_areas(_load(path), areas)
@@ -126,8 +127,11 @@ def watch(
 
 
 def file_changes(path: Path) -> Iterator[None]:
-    """Yield each time a file has changed, for ever; one that is missing is waited for."""
-    last = _stamp(path)
+    """Yield each time a file has changed since this call, for ever; one that is missing is waited for."""
+    return _changes_since(path, _stamp(path))
+
+
+def _changes_since(path: Path, last: tuple[int, int, int] | None) -> Iterator[None]:
     while True:
         time.sleep(POLL_INTERVAL)
         now = _stamp(path)
