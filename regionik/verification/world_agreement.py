@@ -76,11 +76,11 @@ def _said(value: Any) -> str:
 
 
 def _different_tasks(plan: Plan, world: World) -> Iterator[str]:
-    ours, theirs = plan.world.task, world.task
+    ours, theirs = [*plan.world.task, *(one.target for one in plan.skipped)], world.task
     if len(ours) != len(theirs):
         yield f"task: {len(ours)} set-points in the plan, {len(theirs)} in the world"
         return
-    for k, (i, target) in enumerate(zip(_order(plan, theirs), ours, strict=True)):
+    for k, (i, target) in enumerate(zip(_order(plan, ours, theirs), ours, strict=True)):
         asked = theirs[i]
         for what in ("position", "direction", "orientation", "cone"):
             one, other = getattr(target, what), getattr(asked, what)
@@ -91,15 +91,13 @@ def _different_tasks(plan: Plan, world: World) -> Iterator[str]:
                 yield f"task: set-point {k + 1}: {what}: {next(said)} in the plan, {next(said)} in the world"
 
 
-def _order(plan: Plan, task: Sequence[Target]) -> Sequence[int]:
-    """Index in a task of each set-point of the plan: by what the plan says, or else by where they lie."""
+def _order(plan: Plan, done: Sequence[Target], task: Sequence[Target]) -> Sequence[int]:
+    """Index in a task of each set-point done and left out: by what the plan says, or else by where they lie."""
     order = plan.stats.get("order")
+    if order is not None and is_order(said := [*order, *(one.setpoint for one in plan.skipped)], len(task)):
+        return said
     if plan.world.rules.order == "given":
         return range(len(task))
-    if order is not None and is_order(order, len(task)):
-        return list(order)
-    ours, theirs = (
-        [(*one.position.tolist(), k) for k, one in enumerate(some)] for some in (plan.world.task, task)
-    )
+    ours, theirs = ([(*one.position.tolist(), k) for k, one in enumerate(some)] for some in (done, task))
     found = dict(zip((k for *_, k in sorted(ours)), (k for *_, k in sorted(theirs)), strict=True))
     return [found[k] for k in range(len(task))]
