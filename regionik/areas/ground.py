@@ -155,7 +155,7 @@ class Ground:
         ]
 
     def surely_taken(self, name: str) -> tuple[tuple[Shadow, float], ...]:
-        """Return a solid's shadows, and how far each is grown where it rejects the base at every heading [m]."""
+        """Return a solid's shadows, and how far to grow each for what it rejects at every heading [m]."""
         return tuple(
             (shadow, layer.clearance + layer.near)
             for layer in (self.base, *self.inside)
