@@ -34,7 +34,7 @@ class Fault:
 FAULTS = (
     Fault(
         "obstacles: a sheet in a mesh has no shadow",
-        "worlds/obstacles.py",
+        "worlds/mesh_shadows.py",
         "[whole, *shapely.buffer(sheets, SHEET)]",
         "[whole]",
         ("tests/test_false_answers.py",),
@@ -321,9 +321,9 @@ FAULTS = (
     ),
     Fault(
         "obstacles: a mesh has no shadow where it has no surface between two heights",
-        "worlds/obstacles.py",
-        "        if above <= low or below >= high:\n            return []\n",
-        "        return []\n",
+        "worlds/mesh_shadows.py",
+        "    if above <= low or below >= high:\n        return []\n",
+        "    return []\n",
         ("tests/test_robot_body.py",),
     ),
     Fault(
@@ -398,9 +398,9 @@ FAULTS = (
     ),
     Fault(
         "obstacles: a mesh's shadow loses faces",
-        "worlds/obstacles.py",
-        "[*triangles[valid], *self._inside(below, above)], grid_size=GRID",
-        "[*triangles[valid], *self._inside(below, above)]",
+        "worlds/mesh_shadows.py",
+        "[*triangles[valid], *inside], grid_size=GRID",
+        "[*triangles[valid], *inside]",
         ("tests/test_values.py",),
     ),
     Fault(

@@ -92,7 +92,7 @@ def _different_tasks(plan: Plan, world: World) -> Iterator[str]:
 
 
 def _order(plan: Plan, done: Sequence[Target], task: Sequence[Target]) -> Sequence[int]:
-    """Index in a task of each set-point, done or left out: by what the plan says, or else by where they lie."""
+    """Index in a task of each set-point, done or left out: as the plan says, or else by where they lie."""
     order = plan.stats.get("order")
     if order is not None and is_order(said := [*order, *(one.setpoint for one in plan.skipped)], len(task)):
         return said
