@@ -10,6 +10,7 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
+from regionik.cli import console
 from regionik.output.urdf import robot_to_urdf
 from regionik.timing.limits import MotionLimits
 from regionik.worlds.documents.robots import robot_to_document
@@ -131,6 +132,13 @@ def test_accelerations_of_limits_are_kept_by_timing(tmp_path: Path) -> None:
     assert Speeds().joint_limits(plain.chain)[1].tolist() == [0.14, 4.0, 2.0]
 
 
+def test_a_joint_keeps_the_acceleration_of_what_follows_it(tmp_path: Path) -> None:
+    limit = ELBOW_LIMIT.replace("/>", ' acceleration="0.2"/><mimic joint="lift" multiplier="-4"/>')
+    chain = load_robot(crane(tmp_path, (ELBOW_LIMIT, limit)), tip="tool").chain
+    assert chain.names == ("lift", "pivot")
+    assert Speeds().joint_limits(chain)[1].tolist() == [0.05, 4.0]
+
+
 def test_worlds_and_exports_keep_accelerations(tmp_path: Path) -> None:
     document = {
         "version": 1, "robot": robot_to_document(accelerating(tmp_path)), "task": [{"points": [[0.5, 0, 1]]}],
@@ -201,6 +209,18 @@ SCALE = 'scale="0.001 0.001 0.001"'
 def test_links_in_millimetres_are_told(tmp_path: Path) -> None:
     with pytest.warns(FileNote, match=r"crane.urdf: link upper is 400 m in size: perhaps in millimetres"):
         load_robot(crane(tmp_path, (SCALE, "")), tip="tool")
+
+
+def test_every_command_tells_odd_sizes(tmp_path: Path) -> None:
+    """What else is left out of a robot is told by ``plan`` alone."""
+    crane(tmp_path, (SCALE, ""))
+    (tmp_path / "w.yaml").write_text(
+        "version: 1\nrobot: {urdf: crane/crane.urdf, tip: tool}\n"
+        "floor: {polygon: [[-2, -2], [2, -2], [2, 2], [-2, 2]]}\ntask: [{points: [[0.5, 0, 1]]}]\n"
+    )
+    with pytest.warns(FileNote, match="upper is 400 m in size") as told:
+        console.read_world(str(tmp_path / "w.yaml"), console.DelayedProgress())
+    assert not any(issubclass(note.category, RobotNote) for note in told)
 
 
 def test_obstacles_in_millimetres_are_told(tmp_path: Path) -> None:
