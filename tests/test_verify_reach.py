@@ -108,7 +108,7 @@ def test_answers_hold_as_far_from_the_origin_as_worlds_may_lie() -> None:
         WORLD.robot,
         Floor(shapely.box(away, -away, away + 3, -away + 3)),
         (Box("crate", np.array([0.2, 0.2, 0.6]), np.array([away + 1.2, -away + 1.8, 0.3])),),
-        tuple(Target([away + 1 + 0.2 * k, -away + 1.5, 0.3]) for k in range(3)),
+        tuple(Target(np.array([away + 1 + 0.2 * k, -away + 1.5, 0.3])) for k in range(3)),
     )
     found = reach(world, world.task)
     assert found.reachable.all()
