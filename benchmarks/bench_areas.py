@@ -15,7 +15,8 @@ import numpy as np
 import shapely
 from shapely import STRtree
 
-from regionik.areas.ground import Geometries, ground_of
+from regionik.areas.ground import ground_of
+from regionik.areas.layers import Geometries
 from regionik.areas.reachable import reach_rows
 from regionik.postures.families import FRONT
 from regionik.regions import path_areas

@@ -12,11 +12,13 @@ from __future__ import annotations
 import atexit
 import json
 import os
+import pickle
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache
+from hashlib import sha256
 from multiprocessing import parent_process
 from pathlib import Path
 from pickle import UnpicklingError
@@ -24,7 +26,7 @@ from typing import Any, Literal, TypeVar, cast
 
 import numpy as np
 from numba.core import config
-from numba.core.caching import FunctionCache
+from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.dispatcher import Dispatcher, OmittedArg
 from numba.core.registry import CPUDispatcher
 from numba.core.types import unliteral
@@ -42,24 +44,52 @@ _listeners: list[Callable[[str], None]] = []
 _work_here: Counter[str] = Counter()  # done as plain Python in this process, by kernel
 
 
+class _SealedFiles(IndexDataCacheFile):
+    """Files of machine code, each with its digest at its end: damaged code would end the process."""
+
+    def _dump(self, obj: object) -> bytes:
+        data: bytes = super()._dump(obj)  # type: ignore[no-untyped-call]
+        return data + sha256(data).digest()
+
+    def _load_index(self) -> dict[Any, str]:
+        with suppress(FileNotFoundError), open(self._index_path, "rb") as file:
+            if pickle.load(file) == self._version:
+                _check_digest(file.read())
+        return super()._load_index()  # type: ignore[no-untyped-call]
+
+    def _load_data(self, name: str) -> object:
+        _check_digest(Path(self._data_path(name)).read_bytes())  # type: ignore[no-untyped-call]
+        return super()._load_data(name)  # type: ignore[no-untyped-call]
+
+
+def _check_digest(data: bytes) -> None:
+    """Refuse data that do not end with the digest of what stands before it."""
+    size = sha256().digest_size
+    if sha256(data[:-size]).digest() != data[-size:]:
+        raise UnpicklingError("damaged")
+
+
 class _Kept(FunctionCache):
     """Machine code on disk; where it cannot be written or read, each process compiles for itself.
 
     It is that of a kernel and of all kernels inside, for which numba itself would look at one file alone.
+    What is in a damaged file is compiled anew: broken pickles raise whatever they like.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)  # type: ignore[no-untyped-call]
         stats = [os.stat(file) for file in sorted(_plain.files(function))]
-        self._cache_file._source_stamp = [(one.st_mtime, one.st_size) for one in stats]
+        stamp = [(one.st_mtime, one.st_size) for one in stats]
+        self._cache_file = _SealedFiles(self.cache_path, self._impl.filename_base, stamp)  # type: ignore[no-untyped-call]
 
     def save_overload(self, sig: object, data: object) -> None:
         with suppress(OSError):
             super().save_overload(sig, data)  # type: ignore[no-untyped-call]
 
     def load_overload(self, sig: object, target_context: object) -> object:
-        with suppress(OSError):
-            return super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
+        if self._known():
+            with suppress(Exception):
+                return super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
         return None
 
     def holds(self, kernel: Kernel, arguments: tuple[Any, ...]) -> bool:
@@ -71,11 +101,13 @@ class _Kept(FunctionCache):
         return self._index_key(types, kernel.targetctx.codegen()) in known  # type: ignore[no-untyped-call]
 
     def _known(self) -> Mapping[Any, str]:
-        """Machine code that there is; what an earlier version left, of types that are gone, is given up."""
+        """Machine code that there is; an index that is damaged, or of types that are gone, is given up."""
         with suppress(OSError):
             try:
-                return self._cache_file._load_index()  # type: ignore[no-untyped-call]
-            except (AttributeError, ImportError, EOFError, UnpicklingError):
+                return self._cache_file._load_index()
+            except OSError:
+                raise
+            except Exception:
                 self.flush()  # type: ignore[no-untyped-call]
         return {}
 
@@ -221,8 +253,10 @@ def _work_before() -> dict[str, int]:
     """Work that each kernel has done as plain Python in earlier processes."""
     path = _work_path()
     if path is not None:
-        with suppress(OSError, ValueError):
-            return dict(json.loads(path.read_text()))
+        with suppress(OSError, ValueError, RecursionError):
+            found = json.loads(path.read_bytes())
+            if isinstance(found, dict):  # what else is damaged in it counts for nothing
+                return {name: work for name, work in found.items() if type(work) is int and work > 0}
     return {}
 
 
@@ -234,7 +268,7 @@ def _keep_work() -> None:
         _work_before.cache_clear()
         with suppress(OSError):
             new = path.with_suffix(f".{os.getpid()}")
-            new.write_text(json.dumps(Counter(_work_before()) + _work_here))
+            new.write_text(json.dumps(Counter(_work_before()) + _work_here), encoding="utf-8")
             new.replace(path)
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import shapely
 from shapely.geometry import Point
 
-from regionik.parking.stops import check
+from regionik.pipeline import check_world
 from regionik.planners.geometry.offsets import shrunk
 from regionik.postures.poses import axis_of
 from regionik.pruning import whole_path
@@ -67,7 +67,7 @@ def _reachable(plan: Plan) -> Iterator[Violation]:
 def _differences(plan: Plan) -> Iterator[Violation]:
     """Parts of areas that are not as the world gives them."""
     try:
-        check(plan.world)
+        check_world(plan.world)
         _, areas, pruned = whole_path(plan.world)
     except NoPlanFound as no:
         yield Violation("areas", None, no.explanation.setpoint, 0.0, no.explanation.reason)

@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from regionik.areas.ground import Geometries
+from regionik.areas.layers import Geometries
 from regionik.areas.standing import LEAST_AREA, PathAreas, Standing, component_labels
 from regionik.planners.geometry.polygons import FlatPolygon
 from regionik.postures.families import Family

@@ -140,7 +140,7 @@ def _check_areas(world: World) -> None:
 def _timed_where_asked(found: Plan) -> Plan:
     """Return the plan, timed where its world has speeds or its robot limits of them."""
     world = found.world
-    if world.speeds is None and not world.robot.chain.has_velocity_limits:
+    if world.speeds is None and not world.robot.chain.has_speed_limits:
         return found
     from regionik.timing.retime import retime  # takes long to load
 

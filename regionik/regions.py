@@ -18,6 +18,7 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import Side, ground_of, united
+from regionik.areas.lifted import lifted_rejection, lifted_rejections
 from regionik.areas.reachable import reach_rows
 from regionik.areas.standing import (
     LEAST_AREA,
@@ -27,6 +28,7 @@ from regionik.areas.standing import (
     by_heading,
     outer_by_heading,
     span_of_rules,
+    turning,
     turns_matter,
 )
 from regionik.planners.progress import track
@@ -46,6 +48,7 @@ class RejectedPart:
     kind: CauseKind
     name: str
     polygon: BaseGeometry
+    part: str = ""  # of the robot that would come too near to an obstacle
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,16 +139,9 @@ def known_area(world: World, target: Target) -> BaseGeometry:
 def _whole_areas(
     world: World, targets: Sequence[Target], *, inner: bool, proven: bool = False
 ) -> list[BaseGeometry]:
-    """Area of each target at any heading, from within or from outside.
-
-    Slabs of headings may be too narrow for an arm whose azimuth differs from place to place, so that within
-    them it has fewer places than where the circle round the footprint has room.
-    """
+    """Area of each target at any heading, from within or from outside."""
     which, parts = [np.empty(0, dtype=np.intp)], [np.empty(0, dtype=object)]
-    sides = (by_heading(world) if inner else outer_by_heading(world)).sides
-    if inner and turns_matter(world):
-        sides = (*anywhere(world).sides, *sides)
-    for side in sides:
+    for side in (turning(world) if inner else outer_by_heading(world)).sides:
         rows, _, rings = reach_rows(world, targets, (FRONT, BACK), inner=inner, span=side.span, proven=proven)
         which.append(rows)
         parts.append(side.subtract(rings))
@@ -186,7 +182,7 @@ def ways_to_stand(world: World) -> Iterator[tuple[Callable[[World], Standing], t
     """Free floors of the base and facings of the arm, the simplest first."""
     yield from ((anywhere, (FRONT,)), (anywhere, (FRONT, BACK)))
     if turns_matter(world):
-        yield from ((by_heading, (FRONT,)), (by_heading, (FRONT, BACK)))
+        yield from ((turning, (FRONT,)), (turning, (FRONT, BACK)))
 
 
 def outer_areas(world: World, targets: Sequence[Target]) -> list[BaseGeometry]:
@@ -227,21 +223,29 @@ def rejected_parts(world: World, target: Target) -> tuple[RejectedPart, ...]:
     disc = shapely.Point(target.position[:2]).buffer(span.radius + np.sqrt(stretched))
     reach = reach_of(world, target)
     rules = replace(world.rules, criteria=None)
+    reach |= lifted_rejection(world, float(target.position[2]), span_of_rules(world), inner=False) & disc
     wide = reach if world.rules.criteria is None else reach_of(replace(world, rules=rules), target)
     kind: CauseKind = "limits" if target.direction is None else "direction"
     name = "tool direction" if target.orientation is None else "tool orientation"
     taken = [RejectedPart(kind, "joint limits" if kind == "limits" else name, disc - wide)]
     taken.append(RejectedPart("criteria", "criteria", wide - reach))
     taken.append(RejectedPart("floor", "edge of the floor", reach - ground.inner.floor))
-    taken += rejected_by_obstacles(world, reach)
+    taken += rejected_by_obstacles(world, reach, target)
     return tuple(part for part in taken if part.polygon.area > 1e-12)
 
 
-def rejected_by_obstacles(world: World, reach: BaseGeometry) -> list[RejectedPart]:
-    """Parts of a reach in which the base would come too near to obstacles, one for each of these."""
+def rejected_by_obstacles(
+    world: World, reach: BaseGeometry, target: Target | None = None
+) -> list[RejectedPart]:
+    """Parts of a reach in which the base would come too near to obstacles, one for each of these.
+
+    With a target, what lifts carry on their way to it counts too.
+    """
     ground = ground_of(world)
-    near = ground.grown_about(reach, ground.clearance)
-    return [RejectedPart("obstacle", name, reach & shadow) for name, shadow in near]
+    near = ground.rejections(reach, ground.clearance)
+    if target is not None:
+        near += lifted_rejections(world, float(target.position[2]))
+    return [RejectedPart("obstacle", name, reach & shadow, part) for name, part, shadow in near]
 
 
 def largest_clearance(world: World, target: Target) -> float | None:
@@ -254,7 +258,7 @@ def largest_clearance(world: World, target: Target) -> float | None:
         return None
 
     def open_at(clearance: float) -> bool:
-        grown = [shadow for _, shadow in ground.grown_about(reach, clearance)]
+        grown = [shadow for _, _, shadow in ground.rejections(reach, clearance)]
         return float((reach - shapely.union_all(grown)).area) > 1e-12
 
     low, high = 0.0, 1.0

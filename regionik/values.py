@@ -33,7 +33,7 @@ class Configuration:
     error : float
         Distance of the tool from the target [m].
     iterations : int
-        Passes of Algorithm 1, restarts included.
+        Passes of Algorithm 1, and steps of polishing base and arm together; restarts included.
     converged : bool
     """
 
@@ -158,6 +158,9 @@ class Stop:
     probability : float or None
         Proven lower bound: so probably do arm and base as within that circle, once the base has parked with
         the error of `regionik.worlds.execution.ParkingAccuracy`. None without one in the rules.
+    unconfirmed : tuple of int
+        Those of the set-points at which no clear posture is known with the base exactly there; at all others
+        one was found and checked. Of a plan's stops, whose motion is verified, there are none.
     """
 
     base: Array
@@ -165,11 +168,13 @@ class Stop:
     tolerance: float
     criterion: StopCriterion
     probability: float | None = None
+    unconfirmed: tuple[int, ...] = ()
 
     def __repr__(self) -> str:
         likely = "" if self.probability is None else f", parks with {self.probability:.4f}"
         served = f"{len(self.setpoints)} set-points, {self.tolerance:.3g} m"
-        return f"Stop({_pose_text(self.base)}, {served}{likely})"
+        doubt = f", {len(self.unconfirmed)} of them unconfirmed" if self.unconfirmed else ""
+        return f"Stop({_pose_text(self.base)}, {served}{likely}{doubt})"
 
     @property
     def first(self) -> int:
@@ -218,14 +223,15 @@ class Plan:
         All states, from the start (if any) to the last set-point; iterate over it for one `State` at a time.
     areas : tuple of PlannedArea
         One for each set-point. Files of very long paths have none, see
-        `regionik.storage.plan_document.CORNERS_LIMIT`.
+        `regionik.storage.plan_document.VALUES_LIMIT`.
     lift_offs : int
         Times that the tool leaves the path after the first set-point.
     stops : tuple of Stop
         In mode ``stops``; empty otherwise.
     stats : dict
         Plain numbers about the plan, the same for the same world and seed. ``order`` has the index in the
-        task as given of each set-point, where that is not its own.
+        task as given of each set-point, where that is not its own. Files keep those figures that
+        `regionik.verify` computes again, see `regionik.storage.plan_document.FIGURES`.
     skipped : tuple of Skipped
         Set-points of the world as given that are left out; together with ``world.task`` they are its task.
     """
@@ -257,7 +263,12 @@ class Plan:
         Raises
         ------
         InputError
-            When the file cannot be written.
+            When the file cannot be written, or is too large to be read back.
+
+        Warns
+        -----
+        FileNote
+            When areas are left out, as the file could not be read back with them.
         """
         from regionik.storage.files import write_atomic  # values know no files until one is asked for
         from regionik.storage.plan_document import plan_to_text

@@ -34,7 +34,7 @@ class Fault:
 FAULTS = (
     Fault(
         "obstacles: a sheet in a mesh has no shadow",
-        "worlds/obstacles.py",
+        "worlds/mesh_shadows.py",
         "[whole, *shapely.buffer(sheets, SHEET)]",
         "[whole]",
         ("tests/test_false_answers.py",),
@@ -279,10 +279,59 @@ FAULTS = (
     ),
     Fault(
         "areas: clearance halved",
-        "regionik/areas/ground.py",
-        "self.clearance + GUARD + self.far",
-        "self.clearance / 2 + GUARD + self.far",
+        "regionik/areas/layers.py",
+        "by = self.clearance + (GUARD + self.far if inner else self.near)",
+        "by = self.clearance / 2 + (GUARD + self.far if inner else self.near)",
         ("tests/test_regions.py",),
+    ),
+    Fault(
+        "areas: a body keeps no clearance above and below",
+        "regionik/areas/layers.py",
+        "keep = 0.0 if inside else world.arm_clearance",
+        "keep = 0.0",
+        ("tests/test_robot_body.py",),
+    ),
+    Fault(
+        "areas: posts that the footprint meets are not looked at for the column",
+        "regionik/areas/layers.py",
+        "narrow and _stands_upright(",
+        "_stands_upright(",
+        ("tests/test_robot_body.py",),
+    ),
+    Fault(
+        "areas: what a lift carries is surely where it may be",
+        "worlds/body.py",
+        "prism.lifted(high, low) if inside",
+        "prism.lifted(low, high) if inside",
+        ("tests/test_robot_body.py",),
+    ),
+    Fault(
+        "areas: a lift stands no higher than its target",
+        "worlds/body.py",
+        "height + reach - down",
+        "height + reach - up",
+        ("tests/test_robot_body.py",),
+    ),
+    Fault(
+        "areas: shadows of a body that are not convex reject their edges alone",
+        "planners/driving/heading_slabs.py",
+        "floor = shapely.intersection_all([one.floor for one in found])",
+        "floor = found[0].floor",
+        ("tests/test_robot_body.py",),
+    ),
+    Fault(
+        "obstacles: a mesh has no shadow where it has no surface between two heights",
+        "worlds/mesh_shadows.py",
+        "    if above <= low or below >= high:\n        return []\n",
+        "    return []\n",
+        ("tests/test_robot_body.py",),
+    ),
+    Fault(
+        "drives: an outline that lies in an obstacle is free",
+        "planners/driving/footprint.py",
+        "if _inside_solid(upper, p, placed[0]) or not _keeps_clear",
+        "if not _keeps_clear",
+        ("tests/test_robot_body.py",),
     ),
     Fault(
         "areas: floors shrunk by chords of the arcs",
@@ -294,8 +343,8 @@ FAULTS = (
     Fault(
         "areas: no margin at the ends of the reach",
         "regionik/areas/planar_reach.py",
-        "len(found), family, spans, query)",
-        "len(found), family, spans, query._replace(margin=query.margin and 0.0))",
+        "_ahead(owner, family.facing, spans, query)",
+        "_ahead(owner, family.facing, spans, query._replace(margin=query.margin and 0.0))",
         ("tests/test_regions.py", "tests/test_laws.py"),
     ),
     Fault(
@@ -349,9 +398,9 @@ FAULTS = (
     ),
     Fault(
         "obstacles: a mesh's shadow loses faces",
-        "worlds/obstacles.py",
-        "triangles[valid], grid_size=GRID",
-        "triangles[valid]",
+        "worlds/mesh_shadows.py",
+        "[*triangles[valid], *inside], grid_size=GRID",
+        "[*triangles[valid], *inside]",
         ("tests/test_values.py",),
     ),
     Fault(

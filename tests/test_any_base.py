@@ -15,7 +15,8 @@ from regionik.planners.collision.convex_bodies import Piece
 from regionik.planners.collision.distances import obstacles_from
 from regionik.planners.collision.proximity import nearest
 from regionik.planners.collision.upright_solids import inradii, signed_distance, uprights_from
-from regionik.planners.driving.footprint import fits, fits_nowhere_near, footprint_scene
+from regionik.planners.driving.footprint import fits, fits_nowhere_near
+from regionik.planners.driving.footprint_scene import footprint_scene
 from regionik.planners.reach.any_base import bound_cell
 from regionik.planners.reach.planar_cells import AWAY, PITCH, TURN, YAW
 from regionik.planners.search.box_search import Verdict

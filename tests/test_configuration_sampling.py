@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 from itertools import islice
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from regionik.mfabrik import configurations
 from regionik.moving.base_motion import Candidate
 from regionik.moving.configuration_sampling import HEADINGS, KEPT, PLACES, ConfigurationSampler, Evidence
 from regionik.moving.path_following import ResolvedMotion
+from regionik.moving.path_search import PathSearch
 from regionik.planners.collision.proximity import Touch
 from regionik.planners.geometry.angles import wrap
 from regionik.postures.arm_guard import guard_of
@@ -128,11 +130,45 @@ def test_a_search_is_told_as_evidence() -> None:
     here = Pose(np.zeros(3), world.robot.carry)
     assert list(looking.options(0, [nominal[0].component], here, nominal[0])) == []
     seen = looking.evidence[0]
-    assert 1 < seen.places <= PLACES
-    assert seen.postures > seen.places
+    assert len(seen.places) > 1
+    assert seen.postures > len(seen.places)
     assert seen.clear == 0
     assert seen.best is not None
     assert seen.best.kind == "obstacle"
+
+
+def search_without_start(name: str, **rules: Any) -> PathSearch:
+    """What is left of a search once it asks why not."""
+    world, pruned, _ = prepared(name)
+    asked = replace(world, rules=replace(world.rules, **rules))
+    looking = ConfigurationSampler(asked, guard_of(asked), pruned.ladder, anywhere(world), 0)
+    nobody: Any = None
+    return PathSearch(asked, looking, nobody, nobody)
+
+
+def test_postures_that_are_clear_are_not_said_to_touch_nothing_at_best() -> None:
+    search, off = search_without_start("shelf", mode="stops", stop_tolerance=0.01), np.zeros(3)
+    seen = search.sampler.evidence[0] = Evidence()
+    seen.add(Touch(-0.2, 0, "obstacle", 0, off, off), -0.2)
+    seen.add(Touch(np.inf, -1, "none", -1, off, off), np.inf)
+    reason = search.why_not(0, None).reason
+    assert "touches nothing in 1 of 2 postures that were looked at" in reason
+    assert "all round the circle of 0.01 m to park in" in reason
+    assert "nothing is near" not in reason
+
+
+def test_places_are_counted_wherever_postures_were_looked_at() -> None:
+    search = search_without_start("shelf", arm_clearance=0.2)
+    _, _, nominal = prepared("shelf")
+    assert not search.sampler.clear(0, nominal[0].pose)
+    assert "of 1 posture at 1 place that were looked at none is clear" in search.why_not(0, None).reason
+
+
+def test_without_any_posture_no_number_of_them_is_told() -> None:
+    assert (
+        "no posture within the joint limits was found"
+        in search_without_start("shelf").why_not(0, None).reason
+    )
 
 
 @pytest.mark.parametrize(

@@ -192,12 +192,19 @@ def test_the_command(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     table, output = tmp_path / "t.csv", tmp_path / "f.npz"
     table.write_text("0.5,-0.1,0.3\n0.6,-0.2,0.3\n")
     assert app.run(["field", "free", "--targets", str(table), "--cell", "0.2", "-o", str(output)]) == 0
-    assert "free: the best place reaches 2 of 2 targets" in capfd.readouterr().err
+    assert "free: the best place reaches 2 of 2 targets, by areas alone" in capfd.readouterr().err
     assert app.run(["field", "free", "--height", "0.3", "--cell", "0.2", "-o", str(output)]) == 0
     with np.load(output) as there:
         assert float(there["height"]) == 0.3
     assert "at 0.3 m the tool reaches" in capfd.readouterr().err
+    asked = ["field", "pillar", "--targets", str(table), "--cell", "0.2", "--check", "-o", str(output)]
+    assert app.run(asked) == 0
+    assert "yaw 0.000 rad, 2 have a posture that is clear" in capfd.readouterr().err
+    with np.load(output) as there:
+        assert str(there["meaning"]) == "targets reached, of 2, by areas alone"
     wrong = [
+        (["--check", "-o", str(output)], "face_target turns the base"),
+        (["--check", "--height", "0.3", "-o", str(output)], "--check and --height"),
         (["--targets", str(table), "--height", "0.3", "-o", str(output)], "--targets and --height"),
         (["-o", str(tmp_path / "f.txt")], ".npz"),
         (["--cell", "0", "-o", str(output)], "cell: must be above 0"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from regionik.worlds.arrays import Array
-from regionik.worlds.errors import InputError
+from regionik.worlds.errors import FileNote, InputError
 from regionik.worlds.readers.gcode_path import read_gcode
 from tests import examples
 
@@ -30,7 +31,6 @@ def test_lines_units_and_modes(tmp_path: Path) -> None:
         X20
         G91 Y5
         G4 P1
-        /G1 X99
         G20 X1
         M30
         X1000
@@ -106,9 +106,123 @@ def test_a_whole_turn_comes_back(tmp_path: Path) -> None:
     ("G1 X1\nG2 X11 R2", "line 2: G2: R: expected at least 5, half the distance of the ends"),
     ("G1 X1e3", "line 1: expected numbers without an exponent, as X1000"),
     ("G1 X9999999999", "line 1: X: expected a number of at most 1e+09 in size"),
+    ("G1 X-.5e-05", "line 1: expected numbers without an exponent"),
+    ("g1 x1e-05", "line 1: expected numbers without an exponent"),
+    ("G1 X1\nM98 P7 L3", "line 2: M98: calls and jumps are not followed, expected one program"),
+    ("G1 X1\nG65 P9010 X5", "line 2: G65: calls and jumps are not followed"),
+    ("G1 X1\nM99 P20", "line 2: M99: calls and jumps are not followed"),
+    ("O7\nG1 X1\nM99\nO8\nG1 X2\nM30", "line 3: M99: expected the end of the file, or M30"),
+    ("o100 call [5]", "line 1: subprograms, loops and conditions are not followed"),
+    ("G1 X1\nM206 X5", "line 2: M206 may shift or scale what the program's axes mean"),
+    ("G1 X1\nG92 X0", "line 2: G92 may shift"),
+    ("G1 X1\nG92", "line 2: G92 may shift"),
+    ("G1 X1\nG10 L2 P1 X5", "line 2: G10 may shift"),
+    ("G1 X1\nM777 X5", "line 2: M777 with X is not known, it may move the tool"),
+    ("G1 X1\nG4 X5 G1", "line 2: G4: expected a block of its own"),
+    ("G0 X1 G1", "line 1: expected one of G0, G1 in a block"),
+    ("G1 X1\nG1 X5 R2", "line 2: R is not read in G1"),
+    ("G1 X1\nG1 X5 L4", "line 2: L is not read in G1"),
+    ("G1 X1\nG2 X1 I5 Z-8 K2", "line 2: K is not read in G2"),
+    ("G1 X1\nG2 X3 R1 I1", "line 2: G2: expected R, or I and J, not both"),
+    ("G1 X1\nG2 X1 I5 P1.5", "line 2: P: expected a whole number of turns from 1, got 1.5"),
+    ("G1 X1\nG2 X1 I5 P2 M62", "line 2: P: expected G2 without M62"),
+    ("G1 X1\nG1 G53 Z0", "line 2: G53: expected G0"),
+    ("G1 Z1\nG28 G91 Z0\nG90\nG1 X5", "line 4: Z is not known after G28 in line 2, expected it before G1"),
+    ("G28 Z0\nG0 X5", "Z is not known after G28 in line 1, expected it before G0"),
     ("(nothing)\nM30", "expected at least one move, G0 to G3 with X, Y or Z"),
 ])  # fmt: skip
 def test_lines_that_do_not_fit_are_told(text: str, told: str, tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         points_of(text, tmp_path)
     assert told in str(caught.value)
+
+
+@pytest.mark.parametrize(("block", "named"), [
+    ("G4 X1.5", ""), ("G04 U2", ""), ("G4 X200", ""), ("N9 G4 P500", ""), ("M5 M9", ""), ("T3 M6", ""),
+    ("M205 X8 Y8", "M205"), ("M201 X500 Y500 Z100 E5000", "M201"), ("M600 X10 Y10 Z5", "M600"),
+    ("M84 X Y E", "M84"), ("G43 H3", "G43"), ("G92 E0", "G92"), ("G69", "G69"), ("M117 Layer 2 of 9", "M117"),
+    ("G5.1 Q1", "G5.1"), ("G10", "G10"), ("M104 S210", "M104"), ("M150 R9 U2 B9", "M150"),
+    ("M115 U3.11.0", "M115"), ("M862.3 P \"MK3S\"", "M862.3"), ("M555 X80 Y80 W100 H100", "M555"),
+    ("/G1 X99", "blocks that begin with /"),
+    ("G28 X Y", "G28"), ("G91 G28 U0 W0\nG90", "G28"), ("G0 G53 X0 Y0", "G53"),
+])  # fmt: skip
+def test_words_of_blocks_that_are_no_move_leave_the_path_as_it_is(
+    block: str, named: str, tmp_path: Path
+) -> None:
+    """Times, speeds, homes and places to park are not positions; what is not plain is named once."""
+    program = "G21 G90\nG0 X20 Y0 Z5\n{0}\nG0 X40 Y5 Z5\n{0}\n"
+    plain = points_of(program.format(""), tmp_path)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        found = points_of(program.format(block), tmp_path)
+    assert np.array_equal(found, plain)
+    assert [
+        f"passed over, each from this line on: {named} (line 3)" in str(note.message) for note in told
+    ] == ([True] if named else [])
+
+
+def test_filament_needs_no_blank(tmp_path: Path) -> None:
+    found = 1000 * points_of("G1X10Y0E0.5\ng1x20e2\nG1 X30 E-.8", tmp_path)
+    assert np.allclose(found[:, 0], [10, 20, 30])
+
+
+def test_the_way_home_and_back_is_left_out(tmp_path: Path) -> None:
+    """The tool rises where it was to the height at which the program goes on."""
+    text = "G0 X10 Y0 Z5\nG1 Z-2\nG91 G28 Z0\nG90\nT2 M6\nG0 X50 Y20\nG43 H2 Z8\nG1 Z-2"
+    with pytest.warns(FileNote, match=r"G28 \(line 3\), G43 \(line 7\)"):
+        found = 1000 * points_of(text, tmp_path)
+    wanted = [[10, 0, 5], [10, 0, -2], [10, 0, 8], [50, 20, 8], [50, 20, -2]]
+    assert np.allclose(found, wanted)
+
+
+@pytest.mark.parametrize(("text", "first"), [
+    ("G28 G91 Z0\nG90\nG0 X10 Y5\nG43 Z15 H1\nG1 Z-2", [10, 5, 15]),
+    ("G28\nG1 Z15\nG0 X10 Y5 Z1", [0, 0, 15]),
+    ("G0 G53 Z0\nG0 X10 Y5\nZ2", [10, 5, 2]),
+])  # fmt: skip
+def test_a_path_begins_where_it_is_known_after_the_way_home(
+    text: str, first: list[float], tmp_path: Path
+) -> None:
+    with pytest.warns(FileNote):
+        assert np.allclose(1000 * points_of(text, tmp_path)[0], first)
+
+
+def test_a_program_that_returns_ends(tmp_path: Path) -> None:
+    with pytest.warns(FileNote, match="M99"):
+        assert len(points_of("O7\nG0 X1\nG1 X2\nM99\n%", tmp_path)) == 2
+
+
+@pytest.mark.parametrize(("text", "turns", "radius", "rise"), [
+    ("G0 Y80 Z150\nG2 X0 Y80 Z90 J-80 P4", 4.0, 80.0, -60.0),
+    ("G0 X60\nG3 X-60 I-60 P2", 1.5, 60.0, 0.0),
+    ("G0 X10\nG2 X0 Y-10 R10 P3", 2.25, 10.0, 0.0),
+    ("G18 G0 X10\nG2 I-10 Y4 P2", 2.0, 10.0, 4.0),
+])  # fmt: skip
+def test_arcs_of_several_turns(text: str, turns: float, radius: float, rise: float, tmp_path: Path) -> None:
+    found = 1000 * points_of(text, tmp_path, chord=1e-6)
+    steps = np.diff(found, axis=0)
+    wanted = math.hypot(2 * math.pi * turns * radius, rise)
+    assert np.linalg.norm(steps, axis=1).sum() == pytest.approx(wanted, rel=1e-4)
+
+
+@given(
+    steps=st.lists(st.tuples(st.integers(-400, 400), st.integers(-400, 400)), min_size=1, max_size=4),
+    center=st.tuples(st.integers(-300, 300), st.integers(20, 300)), unit=st.sampled_from(["G20", "G21"]),
+    plane=st.sampled_from(["G17", "G18", "G19"]), clockwise=st.booleans(),
+)  # fmt: skip
+@settings(max_examples=examples(100))
+def test_a_full_circle_is_not_lost_by_rounding(
+    tmp_path_factory: pytest.TempPathFactory, steps: list[tuple[int, int]], center: tuple[int, int],
+    unit: str, plane: str, clockwise: bool,
+) -> None:  # fmt: skip
+    """Its start comes from relative steps of tenths, whose sum in binary is off by a last digit."""
+    u, v, i, j = {"G17": tuple("XYIJ"), "G18": tuple("ZXKI"), "G19": tuple("YZJK")}[plane]
+    text = f"{unit} {plane} G91\nG1 {u}0 {v}0\n"
+    text += "".join(f"{u}{a / 10} {v}{b / 10}\n" for a, b in steps)
+    end = [sum(step[k] for step in steps) / 10 for k in (0, 1)]
+    arc = f"{'G2' if clockwise else 'G3'} {u}{end[0]} {v}{end[1]} {i}{center[0] / 10} {j}{center[1] / 10}"
+    found = points_of(f"{text}G90\n{arc}", tmp_path_factory.mktemp("circle"))
+    scale = {"G20": 25.4, "G21": 1.0}[unit] / 10
+    lines = sum(math.hypot(*step) for step in steps) * scale
+    length = 1000 * np.linalg.norm(np.diff(found, axis=0), axis=1).sum()
+    assert length - lines == pytest.approx(2 * math.pi * math.hypot(*center) * scale, rel=0.06)

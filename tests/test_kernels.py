@@ -5,14 +5,12 @@ from __future__ import annotations
 import ast
 import math
 import os
-import pickle
 import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 import pytest
 from hypothesis import given
@@ -160,33 +158,72 @@ def test_a_long_call_is_begun_again_as_machine_code(monkeypatch: pytest.MonkeyPa
     assert np.array_equal(plain, compiled_later)
 
 
+WRAPPED = (
+    "import sys\n"
+    "from regionik.planners.geometry.angles import wrap\n"
+    "from regionik.planners.kernels import compiled_at_once\n"
+    "if sys.argv[1:]:\n"
+    "    with compiled_at_once():\n"
+    "        wrap(4.0)\n"
+    "print(wrap(4.0).hex(), len(wrap.signatures))\n"
+)
+
+
+def wrapped(kept: Path, *arguments: str) -> str:
+    """Say what a process that keeps its machine code in a folder finds, and whether that was machine code."""
+    there = {**os.environ, "NUMBA_CACHE_DIR": str(kept), "NUMBA_DISABLE_JIT": "0"}
+    command = [sys.executable, "-W", "error", "-c", WRAPPED, *arguments]
+    return subprocess.run(
+        command, cwd=ROOT, env=there, capture_output=True, text=True, check=True
+    ).stdout.strip()
+
+
+BITS = (4.0 - 2 * math.pi).hex()
+
+
 def test_machine_code_on_disk_is_used_at_once(tmp_path: Path) -> None:
-    code = (
-        "import sys\n"
-        "from regionik.planners.geometry.angles import wrap\n"
-        "from regionik.planners.kernels import compiled_at_once\n"
-        "if sys.argv[1:]:\n"
-        "    with compiled_at_once():\n"
-        "        wrap(4.0)\n"
-        "print(wrap(4.0).hex(), len(wrap.signatures))\n"
-    )
+    assert wrapped(tmp_path) == f"{BITS} 0"
+    assert wrapped(tmp_path, "at once") == f"{BITS} 1"
+    assert wrapped(tmp_path) == f"{BITS} 1"
+
+
+DAMAGED = """
+import pickle, sys
+from pathlib import Path
+import numba
+from regionik.planners.geometry.angles import wrap
+from regionik.planners.kernels import compiled, compiled_at_once
+
+def hits() -> int:
+    kernel = compiled(wrap.py_func)
+    with compiled_at_once():
+        assert kernel(4.0) == wrap(4.0)
+    return sum(kernel.stats.cache_hits.values())
+
+def flipped(data: bytes) -> bytes:
+    k = len(data) // 2
+    return data[:k] + bytes([data[k] ^ 0x55]) + data[k + 1 :]
+
+print(hits(), hits())
+gone = b"cregionik.planners.kernels\\nGone\\n."  # types of an earlier version
+version = pickle.dumps(numba.__version__)
+for ending in ("nbi", "nbc"):
+    (path,) = Path(sys.argv[1]).rglob(f"*wrap*.{ending}")
+    whole = path.read_bytes()
+    for damaged in (
+        b"", whole[:50], whole[:-1], flipped(whole), bytes(len(whole)),
+        version, version + gone, version + pickle.dumps(3), gone, pickle.dumps((1, 2)),
+    ):
+        path.write_bytes(damaged)
+        print(hits(), hits())
+"""
+
+
+def test_damaged_machine_code_is_compiled_anew(tmp_path: Path) -> None:
     there = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_DISABLE_JIT": "0"}
-
-    def said(*arguments: str) -> str:
-        command = [sys.executable, "-W", "error", "-c", code, *arguments]
-        return subprocess.run(
-            command, cwd=ROOT, env=there, capture_output=True, text=True, check=True
-        ).stdout.strip()
-
-    bits = (4.0 - 2 * math.pi).hex()
-    assert said() == f"{bits} 0"
-    assert said("at once") == f"{bits} 1"
-    assert said() == f"{bits} 1"
-    (index,) = tmp_path.rglob("*wrap*.nbi")  # as a version left it whose types are gone
-    index.write_bytes(pickle.dumps(numba.__version__) + b"cregionik.planners.kernels\nGone\n.")
-    assert said() == f"{bits} 0"
-    assert said("at once") == f"{bits} 1"
-    assert said() == f"{bits} 1"
+    command = [sys.executable, "-W", "error", "-c", DAMAGED, str(tmp_path)]
+    ran = subprocess.run(command, cwd=ROOT, env=there, capture_output=True, text=True, check=True)
+    assert ran.stdout.splitlines() == ["0 1"] * 21
 
 
 def test_machine_code_is_made_anew_where_a_kernel_inside_has_changed(tmp_path: Path) -> None:
@@ -224,7 +261,15 @@ def test_the_work_of_earlier_processes_counts(tmp_path: Path) -> None:
     assert not compiled_after(5_000)
     (kept,) = tmp_path.rglob("kernel_work.json")
     assert not compiled_after(5)
-    kept.write_text("broken")
+    for damaged in (
+        "broken",
+        "[1]",
+        "[" * 10_000,
+        '{"regionik.planners.geometry.angles.wrap": "much"}',
+        "\0",
+    ):
+        kept.write_text(damaged)
+        assert not compiled_after(5)
     assert not compiled_after(9_000)
     assert compiled_after(5_000)
 

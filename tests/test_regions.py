@@ -6,7 +6,8 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from regionik.areas.ground import ground_of, grow
+from regionik.areas.ground import ground_of
+from regionik.areas.layers import grow
 from regionik.areas.reachable import reach_rows
 from regionik.postures.families import BACK, FRONT
 from regionik.regions import admissible_area, outer_areas, path_areas

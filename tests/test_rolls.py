@@ -65,12 +65,26 @@ def test_swings_are_those_that_the_roll_keeps_up_with(slack: float) -> None:
     rng = np.random.default_rng(2)
     for turn in Rotation.from_quat(rng.normal(size=(150, 4))).as_matrix():
         arm, (yaw, pitch), half = limited(rng), lead(turn, rng), float(rng.uniform(0.1, np.pi))
-        spans = swings(arm, yaw, pitch, half, turn, slack)
+        spans = [span[1:] for span in swings(arm, yaw, pitch, half, turn, slack)]
         for swing in rng.uniform(-half, half, 30):
             wanted = roll_for(arm, yaw + swing, pitch, turn)
             keeps = abs(wrap(roll_within_limits(arm, wanted, 0.0) - wanted)) <= slack
             edge = min((abs(abs(swing - middle) - wide) for middle, wide in spans), default=np.inf)
             assert keeps == any(abs(swing - middle) <= wide for middle, wide in spans) or edge < 1e-6
+
+
+def test_swings_at_a_range_of_pitches_are_those_kept_up_with_at_every_one() -> None:
+    rng, kept = np.random.default_rng(4), 0
+    for turn in Rotation.from_quat(rng.normal(size=(300, 4))).as_matrix():
+        arm, (yaw, pitch), half = limited(rng), lead(turn, rng), float(rng.uniform(0.1, np.pi))
+        middle = 0.0 if np.cos(pitch) > 0 else np.pi
+        low, high = np.sort(middle + rng.uniform(-np.pi / 2, np.pi / 2, 2)).tolist()
+        for _, at, wide in swings(arm, yaw, pitch, half, turn, 0.05, (low, high)):
+            kept += 1
+            for swing, other in rng.uniform((at - wide, low), (at + wide, high), (20, 2)):
+                wanted = roll_for(arm, yaw + swing, other, turn)
+                assert abs(wrap(roll_within_limits(arm, wanted, 0.0) - wanted)) <= 0.05 + 1e-7
+    assert kept > 30
 
 
 def test_what_is_out_of_the_roll_is_met_by_no_posture() -> None:

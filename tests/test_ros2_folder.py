@@ -20,12 +20,13 @@ from shapely.geometry import box
 from regionik.cli import app
 from regionik.output.bag import bag_files
 from regionik.output.export import export
-from regionik.output.ros2 import base_trajectory
+from regionik.output.ros2 import base_trajectory, message_text
 from regionik.output.ros2_folder import arm_parameters, base_parameters, planning_scene, ros2_files
 from regionik.timing.trajectory import sample_plan, trajectory
 from regionik.values import Motion, Plan
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
+from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
 from regionik.worlds.frames import FrameNames
 from regionik.worlds.robot import Robot
@@ -277,6 +278,20 @@ def test_names_and_drives_of_robots_come_through(name: str) -> None:
     assert (costmap["global_frame"], costmap["robot_base_frame"]) == ("map", "cart/base_link")
     follow = found["controller_server"]["ros__parameters"]["FollowPath"]
     assert (follow["vy_max"] > 0) == (robot.base == "omni")
+
+
+NAMES = ["Achse 1: Dreh", "J2 & <up>", "关节3", "it's #4", "on", "12", "1e3", "- a", "null", "a b", "{x", '"']
+
+
+@pytest.mark.parametrize("loader", [yaml.SafeLoader, yaml.CSafeLoader])
+def test_joints_may_have_any_names(loader: Any) -> None:
+    """Parameters are YAML whose keys are those names, whichever parser reads them."""
+    rows = [(0.0, 0.0, 0.1, 0.0, -1.0, 1.0)] * len(NAMES)
+    robot = Robot("odd", "omni", np.zeros((1, 2)), np.zeros(4), Chain.from_dh(rows, NAMES), ())
+    parameters = arm_parameters(robot)
+    assert yaml.load(message_text(parameters, ".yaml"), Loader=loader) == parameters
+    constraints = parameters["arm_controller"]["ros__parameters"]["constraints"]
+    assert set(NAMES) < set(constraints)
 
 
 def test_a_folder_is_new_and_the_same_bytes_again(plan: Plan, folder: Path, tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from regionik import pipeline
 from regionik.areas.standing import room_for, turns_matter
 from regionik.moving.state_keeper import AREA_MARGIN, NEAR, StateKeeper
 from regionik.planners.smoothing.path_smoothing import HalfSpaces, within_reach
-from regionik.planners.smoothing.quadratic_program import minimize_quadratic
+from regionik.planners.smoothing.quadratic_program import least_weighted, minimize_quadratic
 from regionik.planners.solvers.aims import beyond_cones, missed_by, tool_jacobians
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, Aims
 from regionik.postures.arm_guard import guard_of
@@ -41,6 +41,28 @@ from regionik.worlds.scene import Floor, Rules, Target, World
 from regionik.worlds.speeds import Speeds
 
 SMOOTHED = ("free", "l_shape", "pillar", "shelf", "slab", "wall")
+
+
+def test_constraints_that_bound_nothing_are_left_out_without_a_word(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    rows, least = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]), np.array([-np.inf, 0.5, -np.inf])
+    ends = np.full(2, -1.0), np.full(2, np.inf)
+    for some in (slice(0, 3), slice(0, 1)):
+        wanted = [0.0, 0.5] if some.stop > 1 else [0.0, 0.0]
+        none = np.empty((0, 2)), np.empty(0)
+        dense = least_weighted(np.ones(2), *none, rows[some], least[some], *ends)
+        sparse = minimize_quadratic(
+            csc_array(np.eye(2)),
+            np.zeros(2),
+            csc_array(rows[some]),
+            least[some],
+            np.full(3, 1e3)[some],
+            *ends,
+        )
+        assert dense == pytest.approx(wanted, abs=1e-8)
+        assert sparse == pytest.approx(wanted, abs=1e-8)
+    assert capfd.readouterr() == ("", "")
 
 
 def as_found(world: World) -> Plan:

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from shapely import affinity
 
 from regionik import admissible_area as area
-from regionik.areas.ground import GUARD, ground_of
+from regionik.areas.ground import ground_of
+from regionik.areas.layers import GUARD
 from regionik.areas.standing import (
     Standing,
     anywhere,

@@ -128,7 +128,7 @@ def test_visual_elements_are_read_with_their_colours_and_the_rest_passed_over(ro
     orange = next(one for one in robot.visuals if one.color == 0xFF8000)
     assert np.allclose(orange.vertices.min(axis=0), [0, 0, 2.1])  # twice a metre, and the origin
     flap = next(one for one in robot.visuals if (one.link, one.color) == (BASE, GREY))
-    assert np.allclose(flap.vertices.max(axis=0), [0.05, 0.35, 0.25])  # behind a joint that is left out
+    assert np.allclose(flap.vertices.max(axis=0), [0.05, 0.35, 0.25])  # behind a joint that stands still
     assert sum(len(one.faces) for one in robot.visuals) <= TRIANGLES
     assert {name for one in robot.visuals for name in one.stands_for} == {"upper", "fore"}
 

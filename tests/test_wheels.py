@@ -18,7 +18,8 @@ from shapely import box
 from shapely.geometry import MultiPolygon, Point, Polygon
 
 from regionik.planners.driving.arcs import Segment, WheeledPath, arc_end, path_of_motions
-from regionik.planners.driving.footprint import FootprintScene, arc_is_free, footprint_scene
+from regionik.planners.driving.footprint import arc_is_free
+from regionik.planners.driving.footprint_scene import FootprintScene, footprint_scene
 from regionik.planners.driving.point_planner import NoPathError, drive_point
 from regionik.planners.driving.pose_planner import (
     REEDS_SHEPP,
@@ -324,7 +325,7 @@ def test_segments_must_join() -> None:
 SCRIPT = """
 import json
 from shapely import box
-from regionik.planners.driving.footprint import footprint_scene
+from regionik.planners.driving.footprint_scene import footprint_scene
 from regionik.planners.driving.pose_planner import drive_wheeled
 from tests import examples
 free = footprint_scene([[0, 0]], box(0, 0, 6, 3) - box(1.8, 0, 2.1, 1.9) - box(3.8, 1.2, 4.1, 3))

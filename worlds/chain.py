@@ -90,7 +90,9 @@ class Chain:
     def dh_rows(self) -> list[list[float]] | None:
         """Return the rows from which `from_dh` makes exactly this chain again; None where there are none."""
         plain = all(
-            joint.kind == "revolute" and joint.velocity == np.inf and joint.axis.tolist() == [0.0, 0.0, 1.0]
+            joint.kind == "revolute"
+            and joint.velocity == joint.acceleration == np.inf
+            and joint.axis.tolist() == [0.0, 0.0, 1.0]
             for joint in self.joints
         )
         if not plain or self.has_mimics:
@@ -261,9 +263,9 @@ class Chain:
         return np.array([T[:3, 3] for T in T_next])
 
     @property
-    def has_velocity_limits(self) -> bool:
-        """True where any joint has a speed limit."""
-        return any(np.isfinite(joint.velocity) for joint in self.active_joints)
+    def has_speed_limits(self) -> bool:
+        """True where any joint has a limit of speed or acceleration."""
+        return any(np.isfinite([one.velocity, one.acceleration]).any() for one in self.active_joints)
 
     def check_limits(self, joints: Sequence[float], what: str) -> None:
         """Refuse joint values of which one is outside its limits.

@@ -105,7 +105,11 @@ class RegionikError(Exception):
     """Root of every error that regionik raises on purpose."""
 
 
-class RobotNote(UserWarning):
+class FileNote(UserWarning):
+    """What the reading of a file passed over or found odd, or its writing left out."""
+
+
+class RobotNote(FileNote):
     """What the reading of a robot's file left out or replaced."""
 
 

@@ -57,6 +57,8 @@ class Joint:
         Unit axis in the joint frame.
     velocity : float
         Speed limit [rad/s] or [m/s].
+    acceleration : float
+        Limit of acceleration [rad/s2] or [m/s2].
     mimic : Mimic, optional
         The joint that it follows. A chain gives it the limits that it has by that.
     """
@@ -68,6 +70,7 @@ class Joint:
     T_parent_joint: Array
     axis: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     velocity: float = np.inf
+    acceleration: float = np.inf
     mimic: Mimic | None = None
 
     def __post_init__(self) -> None:

@@ -17,14 +17,21 @@ from shapely.affinity import affine_transform
 from shapely.geometry import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.worlds.arrays import Array, Index, freeze, frozen, frozen_faces, one_line, transform_points
+from regionik.worlds.arrays import (
+    Array,
+    Index,
+    check_near_origin,
+    freeze,
+    frozen,
+    frozen_faces,
+    one_line,
+    transform_points,
+)
 from regionik.worlds.errors import InputError
+from regionik.worlds.mesh_shadows import mesh_shadow
 
 if TYPE_CHECKING:
     import trimesh  # takes long to load: imported by the functions that need it
-
-GRID = 1e-9  # to which corners of a mesh's shadow are rounded [m]
-SHEET = 1e-6  # that a shadow of a sheet is wider than nothing, to either side [m]
 
 
 @dataclass(frozen=True)
@@ -62,11 +69,15 @@ class Obstacle:
         low, high = self.bounds[:, 2]
         return float(low), float(high)
 
-    def shadow(self, below: float) -> Shadow | None:
-        """Return the floor area under the part lower than ``below`` [m]; None where there is no such part."""
-        return self._shadow(below) if self.z_range[0] < below else None
+    def shadow(self, below: float = np.inf, above: float = -np.inf) -> Shadow | None:
+        """Return the floor area under the part between two heights [m]; None where there is no such part.
 
-    def _shadow(self, below: float) -> Shadow:
+        What only touches one of the heights is no part: a rug may lie on the floor, and a pipe below it.
+        """
+        low, high = self.z_range
+        return self._shadow(below, above) if low < below and high > above else None
+
+    def _shadow(self, below: float, above: float) -> Shadow:
         raise NotImplementedError
 
     def distance(self, point: Array) -> float:
@@ -107,6 +118,7 @@ class Box(Obstacle):
 
     def __post_init__(self) -> None:
         freeze(self, self.name, size=(3,), center=(3,))
+        check_near_origin(self.center, f"{self.name}: center")
         _check_positive(self.name, "size", *self.size)
         object.__setattr__(self, "yaw", float(frozen(self.yaw, (), f"{self.name}: yaw")))
 
@@ -115,7 +127,7 @@ class Box(Obstacle):
         half = np.array([np.hypot(*self.size[:2]), np.hypot(*self.size[:2]), self.size[2]]) / 2
         return np.stack([self.center - half, self.center + half])
 
-    def _shadow(self, below: float) -> Shadow:
+    def _shadow(self, below: float, above: float) -> Shadow:
         c, s = np.cos(self.yaw), np.sin(self.yaw)
         corners = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * self.size[:2] / 2
         return Shadow(Polygon(corners @ np.array([[c, s], [-s, c]]) + self.center[:2]))
@@ -156,6 +168,7 @@ class Cylinder(Obstacle):
 
     def __post_init__(self) -> None:
         freeze(self, self.name, center=(3,))
+        check_near_origin(self.center, f"{self.name}: center")
         _check_positive(self.name, "radius and height", self.radius, self.height)
 
     @property
@@ -163,7 +176,7 @@ class Cylinder(Obstacle):
         half = np.array([self.radius, self.radius, self.height / 2])
         return np.stack([self.center - half, self.center + half])
 
-    def _shadow(self, below: float) -> Shadow:
+    def _shadow(self, below: float, above: float) -> Shadow:
         return Shadow(Point(self.center[:2]), self.radius)
 
     def distance(self, point: Array) -> float:
@@ -198,15 +211,16 @@ class Sphere(Obstacle):
 
     def __post_init__(self) -> None:
         freeze(self, self.name, center=(3,))
+        check_near_origin(self.center, f"{self.name}: center")
         _check_positive(self.name, "radius", self.radius)
 
     @property
     def bounds(self) -> Array:
         return np.stack([self.center - self.radius, self.center + self.radius])
 
-    def _shadow(self, below: float) -> Shadow:
-        over = max(0.0, self.center[2] - below)
-        return Shadow(Point(self.center[:2]), float(np.sqrt(self.radius**2 - over**2)))
+    def _shadow(self, below: float, above: float) -> Shadow:
+        off = float(self.center[2] - np.clip(self.center[2], above, below))
+        return Shadow(Point(self.center[:2]), float(np.sqrt(self.radius**2 - off**2)))
 
     def distance(self, point: Array) -> float:
         return float(np.linalg.norm(point - self.center) - self.radius)
@@ -243,6 +257,7 @@ class Prism(Obstacle):
         if not isinstance(self.polygon, Polygon):
             parts = shapely.get_num_geometries(self.polygon)
             raise InputError(f"{self.name}: polygon: expected one polygon, got {parts}: a prism for each")
+        check_near_origin([self.bottom, self.top], f"{self.name}: z")
         _check_positive(self.name, "height (z from low to high)", self.top - self.bottom)
 
     @property
@@ -254,7 +269,7 @@ class Prism(Obstacle):
     def z_range(self) -> tuple[float, float]:
         return self.bottom, self.top
 
-    def _shadow(self, below: float) -> Shadow:
+    def _shadow(self, below: float, above: float) -> Shadow:
         return Shadow(self.polygon)
 
     def distance(self, point: Array) -> float:
@@ -295,6 +310,7 @@ class Mesh(Obstacle):
 
     def __post_init__(self) -> None:
         freeze(self, self.name, vertices=(None, 3))
+        check_near_origin(self.vertices, f"{self.name}: vertices")
         faces = frozen_faces(self.faces, len(self.vertices), f"{self.name}: mesh")
         if not len(faces):
             raise InputError(f"{self.name}: mesh: expected triangles, got none")
@@ -309,19 +325,8 @@ class Mesh(Obstacle):
         """True where every edge joins two triangles, so that there is an inside."""
         return bool(self._trimesh.is_watertight)
 
-    def _shadow(self, below: float) -> Shadow:
-        import trimesh
-
-        part = trimesh.intersections.slice_mesh_plane(  # type: ignore[no-untyped-call]
-            self._trimesh, plane_normal=[0, 0, -1], plane_origin=[0, 0, below]
-        )
-        triangles = shapely.polygons(part.vertices[part.faces][:, :, :2])
-        valid = shapely.is_valid(triangles)
-        # Without a grid GEOS silently loses faces of one mesh in fifty: slivers throw its overlay off.
-        whole = shapely.union_all(triangles[valid], grid_size=GRID)
-        lines = shapely.convex_hull(triangles[~valid])  # of upright faces; those of a sheet bound nothing
-        sheets = lines[~shapely.covers(shapely.buffer(whole, 2 * GRID), lines)]
-        return Shadow(shapely.union_all([whole, *shapely.buffer(sheets, SHEET)]))
+    def _shadow(self, below: float, above: float) -> Shadow:
+        return Shadow(mesh_shadow(self._trimesh, self.contains, below, above))
 
     def distance(self, point: Array) -> float:
         import trimesh
@@ -367,6 +372,7 @@ def as_polygon(outline: Polygon | ArrayLike, what: str) -> Any:
     if not polygon.is_valid or polygon.is_empty or polygon.area <= 0:
         why = "its area is zero" if polygon.is_valid else shapely.is_valid_reason(polygon)
         raise InputError(f"{what}: expected an outline that does not cross or touch itself: {why}")
+    check_near_origin(polygon.bounds, what)
     return polygon
 
 

@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from shapely.geometry import MultiPolygon, Polygon
 
-from regionik.worlds.arrays import Array, freeze, frozen, one_line, unit_vector
+from regionik.worlds.arrays import Array, check_near_origin, freeze, frozen, one_line, unit_vector
 from regionik.worlds.criteria import Criteria
 from regionik.worlds.errors import InputError
 from regionik.worlds.execution import Execution, ParkingAccuracy
@@ -37,7 +37,8 @@ class Target:
     direction : (3,) array or None
         Unit tool axis (the tool frame's z); None leaves it free.
     cone : float
-        Allowed deviation from ``direction`` [rad].
+        Allowed deviation from ``direction`` [rad]. One of pi leaves the tool free: then there is neither a
+        direction nor an orientation.
     orientation : (3, 3) array or None
         Full tool orientation; its third column is ``direction``.
 
@@ -54,6 +55,7 @@ class Target:
 
     def __post_init__(self) -> None:
         freeze(self, "target", position=(3,))
+        check_near_origin(self.position, "target: position")
         if self.orientation is not None:
             R = frozen(self.orientation, (3, 3), "target: orientation")
             object.__setattr__(self, "orientation", R)
@@ -62,6 +64,9 @@ class Target:
             object.__setattr__(self, "direction", unit_vector(self.direction, "target: direction"))
         if not 0 < self.cone <= np.pi:
             raise InputError(f"target: cone must be above 0 and at most pi, got {self.cone}")
+        if self.cone >= np.pi:
+            for free in ("direction", "orientation"):
+                object.__setattr__(self, free, None)
 
     __repr__ = one_line
 
@@ -243,6 +248,7 @@ class Start:
 
     def __post_init__(self) -> None:
         freeze(self, "start", base=(3,), joints=(None,))
+        check_near_origin(self.base[:2], "start: base")
 
     __repr__ = one_line
 
@@ -337,10 +343,11 @@ class World:
         left: Polygon | MultiPolygon = self.floor.polygon.buffer(-self.base_allowance, join_style="mitre")
         return left
 
-    @property
+    @cached_property
     def solids(self) -> tuple[Solid, ...]:
-        """Obstacles and occupied map cells together."""
-        return (*self.obstacles, *self.floor.cells)
+        """Obstacles and occupied map cells together, but for what a solid floor covers."""
+        above = tuple(one for one in self.obstacles if one.z_range[1] > 0 or not self.rules.solid_floor)
+        return (*above, *self.floor.cells)
 
     @cached_property
     def floor_slab(self) -> Box | None:

@@ -24,7 +24,7 @@ class Speeds:
     joint_velocity : float or sequence of float, optional
         Of all joints, or of each; by default the robot's, and 1 rad/s or 0.1 m/s where it has none.
     joint_acceleration : float or sequence of float, optional
-        By default full speed within half a second.
+        By default the robot's, and full speed within half a second where it has none.
     joint_jerk : float or sequence of float, optional
         Of all joints, or of each [rad/s3] or [m/s3]; None for no limit. With any limit of jerk a plan's
         accelerations have no jumps.
@@ -94,9 +94,9 @@ class Speeds:
         own = np.array([joint.velocity for joint in chain.active_joints])
         own = np.where(np.isfinite(own), own, default)
         velocity = _per_joint(self.joint_velocity, own, chain, "joint_velocity")
-        return velocity, _per_joint(
-            self.joint_acceleration, velocity / RISE_TIME, chain, "joint_acceleration"
-        )
+        own = np.array([joint.acceleration for joint in chain.active_joints])
+        own = np.where(np.isfinite(own), own, velocity / RISE_TIME)
+        return velocity, _per_joint(self.joint_acceleration, own, chain, "joint_acceleration")
 
     def joint_jerks(self, chain: Chain) -> Array:
         """Return the limit of jerk of each joint, (dof,), infinite for none.

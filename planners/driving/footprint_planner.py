@@ -20,11 +20,12 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import MultiPolygon, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.planners.driving.footprint import (
+from regionik.planners.driving.footprint import slide_is_free
+from regionik.planners.driving.footprint_scene import (
     FootprintScene,
+    Outline,
     footprint_scene,
     footprint_width,
-    slide_is_free,
 )
 from regionik.planners.driving.heading_slabs import Slab, slab_areas, slabs_along
 from regionik.planners.driving.point_planner import NoPathError, drive_point
@@ -99,13 +100,14 @@ def drive_footprint(
     *,
     obstacles: Sequence[Shadow] = (),
     clearance: float = 0.0,
+    upper: Sequence[Outline] = (),
     seed: int,
 ) -> FootprintPath:
     """Drive a footprint that can move in any direction and turn on the way.
 
     Parameters
     ----------
-    footprint, floor, obstacles, clearance
+    footprint, floor, obstacles, clearance, upper
         As for `footprint_scene`.
     start, goal : (3,) array_like
         x, y [m], yaw [rad].
@@ -127,7 +129,7 @@ def drive_footprint(
     >>> drive_footprint(long, corridor, [0.5, 1, 1.57], [3.5, 0.95, 0], seed=0).method
     'ompl'
     """
-    scene = footprint_scene(footprint, floor, obstacles, clearance)
+    scene = footprint_scene(footprint, floor, obstacles, clearance, upper)
     a, b = checked_ends(scene, start, goal, seed)
     if same_pose(a, b):
         return FootprintPath(a[None], "straight")
@@ -138,7 +140,7 @@ def drive_footprint(
     found, cost = plan_poses(scene, base, a, b, seed)
     method: Method = "ompl"
     if found is None:
-        areas = slab_areas(footprint, floor, obstacles, clearance, slabs_along(scene, SLABS))
+        areas = slab_areas(footprint, floor, obstacles, clearance, slabs_along(scene, SLABS), upper)
         found = path_through_slabs(scene, areas, a, b, seed)
         if found is None:
             keep = [(shadow.core, clearance + shadow.radius) for shadow in obstacles]

@@ -18,8 +18,9 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.planners.driving.footprint import (
+from regionik.planners.driving.footprint_scene import (
     FootprintScene,
+    Outline,
     core_edges,
     footprint_scene,
     side_lines,
@@ -30,6 +31,7 @@ from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.obstacles import Shadow
 
 GUARD = 1e-9  # by which a hull of rotations is larger, a core smaller, against rounding [m]
+BEYOND = 10.0  # that upper outlines are looked at beyond the floor [m]
 PIECE = 0.25  # ranges of headings are cut in pieces no wider than this [rad]
 SIDES = 48  # of the polygons that stand for discs
 MOST_WALLS = 12  # directions of walls that exact headings are taken from, the longest
@@ -105,13 +107,14 @@ def slab_areas(
     obstacles: Sequence[Shadow],
     clearance: float,
     bounds: ArrayLike,
+    upper: Sequence[Outline] = (),
 ) -> tuple[Slab, ...]:
     """Free areas of a footprint while its heading is between two bounds, one for each slab.
 
     Parameters
     ----------
-    footprint, floor, obstacles, clearance
-        As for `footprint_scene`.
+    footprint, floor, obstacles, clearance, upper
+        As for `footprint_scene`; inner areas alone know of ``upper`` outlines.
     bounds : (n, 2) array_like
         Lowest and highest heading of each slab, the same or rising [rad].
 
@@ -124,10 +127,14 @@ def slab_areas(
     [0.057, 0.142]
     """
     scene = convex_scene(footprint, floor, obstacles, clearance)
-    return tuple(
-        Slab(low, high, free_at_all(scene, low, high), free_at_some(scene, low, high))
-        for low, high in frozen(bounds, (None, 2), "slabs").tolist()
-    )
+    others = [outline_scene(one, floor) for one in upper]
+    found = []
+    for low, high in frozen(bounds, (None, 2), "slabs").tolist():
+        inner = free_at_all(scene, low, high)
+        for other in others:
+            inner &= free_at_all(other, low, high)
+        found.append(Slab(low, high, inner, free_at_some(scene, low, high)))
+    return tuple(found)
 
 
 def free_at_all(scene: ConvexScene, low: float, high: float) -> BaseGeometry:
@@ -188,6 +195,13 @@ def convex_scene(
     return ConvexScene(corners, left, tuple(pieces.items()), sides, window)
 
 
+def outline_scene(outline: Outline, floor: BaseGeometry) -> ConvexScene:
+    """Return an upper outline and its surroundings, as far as the floor goes and beyond: no edge binds it."""
+    beyond = BEYOND + 2 * float(np.abs(outline.corners).max())
+    plane = shapely.buffer(floor.envelope, beyond, join_style="mitre")
+    return convex_scene(np.array(outline.corners), plane, outline.shadows, outline.clearance)
+
+
 def _is_convex(core: BaseGeometry) -> bool:
     """True if a part of a shadow is its own hull, as a point is and a bent line is not."""
     hull = shapely.convex_hull(core)
@@ -215,13 +229,21 @@ def slab_rejections(
     obstacles: Sequence[Shadow],
     clearance: float,
     bounds: ArrayLike,
+    upper: Sequence[Outline] = (),
 ) -> tuple[Rejection, ...]:
     """Floor and forbidden pieces, of which each inner area is the difference; see `slab_areas`."""
     scene = convex_scene(footprint, floor, obstacles, clearance)
-    shapes = [
-        rotation_hull(scene.corners, low, high) for low, high in frozen(bounds, (None, 2), "slabs").tolist()
-    ]
-    return tuple(_rejection(scene, shape, inner=True) for shape in shapes)
+    scenes = [scene, *(outline_scene(one, floor) for one in upper)]
+    return tuple(
+        _rejection_by_all(scenes, low, high) for low, high in frozen(bounds, (None, 2), "slabs").tolist()
+    )
+
+
+def _rejection_by_all(scenes: Sequence[ConvexScene], low: float, high: float) -> Rejection:
+    """What no outline of the base may take at some heading of a range."""
+    found = [_rejection(one, rotation_hull(one.corners, low, high), inner=True) for one in scenes]
+    floor = shapely.intersection_all([one.floor for one in found])
+    return Rejection(floor, np.concatenate([one.taken for one in found]))
 
 
 def _positions(scene: ConvexScene, shape: Array, *, inner: bool) -> BaseGeometry:

@@ -9,7 +9,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from regionik.planners.driving.footprint import edges_of
+from regionik.planners.driving.footprint_scene import edges_of
 from regionik.planners.geometry.polygons import FlatPolygon
 from regionik.worlds.arrays import Array
 

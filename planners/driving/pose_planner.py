@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from regionik.planners.driving.arcs import Segment, WheeledPath, arc_end, path_of_motions
-from regionik.planners.driving.footprint import FootprintScene, arc_is_free, fits, slide_is_free
+from regionik.planners.driving.footprint import arc_is_free, fits, slide_is_free
+from regionik.planners.driving.footprint_scene import FootprintScene
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.driving.reeds_shepp import MOTIONS, words_between
 from regionik.planners.driving.sampling import PlanningProblem, connect_poses

@@ -15,7 +15,8 @@ import numpy as np
 from regionik.planners.collision.collision_checking import is_clear
 from regionik.planners.collision.robot_scene import RobotScene
 from regionik.planners.collision.upright_solids import Uprights, signed_distance
-from regionik.planners.driving.footprint import FootprintScene, fits, fits_nowhere_near
+from regionik.planners.driving.footprint import fits, fits_nowhere_near
+from regionik.planners.driving.footprint_scene import FootprintScene
 from regionik.planners.geometry.angles import fit, wrap
 from regionik.planners.geometry.polygons import contains, near_boundary
 from regionik.planners.kernels import compiled

@@ -9,6 +9,7 @@ from scipy.sparse import block_diag, csc_array, eye_array, hstack
 from regionik.worlds.arrays import Array
 
 ACCURACY = 1e-10  # of residuals, after PIQP's own scaling; the least costs are 1e-8
+UNBOUNDED = -1e30  # below this PIQP takes a bound for none, and warns on stderr of a constraint with no other
 
 
 def minimize_quadratic(
@@ -38,6 +39,8 @@ def minimize_quadratic(
     (n,) array or None
         None where the solver does not come to an end, as where nothing meets the constraints.
     """
+    bounded = least > UNBOUNDED
+    rows, least, cost = rows[bounded], least[bounded], cost[bounded]
     solver, (k, n) = piqp.SparseSolver(), rows.shape
     solver.settings.eps_abs = solver.settings.eps_rel = ACCURACY
     solver.setup(
@@ -74,6 +77,7 @@ def least_weighted(
     """
     solver = piqp.DenseSolver()
     solver.settings.eps_abs = solver.settings.eps_rel = ACCURACY
-    most = np.full(len(least), np.inf)
+    bounded = least > UNBOUNDED
+    half_spaces, least, most = half_spaces[bounded], least[bounded], np.full(bounded.sum(), np.inf)
     solver.setup(np.diag(weight), np.zeros(len(weight)), rows, asked, half_spaces, least, most, lower, upper)
     return np.array(solver.result.x) if solver.solve() == piqp.PIQP_SOLVED else None

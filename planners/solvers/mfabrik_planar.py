@@ -62,7 +62,7 @@ class PlanarGoal(NamedTuple):
 def planar_passes(
     links: PlanarLinks, area: BaseArea, goal: PlanarGoal, start: PlanarState, most: int, patience: int
 ) -> tuple[float, int, PlanarState]:
-    """M-FABRIK, Algorithm 1, from one start: error [m], passes and the last state.
+    """M-FABRIK, Algorithm 1, from one start: error [m], passes and the nearest state met in the area.
 
     It ends after ``most`` passes, or ``patience`` of them without progress.
     """
@@ -70,11 +70,12 @@ def planar_passes(
     u, v = direction(start.yaw)
     tool = direction(goal.pitch) if np.isfinite(goal.pitch) else ANY
     knots = knots_at(links, start.bends)
-    ex, ey, ez = x + knots[4] * u - goal.target[0], y + knots[4] * v - goal.target[1], knots[5] - z
-    error = math.sqrt(ex * ex + ey * ey + ez * ez)  # M-FABRIK, Alg. 1 l. 8
-    if error <= goal.tolerance and _may_stay(area, goal, start):
+    error = _distance(goal, x, y, (u, v), knots)  # M-FABRIK, Alg. 1 l. 8
+    stays = _may_stay(area, goal, start)
+    if error <= goal.tolerance and stays:
         return error, 0, start
-    passes, mark = 0, np.inf
+    passes, mark, least = 0, np.inf, error if stays else np.inf
+    near_x, near_y, near_u, near_v, near = x, y, u, v, knots
     u, v, r = _aim(goal, x, y, u, v)
     while passes < most:  # l. 9
         passes += 1
@@ -86,13 +87,23 @@ def planar_passes(
             knots = _shifted(knots, r - before)
         knots = backward_reaching(links, tool, (r, z), knots)  # l. 21
         error = _miss(links, goal, tool, r, knots)  # l. 23
+        if error < least:
+            least, near_x, near_y, near_u, near_v, near = error, x, y, u, v, knots
         if error <= goal.tolerance:
             break
         if passes % patience == patience - 1:
             if error > STALLED * mark:
                 break
             mark = error
-    return error, passes, PlanarState(x, y, math.atan2(v, u), bends_of(links, knots))
+    return least, passes, PlanarState(near_x, near_y, math.atan2(near_v, near_u), bends_of(links, near))
+
+
+@compiled
+def _distance(goal: PlanarGoal, x: float, y: float, plane: Pair, knots: Knots) -> float:
+    """Distance of the tool from the target, the arm axis at a place [m]."""
+    ex, ey = x + knots[4] * plane[0] - goal.target[0], y + knots[4] * plane[1] - goal.target[1]
+    ez = knots[5] - goal.target[2]
+    return math.sqrt(ex * ex + ey * ey + ez * ez)
 
 
 @compiled
@@ -149,9 +160,9 @@ def planar_restarts(
 
     Returns
     -------
-    error [m], passes (all starts together), the answer, or the start where there is none
+    error [m], passes (all starts together), the answer, or the nearest state met where there is none
     """
-    total, error, count = 0, np.inf, len(restarts) + 1
+    total, count, nearest, least = 0, len(restarts) + 1, start, np.inf
     for attempt in range(2 * count):  # once over the starts in a hurry, once to the end
         k, patience = attempt % count, PATIENCE if attempt < count else most + 1
         bends = start.bends if k == 0 else (restarts[k - 1, 0], restarts[k - 1, 1], restarts[k - 1, 2])
@@ -160,13 +171,23 @@ def planar_restarts(
         total += passes
         if error <= goal.tolerance:
             if total > 0:  # to the last digit within the limits
-                a, b, c = found.bends
-                found = PlanarState(found.x, found.y, found.yaw, fitted_bends(arm, a, a + b, a + b + c))
+                found = _fitted(arm, found)
             return error, total, found
+        if error < least:
+            least, nearest = error, found
     widest, found = _widest(arm, links, area, goal, start)
     if np.isfinite(widest):
         return widest, total + 1, found
-    return error, total, start
+    nearest = _fitted(arm, nearest)
+    off = _distance(goal, nearest.x, nearest.y, direction(nearest.yaw), knots_at(links, nearest.bends))
+    return off if off > goal.tolerance else least, total, nearest  # else it is the pitch that is missed
+
+
+@compiled
+def _fitted(arm: PlanarLinkage, state: PlanarState) -> PlanarState:
+    """The state with its bends within the limits, to the last digit."""
+    a, b, c = state.bends
+    return PlanarState(state.x, state.y, state.yaw, fitted_bends(arm, a, a + b, a + b + c))
 
 
 @compiled

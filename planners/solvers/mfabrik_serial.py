@@ -11,19 +11,34 @@ from typing import NamedTuple
 
 import numpy as np
 
+from regionik.planners.geometry.polygons import near_boundary
+from regionik.planners.geometry.vectors import squared
 from regionik.planners.kernels import compiled
 from regionik.planners.solvers.base_placement import BaseArea, move_to_area
-from regionik.planners.solvers.damped_least_squares import Aim
+from regionik.planners.solvers.damped_least_squares import (
+    LEAST_DAMPING,
+    MOST_DAMPING,
+    POSITION,
+    Aim,
+    limited_step,
+    loosen_turns,
+    scale_angles,
+    tool_error,
+)
 from regionik.planners.solvers.fabrikr import Posture, backward_pass, posture_of
 from regionik.planners.solvers.multistart_ik import (
+    MOST_STEPS,
     Effort,
     inward_pass,
     posture_error,
-    solve_ik,
+    stalled,
     tolerance_share,
 )
 from regionik.planners.solvers.rigid_bodies import RigidBodies
+from regionik.planners.solvers.serial_chain import SerialArm, chain_jacobian
 from regionik.worlds.arrays import Array
+
+EDGE = 1e-9  # a base this near to the edge of its area slides along it [m]
 
 
 class ArmStand(NamedTuple):
@@ -39,6 +54,7 @@ class ArmStand(NamedTuple):
 @compiled
 def solve_serial(
     bodies: RigidBodies,
+    sliding: SerialArm,
     stand: ArmStand,
     starts: Array,
     area: BaseArea,
@@ -47,12 +63,17 @@ def solve_serial(
     effort: Effort,
     joints: Array,
 ) -> tuple[float, float, int]:
-    """Move arm axis and arm until the tool meets its aim: passes, restarts, then polishing.
+    """Move arm axis and arm until the tool meets its aim: passes from each start, each end polished.
+
+    Passes that stall leave base and arm to be polished together. They may lead every start into one corner of
+    the limits: last of all, starts are polished as they are.
 
     Parameters
     ----------
     bodies : RigidBodies
         Pointing ones for a position, posing ones for more.
+    sliding : SerialArm
+        The arm of the bodies after two slides without limits, along x and y of its base frame.
     starts : (r, n) array
         Postures to start again from.
     place : (2,) array
@@ -60,32 +81,35 @@ def solve_serial(
     aim : Aim
         In the world.
     joints : (dof,) array
-        Overwritten with the answer.
+        Overwritten with the answer, or with the nearest posture found, as ``place`` is.
 
     Returns
     -------
-    error [m], angle error [rad], passes
+    error [m], angle error [rad], of the answer; passes and steps of polishing in all
     """
-    n, passes = len(bodies.slide), 0
-    first, nearest, trial, best = place.copy(), place.copy(), joints[:n].copy(), np.inf
-    for attempt in range(len(starts) + 1):
-        place[:] = first
-        trial[:] = joints[:n] if attempt == 0 else starts[attempt - 1]
-        posture = posture_of(bodies, trial)
-        error, angle, used = serial_passes(bodies, stand, area, place, aim, effort, posture)
-        passes += used
+    n, count, spent = len(bodies.arm.lower), len(starts) + 1, 0
+    first, answer, at, end = place.copy(), joints[:n].copy(), place.copy(), joints[:n].copy()
+    best, best_error, best_angle = np.inf, np.inf, np.inf
+    for i in range(2 * count if effort.most_passes > 0 else count):
+        at[:], end[:] = first, joints[:n]
+        if i % count > 0:
+            end[:] = starts[i % count - 1]
+        error, angle, used = np.inf, np.inf, 0
+        if i < count and effort.most_passes > 0:
+            error, angle, used = serial_passes(bodies, stand, area, at, aim, effort, end)
+        if tolerance_share(error, angle, effort) > 1.0:
+            error, angle, steps = polish_with_base(sliding, stand, area, at, aim, effort, end)
+            used += steps
+        spent += used
         share = tolerance_share(error, angle, effort)
-        if share <= 1.0:
-            for k in range(n):
-                joints[k] = posture.joints[k]
-            return error, angle, passes
         if share < best:
-            best = share
-            nearest[:] = place
-    place[:] = nearest  # inside the area: the last pass took it there
-    seen = in_arm_frame(place, stand.yaw, stand.rise, aim)
-    error, angle, used, _, _ = solve_ik(bodies, seen, starts, effort, joints)
-    return error, angle, passes + used
+            best, best_error, best_angle = share, error, angle
+            place[:], answer[:] = at, end
+        if share <= 1.0:
+            break
+    for k in range(n):
+        joints[k] = answer[k]
+    return best_error, best_angle, spent
 
 
 @compiled
@@ -96,33 +120,123 @@ def serial_passes(
     place: Array,
     aim: Aim,
     effort: Effort,
-    posture: Posture,
+    joints: Array,
 ) -> tuple[float, float, int]:
-    """M-FABRIK, Algorithm 1, from one posture: misses [m], [rad] and passes; overwrites place and posture."""
+    """M-FABRIK, Algorithm 1, from one posture, until it stalls: misses [m], [rad] and passes.
+
+    Place and ``joints`` (n,) become the nearest that were met with the base in the area.
+    """
     c, s, passes = math.cos(stand.yaw), math.sin(stand.yaw), 0
-    goal, miss = in_arm_frame(place, stand.yaw, stand.rise, aim), np.empty(6)
-    error, angle = posture_error(bodies, goal, posture, miss)  # M-FABRIK, Alg. 1 l. 8
+    goal, miss, now = in_arm_frame(place, stand.yaw, stand.rise, aim), np.empty(6), place.copy()
+    posture, trail = posture_of(bodies, joints), np.empty(effort.most_passes + 1)
+    best_error, best_angle = posture_error(bodies, goal, posture, miss)  # M-FABRIK, Alg. 1 l. 8
     # A base that has become inadmissible must move even where the tool is in place already.
-    if tolerance_share(error, angle, effort) <= 1.0 and move_to_area(area, place[0], place[1]) == (
-        place[0],
-        place[1],
-    ):
-        return error, angle, 0
+    admissible = move_to_area(area, place[0], place[1]) == (place[0], place[1])
+    best = tolerance_share(best_error, best_angle, effort) if admissible else np.inf
+    trail[0] = best
+    if best <= 1.0:
+        return best_error, best_angle, 0
     while passes < effort.most_passes:  # l. 9
         passes += 1
         inward_pass(bodies, goal, posture)  # l. 11
         dx, dy = posture.outer[stand.pivot, 0], posture.outer[stand.pivot, 1]  # l. 13: ProjectPoint
         if stand.pivot == 0:
             dx, dy = dx - bodies.root[0], dy - bodies.root[1]
-        x, y = move_to_area(area, place[0] + c * dx - s * dy, place[1] + s * dx + c * dy)  # l. 15-19
-        by_x, by_y = c * (x - place[0]) + s * (y - place[1]), c * (y - place[1]) - s * (x - place[0])
-        place[0], place[1] = x, y
+        x, y = move_to_area(area, now[0] + c * dx - s * dy, now[1] + s * dx + c * dy)  # l. 15-19
+        by_x, by_y = c * (x - now[0]) + s * (y - now[1]), c * (y - now[1]) - s * (x - now[0])
+        now[0], now[1] = x, y
         _shift(posture, goal, by_x, by_y)
         backward_pass(bodies, posture)  # l. 21
         error, angle = posture_error(bodies, goal, posture, miss)  # l. 23
-        if tolerance_share(error, angle, effort) <= 1.0:
+        share = tolerance_share(error, angle, effort)
+        if share < best:
+            best, best_error, best_angle = share, error, angle
+            place[:], joints[:] = now, posture.joints
+        trail[passes] = best
+        if best <= 1.0 or stalled(trail, passes, False):
             break
-    return error, angle, passes
+    return best_error, best_angle, passes
+
+
+@compiled
+def polish_with_base(
+    sliding: SerialArm,
+    stand: ArmStand,
+    area: BaseArea,
+    place: Array,
+    aim: Aim,
+    effort: Effort,
+    joints: Array,
+) -> tuple[float, float, int]:
+    """Damped least squares on base and joints together: what is left [m], [rad] and steps tried.
+
+    The base slides within its area, along the edge where it stands at that; the pivot turns for both. Place
+    and ``joints`` (n,) are overwritten.
+    """
+    n, rows, reach = len(joints), 3 if aim.kind == POSITION else 6, effort.reach
+    frames, J = np.empty((len(sliding.axis) + 1, 4, 4)), np.empty((6, n + 2))
+    miss, left, q, step = np.empty(6), np.empty(6), np.zeros(n + 2), np.empty(n + 2)
+    place[0], place[1] = move_to_area(area, place[0], place[1])
+    goal, first, trial = in_arm_frame(place, stand.yaw, stand.rise, aim), place.copy(), q.copy()
+    q[2:] = joints
+    weight, damping, moved, tried = 0.5 * reach, 1e-3, True, 0
+    error, angle = tool_error(sliding, goal, q, frames, miss)
+    while tolerance_share(error, angle, effort) > 1.0 and damping <= MOST_DAMPING and tried < MOST_STEPS:
+        tried += 1
+        if moved:  # the frames are those of the joints
+            chain_jacobian(sliding, frames, J)
+            scale_angles(frames[-1], aim.kind, weight, J)
+            loosen_turns(miss, aim.cone, J)
+        for i in range(6):
+            left[i] = miss[i] if i < 3 else weight * miss[i]
+        limited_step(sliding, J, left, rows, damping * reach * reach, q, step)
+        x, y, out_x, out_y = _slid(sliding, stand, area, first, q, step, trial)
+        if out_x * out_x + out_y * out_y > 0.0 and near_boundary(
+            area.vertices, area.rings, place[0], place[1], EDGE
+        ):
+            _hold_along(J, out_x, out_y)
+            limited_step(sliding, J, left, rows, damping * reach * reach, q, step)
+            x, y, _, _ = _slid(sliding, stand, area, first, q, step, trial)
+        new_error, new_angle = tool_error(sliding, goal, trial, frames, left)
+        moved = squared(new_error) + squared(weight * new_angle) < squared(error) + squared(weight * angle)
+        if moved:
+            q[:], miss[:], place[0], place[1] = trial, left, x, y
+            error, angle = new_error, new_angle
+            damping = max(0.2 * damping, LEAST_DAMPING)
+        else:
+            damping *= 8.0
+    joints[:] = q[2:]
+    return error, angle, tried
+
+
+@compiled
+def _slid(
+    sliding: SerialArm, stand: ArmStand, area: BaseArea, first: Array, q: Array, step: Array, trial: Array
+) -> tuple[float, float, float, float]:
+    """Write what a step comes to within area and limits: the place, and the unit vector that was cut off.
+
+    The vector, in the arm's base frame, is zero where the base stays in its area.
+    """
+    for k in range(len(q)):
+        trial[k] = min(max(q[k] + step[k], sliding.lower[k]), sliding.upper[k])
+    c, s = math.cos(stand.yaw), math.sin(stand.yaw)
+    to_x, to_y = first[0] + c * trial[0] - s * trial[1], first[1] + s * trial[0] + c * trial[1]
+    x, y = move_to_area(area, to_x, to_y)
+    if x == to_x and y == to_y:
+        return x, y, 0.0, 0.0
+    trial[0], trial[1] = c * (x - first[0]) + s * (y - first[1]), c * (y - first[1]) - s * (x - first[0])
+    dx, dy = to_x - x, to_y - y
+    off = math.sqrt(dx * dx + dy * dy)
+    return x, y, (c * dx + s * dy) / off, (c * dy - s * dx) / off
+
+
+@compiled
+def _hold_along(J: Array, x: float, y: float) -> None:
+    """Leave of the slides in a Jacobian (6, n + 2) what is at right angles to a unit vector."""
+    for i in range(len(J)):
+        along = x * J[i, 0] + y * J[i, 1]
+        J[i, 0] -= along * x
+        J[i, 1] -= along * y
 
 
 @compiled

@@ -124,14 +124,25 @@ def passes_from(
         trail[used] = best
         if best <= 1.0:
             break
-        if used >= WINDOW + 2:
-            gain = math.log(trail[used - WINDOW] / best)
-            if gain <= 1e-4 or (not to_the_end and gain * PATIENCE < WINDOW * math.log(best)):
-                break
+        if stalled(trail, used, to_the_end):
+            break
         if used < effort.most_passes:
             inward_pass(bodies, aim, posture)
             backward_pass(bodies, posture)
     return best_error, best_angle, used
+
+
+@compiled
+def stalled(trail: Array, used: int, to_the_end: bool) -> bool:
+    """True where passes are to be given up by their `tolerance_share` so far, the least at each: its trail.
+
+    They would need more than `PATIENCE` passes at their present pace, or, where they go on ``to_the_end``,
+    make no progress at all.
+    """
+    if used < WINDOW + 2:
+        return False
+    gain = math.log(trail[used - WINDOW] / trail[used])
+    return gain <= 1e-4 or (not to_the_end and gain * PATIENCE < WINDOW * math.log(trail[used]))
 
 
 @compiled

@@ -210,17 +210,25 @@ def nearest_posture(arm: PlanarLinkage, pitch: float, r: float, z: float, near: 
 
     Pitches within `TILT` of the present one are tried; returns the change, inf for none.
     """
+    if np.isfinite(pitch):
+        return nearest_of(arm, np.full(1, pitch), r, z, near, bends)
+    present, tools = near[0] + near[1] + near[2], np.empty(2 * PITCHES + 1)
+    for k in range(len(tools)):
+        tools[k] = present + TILT * (k - PITCHES) / PITCHES
+    return nearest_of(arm, tools, r, z, near, bends)
+
+
+@compiled
+def nearest_of(arm: PlanarLinkage, pitches: Array, r: float, z: float, near: Array, bends: Array) -> float:
+    """`nearest_posture` among those at given pitches of the last link (n,)."""
     best = np.inf
-    old_a, old_b, old_c = near[0], near[1], near[2]
-    count = 1 if np.isfinite(pitch) else 2 * PITCHES + 1
-    for k in range(count):
-        tool = pitch if np.isfinite(pitch) else old_a + old_b + old_c + TILT * (k - PITCHES) / PITCHES
+    for tool in pitches:
         lead, root, tip, ok = wrist_triangle(arm, r, z, tool)
         for elbow in (-1.0, 1.0):
             first, second = lead + elbow * root, lead - elbow * tip
             if ok and limit_margin(arm, first, second, tool) >= 0.0:
                 a, b, c = fitted_bends(arm, first, second, tool)
-                change = max(abs(a - old_a), abs(b - old_b), abs(c - old_c))
+                change = max(abs(a - near[0]), abs(b - near[1]), abs(c - near[2]))
                 if change < best:
                     best = change
                     bends[0], bends[1], bends[2] = a, b, c
@@ -228,14 +236,13 @@ def nearest_posture(arm: PlanarLinkage, pitch: float, r: float, z: float, near: 
 
 
 @compiled
-def self_motion(arm: PlanarLinkage, pitch: float, r: float, z: float, tries: int, out: Array) -> int:
-    """Postures that reach (r, z), elbow either way, at ``tries`` pitches or the fixed one.
+def self_motion(arm: PlanarLinkage, pitches: Array, r: float, z: float, out: Array) -> int:
+    """Postures that reach (r, z), elbow either way, at pitches of the last link (n,).
 
-    Returns their number; fills bends into ``out`` (2 tries, 3).
+    Returns their number; fills bends into ``out`` (2 n, 3).
     """
     count = 0
-    for k in range(1 if np.isfinite(pitch) else tries):
-        tool = pitch if np.isfinite(pitch) else TWO_PI * k / tries
+    for tool in pitches:
         lead, root, tip, ok = wrist_triangle(arm, r, z, tool)
         for elbow in (-1.0, 1.0):
             first, second = lead + elbow * root, lead - elbow * tip

@@ -14,6 +14,7 @@ import numpy as np
 
 from regionik.planners.geometry.angles import TWO_PI
 from regionik.planners.kernels import compiled
+from regionik.planners.solvers.fabrik import Pair
 from regionik.planners.solvers.planar_kinematics import (
     PlanarLinkage,
     fitted_bends,
@@ -145,18 +146,22 @@ def _at(
 
 @compiled
 def posture_within_thresholds(
-    arm: PlanarLinkage, thresholds: Thresholds, pitch: float, r: float, z: float, near: Array, bends: Array
+    arm: PlanarLinkage, thresholds: Thresholds, pitches: Pair, r: float, z: float, near: Array, bends: Array
 ) -> bool:
     """Fill in bends (3,) of the posture on (r, z) nearest to ``near`` that meets the thresholds by `COMFORT`.
 
-    `PITCHES` of them are looked at, or the one given. Where none will do, pitches ever closer to the best are
-    tried for one that just meets them. False where no posture was found.
+    `PITCHES` of a range are looked at, of the full turn where it is infinite, or the one where both ends are
+    the same. Where none will do, pitches ever closer to the best are tried for one that just meets them. False
+    where no posture was found.
     """
-    count = 1 if np.isfinite(pitch) else PITCHES
+    low, wide = pitches[0], pitches[1] - pitches[0]
+    if not np.isfinite(wide):
+        low, wide = 0.0, TWO_PI
+    count = PITCHES if wide > 0.0 else 1
     tried, best = np.empty(3), np.zeros(2)
     change, most = np.inf, -np.inf
     for k in range(count):
-        tool = pitch if np.isfinite(pitch) else TWO_PI * k / PITCHES
+        tool = low + wide * k / PITCHES
         for elbow in (-1.0, 1.0):
             room = _at(arm, thresholds, r, z, tool, elbow, tried)
             if room > most:
@@ -167,11 +172,12 @@ def posture_within_thresholds(
                 bends[:] = tried
     if change < np.inf:
         return True
-    width = 0.0 if np.isfinite(pitch) else TWO_PI / PITCHES
+    width = wide / PITCHES
     for _ in range(REFINEMENTS):
         for side in (-0.5, 0.5):
-            room = _at(arm, thresholds, r, z, best[0] + side * width, best[1], tried)
+            tool = min(max(best[0] + side * width, pitches[0]), pitches[1])
+            room = _at(arm, thresholds, r, z, tool, best[1], tried)
             if room > most:
-                most, best[0] = room, best[0] + side * width
+                most, best[0] = room, tool
         width *= 0.7
     return _at(arm, thresholds, r, z, best[0], best[1], bends) > SPARE

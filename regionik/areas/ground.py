@@ -1,36 +1,33 @@
-"""Free floor of the arm axis: the floor less the shadows of solids, grown by footprint and clearance.
+"""Free floor of the arm axis: the floor less the shadows of solids, grown by the base and its clearance.
 
-All areas are sets of arm-axis positions. A footprint keeps its clearance at every heading where the axis
-keeps ``clearance`` plus the footprint's largest distance from the axis, and at none where it does not keep
-``clearance`` plus the smallest. The first gives inner areas, the second outer ones.
+All areas are sets of arm-axis positions. An outline of the base (`regionik.areas.layers`) keeps its clearance
+at every heading where the axis keeps ``clearance`` plus the outline's largest distance from the axis, and at
+none where it does not keep ``clearance`` plus the smallest. The first gives inner areas, the second outer
+ones.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 from shapely import STRtree
-from shapely.geometry import MultiPoint, MultiPolygon, Point, Polygon
+from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
+from regionik.areas.layers import GUARD, LARGE, Geometries, Layer, all_taken, footprint_layer, upper_layers
+from regionik.planners.driving.footprint_scene import Outline
 from regionik.planners.geometry.offsets import grown, shrunk
-from regionik.worlds.obstacles import Shadow, Solid
+from regionik.worlds.arrays import Array
+from regionik.worlds.obstacles import Shadow
 from regionik.worlds.scene import World
 
 GRID = 1e-11  # of corners where a union fails without one, far below the guard [m]
-ON_AXIS = 1e-9  # distance at which a footprint is as good as on the arm axis [m]
-GUARD = 1e-6  # margin of inner areas at every bound, against rounding [m]
-
-FEW = 12  # vertices, up to which a shadow is left whole where the ground is cut
-LARGE = 400  # vertices, from which on a shape is cut to what is looked at before it is worked on
-
+ROUND = 0.01  # an outline whose distances from the arm axis differ less gains nothing by slabs [m]
 EVERY = (-np.inf, np.inf)  # heading of the base
-
-Geometries = NDArray[np.object_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,8 +49,9 @@ class Side:
 
     @cached_property
     def pieces(self) -> Geometries:
-        """Connected pieces of the free floor."""
+        """Connected pieces of the free floor; none where it is empty."""
         pieces: Geometries = shapely.get_parts(self.free)
+        pieces = pieces[~shapely.is_empty(pieces)]  # the parts of an empty polygon are itself
         shapely.prepare(pieces)
         return pieces
 
@@ -87,19 +85,47 @@ class Side:
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """Floor of a world and shadows of its solids, and what they leave of it."""
+    """Floor of a world and layers of its base, and what they leave of it."""
 
     floor: Polygon | MultiPolygon
-    names: tuple[str, ...]
-    shadows: tuple[Shadow, ...]
-    clearance: float  # [m]
-    far: float  # largest distance of the footprint's edge from the arm axis [m]
-    near: float  # smallest one, below zero for an axis beside the footprint [m]
+    base: Layer  # of the footprint
+    around: tuple[Layer, ...] = ()  # of what stands above it, from outside
+    inside: tuple[Layer, ...] = ()  # from within
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the solids that the footprint could hit."""
+        return self.base.names
+
+    @property
+    def shadows(self) -> tuple[Shadow, ...]:
+        """Shadows of these solids."""
+        return self.base.shadows
+
+    @property
+    def clearance(self) -> float:
+        """That the footprint keeps from each shadow [m]."""
+        return self.base.clearance
+
+    @property
+    def far(self) -> float:
+        """Largest distance of the footprint's edge from the arm axis [m]."""
+        return self.base.far
+
+    @property
+    def near(self) -> float:
+        """Smallest distance of its edge from the arm axis, below zero for an axis beside it [m]."""
+        return self.base.near
+
+    @property
+    def is_round(self) -> bool:
+        """True where headings make next to no difference to what the base could hit."""
+        return all(layer.far - layer.near < ROUND for layer in (self.base, *self.around))
 
     @cached_property
     def inner(self) -> Side:
         floor = shrunk(self.floor, self.far + GUARD, outside=False)
-        return Side(floor, self._taken(self.clearance + GUARD + self.far, inner=True))
+        return Side(floor, all_taken((self.base, *self.around), inner=True))
 
     @cached_property
     def outer(self) -> Side:
@@ -107,51 +133,39 @@ class Ground:
             floor = grown(self.floor, -self.near, outside=True)
         else:
             floor = shrunk(self.floor, self.near, outside=True)
-        return Side(floor, self._taken(self.clearance + self.near, inner=False))
-
-    def _taken(self, by: float, *, inner: bool) -> Geometries:
-        """Shadows grown by clearance and footprint: circumscribed for inner areas, else inscribed."""
-        return disjoint(np.array([grow(shadow, by, inner) for shadow in self.shadows], dtype=object))
+        return Side(floor, all_taken((self.base, *self.inside), inner=False))
 
     def cut_to(self, region: BaseGeometry) -> Ground:
-        """The ground cut to what matters to a footprint within a region: floor and shadows."""
-        shadows, names = [], []
-        for k in self.within(region, self.clearance):
-            by = self.clearance + self.shadows[k].radius + GUARD
-            core = self.shadows[k].core
-            if shapely.get_num_coordinates(core) > FEW:
-                core = shapely.intersection(core, shapely.buffer(region, by, join_style="mitre"))
-            if not core.is_empty:
-                shadows.append(replace(self.shadows[k], core=core))
-                names.append(self.names[k])
+        """The ground cut to what matters to a base within a region: floor and shadows."""
         parts = shapely.get_parts(shapely.intersection(self.floor, region))
         floor = MultiPolygon([part for part in parts if part.area > 0])
-        return replace(self, floor=floor, names=tuple(names), shadows=tuple(shadows))
+        around, inside = (
+            tuple(cut for layer in layers if (cut := layer.cut_to(region)).names)
+            for layers in (self.around, self.inside)
+        )
+        return Ground(floor, self.base.cut_to(region), around, inside)
 
-    def grown_about(self, shape: BaseGeometry, clearance: float) -> list[tuple[str, BaseGeometry]]:
-        """Shadows that reject some of an inner area at a clearance: names, and what of them is about it."""
-        by = clearance + self.far + GUARD
-        x0, y0, x1, y1 = shape.bounds
-        found = []
-        for k in self.within(shape, by):
-            shadow = self.shadows[k]
-            if shapely.get_num_coordinates(shadow.core) > LARGE:
-                wide = 2 * (by + shadow.radius) + GUARD
-                around = shapely.box(x0 - wide, y0 - wide, x1 + wide, y1 + wide)
-                shadow = replace(shadow, core=shapely.intersection(shadow.core, around))
-            found.append((self.names[k], grow(shadow, by, inner=True)))
-        return found
+    def rejections(self, shape: BaseGeometry, clearance: float) -> list[tuple[str, str, BaseGeometry]]:
+        """What rejects some of an inner area at a clearance: solid, part of the robot, and where."""
+        keep = {self.base: clearance, **{layer: layer.clearance for layer in self.around}}
+        return [
+            (name, layer.part, taken)
+            for layer, distance in keep.items()
+            for name, taken in layer.grown_about(shape, distance)
+        ]
 
-    @cached_property
-    def cores(self) -> STRtree:
-        """Tree over the shadows' cores."""
-        return STRtree([shadow.core for shadow in self.shadows])
+    def surely_taken(self, name: str) -> tuple[tuple[Shadow, float], ...]:
+        """Return a solid's shadows, and how far to grow each for what it rejects at every heading [m]."""
+        return tuple(
+            (shadow, layer.clearance + layer.near)
+            for layer in (self.base, *self.inside)
+            for one, shadow in zip(layer.names, layer.shadows, strict=True)
+            if one == name
+        )
 
-    def within(self, shape: BaseGeometry, by: float) -> list[int]:
-        """Shadows that may meet a shape once grown by ``by`` [m], in order."""
-        widest = max((shadow.radius for shadow in self.shadows), default=0.0)
-        found = self.cores.query(shape, predicate="dwithin", distance=(by + widest) * 1.01)
-        return np.sort(found).tolist()
+    def upper(self, offset: Array, guard: float = GUARD) -> list[Outline]:
+        """Outlines above the footprint about another point, (2,) from there to the arm axis [m]."""
+        return [layer.moved(offset, guard) for layer in self.around]
 
     def nearest(self, shape: BaseGeometry) -> tuple[str, float] | None:
         """Name and distance of the shadow nearest to a shape on the floor."""
@@ -162,39 +176,12 @@ class Ground:
         return self.names[k], gaps[k]
 
 
-@lru_cache(maxsize=4096)
-def shadow_of(solid: Solid, below: float) -> Shadow | None:
-    """Shadow of a solid on the floor; cached."""
-    return solid.shadow(below)
-
-
-@lru_cache(maxsize=4096)
-def grow(shadow: Shadow, by: float, inner: bool) -> BaseGeometry:
-    """A shadow grown by a disc, as a polygon around it (``inner``) or within it; shrunk where less than 0."""
-    far = shadow.radius + by
-    return grown(shadow.core, far, outside=inner) if far >= 0 else shrunk(shadow.core, -far, outside=inner)
-
-
 @lru_cache(maxsize=8)
 def ground_of(world: World) -> Ground:
     """Ground of a world; cached."""
-    robot = world.robot
-    found = [(solid.name, shadow_of(solid, robot.body_height)) for solid in world.solids]
-    met = [(name, shadow) for name, shadow in found if shadow is not None]
-    corners = robot.footprint - robot.mount[:2]
-    far = float(np.hypot(corners[:, 0], corners[:, 1]).max())
-    outline, axis = MultiPoint(corners).convex_hull, Point(0, 0)
-    within = len(corners) > 2 and outline.contains(axis)
-    off = float(outline.distance(axis))
-    near = float(outline.boundary.distance(axis)) if within else -off if off > ON_AXIS else 0.0
-    return Ground(
-        floor=world.drivable_floor,
-        names=tuple(name for name, _ in met),
-        shadows=tuple(shadow for _, shadow in met),
-        clearance=world.base_clearance,
-        far=far,
-        near=near,
-    )
+    base = footprint_layer(world)
+    around, inside = (upper_layers(world, base, inside=inside) for inside in (False, True))
+    return Ground(world.drivable_floor, base, around, inside)
 
 
 def united(shapes: Geometries) -> BaseGeometry:
@@ -206,10 +193,3 @@ def united(shapes: Geometries) -> BaseGeometry:
         return shapely.union_all(shapes)
     except shapely.GEOSException:  # slivers where many edges nearly meet
         return shapely.union_all(shapes, grid_size=GRID)
-
-
-def disjoint(shapes: Geometries) -> Geometries:
-    """Union as disjoint polygons."""
-    parts: Geometries = shapely.get_parts(shapely.disjoint_subset_union_all(shapes))
-    real: Geometries = parts[shapely.area(parts) > 0]
-    return real

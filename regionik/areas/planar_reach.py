@@ -13,8 +13,10 @@ from functools import cached_property, lru_cache
 from typing import ClassVar
 
 import numpy as np
+import shapely
 
-from regionik.areas.ground import GUARD
+from regionik.areas.ground import united
+from regionik.areas.layers import GUARD, Geometries
 from regionik.areas.reach_model import (
     FineRows,
     Index,
@@ -26,11 +28,11 @@ from regionik.areas.reach_model import (
     wide_enough,
 )
 from regionik.planners.reach.criteria_paving import distances_within_thresholds
-from regionik.planners.reach.rings import FREE, reach_intervals, reach_spans
+from regionik.planners.reach.rings import FREE, reach_spans
 from regionik.planners.solvers.planar_kinematics import PlanarLinkage
 from regionik.planners.solvers.posture_criteria import Thresholds, posture_margin, thresholds_of
 from regionik.postures.arm import Arm
-from regionik.postures.families import BACK, FRONT, Family, families_of
+from regionik.postures.families import BACK, FRONT, Band, Family, families_of
 from regionik.postures.planar_solver import PlanarSolver
 from regionik.worlds.arms import PlanarArm
 from regionik.worlds.arrays import Array
@@ -69,29 +71,49 @@ class PlanarReach(ReachModel):
         for i, target in enumerate(targets):
             alike.setdefault(self.families(target, query.facings, inner=query.inner), []).append(i)
         found: list[Family] = []
-        parts = [np.empty((0, 4))]
+        which, shapes = [np.empty(0, dtype=np.intp)], [np.empty(0, dtype=object)]
         for kinds, members in alike.items():
-            for pitches in sorted({family.pitches for family in kinds}):
-                owner, spans = self.intervals(
-                    query.rules.criteria, positions[members, 2], pitches, query.facings, inner=query.inner
-                )
-                for family in (one for one in kinds if one.pitches == pitches):
-                    parts.append(_ahead(np.array(members)[owner], len(found), family, spans, query))
-                    found.append(family)
-        table = np.concatenate(parts)
-        table = table[np.argsort(table[:, 0], kind="stable")]
-        arcs = [self._arcs(family, query) for family in found]
-        which, kind, rings = _sectors(positions[:, :2], found, table, arcs)
-        return which, tuple(found[k] for k in kind.tolist()), sector_polygons(rings, query)
+            heights, level = np.unique(positions[members, 2], return_inverse=True)
+            for family in sorted(kinds, key=lambda kind: kind.bands[0].pitches):
+                owner, rings = self._rings(family, heights, query, query.rules.criteria)
+                row, member = _spread(owner, level, len(heights))
+                which.append(np.array(members, dtype=np.intp)[member])
+                shapes.append(rings[row])
+                found += [family] * len(row)
+        target, places = np.concatenate(which), np.concatenate(shapes)
+        order = np.argsort(target, kind="stable")
+        target, kind = target[order], tuple(found[k] for k in order.tolist())
+        return target, kind, _moved(places[order], positions[target, :2])
 
     def fine_rows(self, target: Target, kinds: Sequence[Family], query: ReachQuery) -> FineRows:
-        parts = [np.empty((0, 4))]
-        for k, family in enumerate(kinds):
-            spans = reach_intervals(self.arm, self._shoulder, target.position[2:], family.pitches)[0]
-            parts.append(_ahead(np.zeros(len(spans)), k, family, spans, query))
-        turns = [[arc for arc in self._arcs(one, query) if arc[1] > 0] for one in kinds]
-        _, kind, rings = _sectors(target.position[None, :2], kinds, np.concatenate(parts), turns)
-        return tuple(kinds[k] for k in kind.tolist()), sector_polygons(rings, query)
+        found = [self._rings(family, target.position[2:], query, None)[1] for family in kinds]
+        shapes = np.concatenate([np.empty(0, dtype=object), *found])
+        counts = map(len, found)
+        families = tuple(one for one, count in zip(kinds, counts, strict=True) for _ in range(count))
+        return families, _moved(shapes, np.tile(target.position[:2], (len(shapes), 1)))
+
+    def _rings(
+        self, family: Family, heights: Array, query: ReachQuery, criteria: Criteria | None
+    ) -> tuple[Index, Geometries]:
+        """Reach of targets above the floor's origin at heights (n,): height, ascending, and shape of each row.
+
+        There is a row for each interval of distance and sector, or for each connected part where a family has
+        several bands.
+        """
+        parts = [np.empty((0, 5))]
+        for band in family.bands:
+            owner, spans = self.intervals(
+                criteria, heights, band.pitches, (family.facing,), inner=query.inner
+            )
+            rows = _ahead(owner, family.facing, spans, query)
+            arcs = np.array(self._arcs(band, query)).reshape(-1, 2)
+            both = np.repeat(rows, len(arcs), axis=0), np.tile(arcs, (len(rows), 1))
+            parts.append(np.concatenate(both, axis=1))
+        table = np.concatenate(parts)
+        owner, behind = table[:, 0].astype(np.intp), np.pi if family.facing == FRONT else 0.0
+        sectors = Sectors(np.zeros((len(table), 2)), *table[:, 1:3].T, table[:, 3] + behind, table[:, 4])
+        shapes = sector_polygons(sectors, query)
+        return (owner, shapes) if len(family.bands) == 1 else _joined(owner, shapes, len(heights))
 
     def intervals(
         self,
@@ -152,9 +174,9 @@ class PlanarReach(ReachModel):
             return False
         return asked is None or bool(posture_margin(self.plane, asked[0], self.arm.bends(joints)) >= 0.0)
 
-    def _arcs(self, family: Family, query: ReachQuery) -> list[Arc]:
-        """Directions the plane may take: the family's own, cut to what base and pivot turn to."""
-        own, span, (low, high) = (family.azimuth, family.half), query.span, self.pivot(query.rules)
+    def _arcs(self, band: Band, query: ReachQuery) -> list[Arc]:
+        """Directions the plane may take: the band's own, cut to what base and pivot turn to."""
+        own, span, (low, high) = (band.azimuth, band.half), query.span, self.pivot(query.rules)
         half = (span[1] - span[0] + high - low) / 2
         if not half < np.pi:
             return [own]
@@ -189,32 +211,38 @@ def _split(spans: Array) -> Array:
     return both[np.argsort(both[:, 0], kind="stable")]
 
 
-def _ahead(owner: Array | Index, k: int, family: Family, spans: Array, query: ReachQuery) -> Array:
-    """Rows of owner, number k, low and high of what a family reaches of signed distances (m, 2)."""
+def _ahead(owner: Index, facing: int, spans: Array, query: ReachQuery) -> Array:
+    """Rows of owner, low and high of what is in reach, ahead or behind, of signed distances (m, 2)."""
     low, high = spans.T
     front = low >= 0
     a, b = np.where(front, low, -high), np.where(front, high, -low)
-    rows = np.column_stack([owner, np.full(len(owner), k), a, b])
-    return rows[((low + high) * family.facing > 0) & wide_enough(a, b, query)]
+    return np.column_stack([owner, a, b])[((low + high) * facing > 0) & wide_enough(a, b, query)]
 
 
-def _sectors(
-    centers: Array, kinds: Sequence[Family], table: Array, arcs: Sequence[Sequence[Arc]]
-) -> tuple[Index, Index, Sectors]:
-    """Rings cut to the directions of their families: target and family of each sector, and the sectors.
+def _joined(owner: Index, shapes: Geometries, count: int) -> tuple[Index, Geometries]:
+    """Connected parts of the union of shapes (m,) that have the same owner, and the owner of each."""
+    order = np.argsort(owner, kind="stable")
+    bounds = np.searchsorted(owner[order], np.arange(count + 1))
+    real = np.flatnonzero(np.diff(bounds))
+    unions = np.array([united(shapes[order[bounds[k] : bounds[k + 1]]]) for k in real], dtype=object)
+    parts, row = shapely.get_parts(unions, return_index=True)
+    some = shapely.area(parts) > 0
+    return real[row[some]], parts[some]
 
-    Targets are at ``centers`` (n, 2) [m]; the table (m, 4) has rows of target, family, low and high; ``arcs``
-    are the directions that the plane may take, of each family.
-    """
-    which, kind = table[:, :2].astype(np.intp).T
-    counts = np.array([len(several) for several in arcs], dtype=np.intp)
-    times = counts[kind]
-    row = np.repeat(np.arange(len(kind)), times)
-    arc = (np.cumsum(counts) - counts)[kind[row]] + np.arange(len(row)) - (np.cumsum(times) - times)[row]
-    which, kind = which[row], kind[row]
-    middle, half = np.array([one for several in arcs for one in several]).reshape(-1, 2)[arc].T
-    behind = np.array([np.pi if family.facing == FRONT else 0.0 for family in kinds])
-    return which, kind, Sectors(centers[which], table[row, 2], table[row, 3], middle + behind[kind], half)
+
+def _spread(owner: Index, level: Index, count: int) -> tuple[Index, Index]:
+    """Rows of each of several targets, and the target: those with the target's level for an owner, ascending."""
+    first = np.searchsorted(owner, np.arange(count + 1))
+    times = np.diff(first)[level]
+    member = np.repeat(np.arange(len(level)), times)
+    return np.repeat(first[level] - np.cumsum(times) + times, times) + np.arange(len(member)), member
+
+
+def _moved(shapes: Geometries, by: Array) -> Geometries:
+    """Shapes (m,) moved over the floor, (m, 2) [m]."""
+    steps = np.repeat(by, shapely.get_num_coordinates(shapes), axis=0)
+    moved: Geometries = shapely.transform(shapes, lambda at: at + steps)
+    return moved
 
 
 def _common_arcs(a: Arc, b: Arc) -> list[Arc]:

@@ -11,7 +11,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from regionik.areas.ground import EVERY, GUARD, Geometries
+from regionik.areas.ground import EVERY
+from regionik.areas.layers import GUARD, Geometries
 from regionik.planners.solvers.planar_kinematics import LIMIT_SLACK
 from regionik.postures.arm import Arm
 from regionik.postures.families import BACK, FRONT, Family

@@ -10,7 +10,9 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import EVERY, GUARD, Geometries, united
+from regionik.areas.ground import EVERY, united
+from regionik.areas.layers import GUARD, Geometries
+from regionik.areas.lifted import lifted_rejection, lifts_matter
 from regionik.areas.planar_reach import PlanarReach
 from regionik.areas.reach_model import (
     FineRows,
@@ -113,7 +115,10 @@ def reach_rows(
 
 
 def rows_of(world: World, targets: Sequence[Target], query: ReachQuery) -> Rows:
-    """`reach_rows` as a query asks for them, whatever place an execution puts the arm axis off."""
+    """`reach_rows` as a query asks for them, whatever place an execution puts the arm axis off.
+
+    Places from which a lift would bring its load too near to something are none.
+    """
     alike: dict[ReachModel, list[int]] = {}
     for i, target in enumerate(targets):
         alike.setdefault(model_of(world, target), []).append(i)
@@ -124,7 +129,13 @@ def rows_of(world: World, targets: Sequence[Target], query: ReachQuery) -> Rows:
         which = np.concatenate([which, np.array(members, dtype=np.intp)[rows[0]]])
         kinds, shapes = kinds + rows[1], np.concatenate([shapes, rows[2]])
     order = np.argsort(which, kind="stable")
-    return which[order], tuple(kinds[k] for k in order), shapes[order]
+    which, shapes = which[order], shapes[order]
+    if lifts_matter(world):
+        heights = np.array([target.position[2] for target in targets])[which]
+        for z in np.unique(heights).tolist():
+            taken = lifted_rejection(world, z, query.span, inner=query.inner)
+            shapes[heights == z] = shapely.difference(shapes[heights == z], taken)
+    return which, tuple(kinds[k] for k in order), shapes
 
 
 def fine_reach(

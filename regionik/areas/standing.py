@@ -19,22 +19,26 @@ from scipy.sparse.csgraph import connected_components
 from shapely.geometry import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import EVERY, GUARD, Geometries, Side, disjoint, ground_of
-from regionik.planners.driving.footprint import FootprintScene, fits, footprint_scene
-from regionik.planners.driving.heading_slabs import slab_areas, slab_rejections, slabs_along
+from regionik.areas.ground import EVERY, Side, ground_of
+from regionik.areas.layers import GUARD, Geometries, Layer, disjoint
+from regionik.planners.driving.footprint import fits
+from regionik.planners.driving.footprint_scene import FootprintScene, footprint_scene
+from regionik.planners.driving.heading_slabs import (
+    free_at_some,
+    outline_scene,
+    slab_areas,
+    slab_rejections,
+    slabs_along,
+)
 from regionik.planners.geometry.offsets import grown
 from regionik.postures.families import Family
 from regionik.worlds.arrays import Array
-from regionik.worlds.obstacles import Shadow
 from regionik.worlds.scene import World
 
 SLABS = 24  # of equal width in a full turn
 WALLS = 4  # longest directions of walls: slabs end where a side of the footprint is along one
-ROUND = 0.01  # a footprint whose distances from the arm axis differ less gains nothing by slabs [m]
 LEAST_AREA = 1e-8  # smaller areas are none, and areas that share less do not overlap [m2]
 
-Corners = tuple[tuple[float, float], ...]
-Shadows = tuple[Shadow, ...]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
@@ -65,7 +69,10 @@ class PathAreas:
 
 @dataclass(frozen=True, eq=False)
 class Standing:
-    """Free floor of the base: one side for every heading, or one a slab, round the full turn."""
+    """Free floor of the base: one side for every heading, or one a slab round the full turn, or both.
+
+    Of both, the side for every heading comes first.
+    """
 
     sides: tuple[Side, ...]
 
@@ -94,9 +101,9 @@ class Standing:
 
     def beside(self, a: Index, b: Index) -> Mask:
         """Mask of the pairs of sides that are the same, or neighbours in heading."""
-        apart = np.abs(a - b)
-        near: Mask = (apart <= 1) | (apart == len(self.sides) - 1)
-        return near
+        every, apart = int(self.sides[0].span == EVERY), np.abs(a - b)
+        near: Mask = (apart <= 1) | (apart == len(self.sides) - every - 1)
+        return near | (np.minimum(a, b) < every)
 
     def piece_at(self, axis: Array, yaw: float) -> int | None:
         """Return the label of the piece nearest to a pose; None where there is no floor at all."""
@@ -126,10 +133,12 @@ def into_span(yaw: float, span: tuple[float, float]) -> float:
 
 def into_spans(yaw: Array, low: float | Array, high: float | Array) -> Array:
     """Headings (n,) each as `into_span` has it, within one span or within n of them [rad]."""
+    every = np.subtract(high, low) >= 2 * np.pi
+    low, high = np.where(every, -np.pi, low), np.where(every, np.pi, high)  # `EVERY` has no middle
     middle, half = (low + high) / 2, (high - low) / 2
     off = np.remainder(yaw - middle + np.pi, 2 * np.pi) - np.pi
     over: Array = off - np.clip(off, -half, half)
-    return np.where(half >= np.pi, yaw, yaw - over)
+    return np.where(every, yaw, yaw - over)
 
 
 def component_labels(count: int, pairs: Index) -> Index:
@@ -144,8 +153,10 @@ def component_labels(count: int, pairs: Index) -> Index:
 def anywhere(world: World) -> Standing:
     """Free floor as one side: for every heading, or for the one that the rules fix."""
     ground = ground_of(world)
-    if world.rules.heading == "fixed" and not _round(world):
-        return Standing(_slab_sides(*_kept_by(world), np.array([span_of_rules(world)])))
+    if world.rules.heading == "fixed" and not ground.is_round:
+        return Standing(
+            _slab_sides(ground.floor, ground.base, ground.around, np.array([span_of_rules(world)]))
+        )
     return Standing((Side(ground.inner.floor, ground.inner.parts, span_of_rules(world)),))
 
 
@@ -154,12 +165,25 @@ def by_heading(world: World) -> Standing:
     """Free floor with one side a slab of headings; `anywhere` where slabs make no difference."""
     if not turns_matter(world):
         return anywhere(world)
-    return _inner_slabs(*_kept_by(world))
+    ground = ground_of(world)
+    return _inner_slabs(ground.floor, ground.base, ground.around)
+
+
+@lru_cache(maxsize=8)
+def turning(world: World) -> Standing:
+    """Free floor with a side for every heading and one a slab; `anywhere` where slabs make no difference.
+
+    Within a slab an arm without a pivot reaches next to nothing: it works where the base turns as it likes,
+    and the base drives by slabs from one such place to the next.
+    """
+    if not turns_matter(world):
+        return anywhere(world)
+    return Standing((*anywhere(world).sides, *by_heading(world).sides))
 
 
 def turns_matter(world: World) -> bool:
     """True where the free floor depends on the heading."""
-    return world.rules.heading != "fixed" and not _round(world)
+    return world.rules.heading != "fixed" and not ground_of(world).is_round
 
 
 def span_of_rules(world: World) -> tuple[float, float]:
@@ -176,64 +200,66 @@ def outer_by_heading(world: World) -> Standing:
     ground = ground_of(world)
     if not turns_matter(world):
         return Standing((Side(ground.outer.floor, ground.outer.parts, span_of_rules(world)),))
-    return _outer_slabs(*_kept_by(world))
+    return _outer_slabs(ground.floor, ground.base, ground.inside)
 
 
 @lru_cache(maxsize=8)
 def room_for(world: World) -> FootprintScene:
-    """Footprint in the base frame and all it must keep clear of, with a guard against rounding."""
+    """Outlines of the base in its frame and all they must keep clear of, with a guard against rounding."""
+    return _scene(world, world.robot.footprint)
+
+
+def _scene(world: World, footprint: Array) -> FootprintScene:
     ground = ground_of(world)
-    return footprint_scene(world.robot.footprint, ground.floor, ground.shadows, ground.clearance + GUARD)
+    upper = ground.upper(world.robot.mount[:2])
+    return footprint_scene(footprint, ground.floor, ground.shadows, ground.clearance + GUARD, upper)
 
 
 def stands_about(world: World, base: Array, by: float) -> bool:
     """True if the base may stand, at its heading, at all places within a distance of a pose (3,) [m]."""
-    ground, outline = ground_of(world), world.robot.footprint
+    outline = world.robot.footprint
     if by > 0:  # of a point, too
         whole = grown(shapely.convex_hull(shapely.multipoints(outline)), by, outside=True)
         outline = shapely.get_coordinates(shapely.convex_hull(whole).exterior)[:-1]
-    scene = footprint_scene(outline, ground.floor, ground.shadows, ground.clearance + GUARD)
-    return bool(fits(scene, *base.tolist()))
+    scene = _scene(world, outline)
+    upper = scene.upper._replace(clearance=scene.upper.clearance + by)
+    return bool(fits(scene._replace(upper=upper), *base.tolist()))
 
 
 @lru_cache(maxsize=8)
-def _inner_slabs(outline: Corners, floor: Polygon, shadows: Shadows, clearance: float) -> Standing:
+def _inner_slabs(floor: Polygon, base: Layer, around: tuple[Layer, ...]) -> Standing:
     """Cached by its inputs: worlds that differ in task or height of the mount share it."""
-    bounds = _bounds(outline, floor, shadows, clearance)
-    return Standing(_slab_sides(outline, floor, shadows, clearance, bounds))
+    return Standing(_slab_sides(floor, base, around, _bounds(floor, base, around)))
 
 
 @lru_cache(maxsize=8)
-def _outer_slabs(outline: Corners, floor: Polygon, shadows: Shadows, clearance: float) -> Standing:
-    bounds = _bounds(outline, floor, shadows, clearance)
-    areas = slab_areas(np.array(outline), floor, shadows, clearance, bounds)
+def _outer_slabs(floor: Polygon, base: Layer, inside: tuple[Layer, ...]) -> Standing:
+    bounds = _bounds(floor, base, inside)
+    areas = slab_areas(np.array(base.outline.corners), floor, base.shadows, base.clearance, bounds)
     none = np.empty(0, dtype=object)
-    return Standing(tuple(Side(area.outer, none, (area.low, area.high)) for area in areas))
+    scenes = [outline_scene(layer.outline, floor) for layer in inside]
+    sides = []
+    for area in areas:
+        free = area.outer
+        for scene in scenes:
+            free &= free_at_some(scene, area.low, area.high)
+        sides.append(Side(free, none, (area.low, area.high)))
+    return Standing(tuple(sides))
 
 
-def _slab_sides(
-    outline: Corners, floor: Polygon, shadows: Shadows, clearance: float, bounds: Array
-) -> tuple[Side, ...]:
-    found = slab_rejections(np.array(outline), floor, shadows, clearance + GUARD, bounds)
+def _slab_sides(floor: Polygon, base: Layer, around: tuple[Layer, ...], bounds: Array) -> tuple[Side, ...]:
+    upper = [layer.moved(np.zeros(2), GUARD) for layer in around]
+    corners, keep = np.array(base.outline.corners), base.clearance + GUARD
+    found = slab_rejections(corners, floor, base.shadows, keep, bounds, upper)
     spans = [(low, high) for low, high in bounds.tolist()]
     return tuple(Side(one.floor, disjoint(one.taken), span) for one, span in zip(found, spans, strict=True))
 
 
-def _bounds(outline: Corners, floor: Polygon, shadows: Shadows, clearance: float) -> Array:
-    """Headings of the slabs, those with a side of the footprint along a wall among them."""
-    return slabs_along(footprint_scene(np.array(outline), floor, shadows, clearance), SLABS, WALLS)
-
-
-def _kept_by(world: World) -> tuple[Corners, Polygon, Shadows, float]:
-    """Inputs of the slabs; the footprint relative to the arm axis, in the base's directions."""
-    ground = ground_of(world)
-    outline = world.robot.footprint - world.robot.mount[:2]
-    return tuple(map(tuple, outline.tolist())), ground.floor, ground.shadows, ground.clearance
-
-
-def _round(world: World) -> bool:
-    ground = ground_of(world)
-    return ground.far - ground.near < ROUND
+def _bounds(floor: Polygon, base: Layer, upper: tuple[Layer, ...]) -> Array:
+    """Headings of the slabs, those with a side of an outline along a wall among them."""
+    corners = np.array(base.outline.corners)
+    scene = footprint_scene(corners, floor, base.shadows, base.clearance, [layer.outline for layer in upper])
+    return slabs_along(scene, SLABS, WALLS)
 
 
 def spread(area: BaseGeometry, count: int, seed: int) -> Array:

@@ -93,6 +93,13 @@ def print_json(document: Mapping[str, Any]) -> None:
     print(flush=True)
 
 
+def file_names(paths: Iterable[Path | str]) -> list[str]:
+    """Return the names of files as text, which a JSON document can hold."""
+    from regionik.worlds.readers.text import name_as_text
+
+    return [name_as_text(str(path)) for path in paths]
+
+
 def check_output(
     path: Path | None, suffixes: Iterable[str] = (), reads: Iterable[Path | str | None] = ()
 ) -> None:
@@ -307,7 +314,6 @@ def report_document(report: Report, plan: Plan) -> dict[str, Any]:
 
 def plan_summary(plan: Plan, seconds: float, written: Iterable[Path]) -> str:
     """Return a few lines on a plan, for people."""
-    from regionik.storage.plan_document import keeps_areas
     from regionik.view.picture import count_noun
 
     length = plan.world.robot.drive.travel(plan.motion.base)
@@ -328,8 +334,6 @@ def plan_summary(plan: Plan, seconds: float, written: Iterable[Path]) -> str:
     lines += skipped_lines(plan.skipped, count)
     lines.append(f"  planned and verified in {seconds:.1f} s")
     lines += [f"  wrote {path}" for path in written]
-    if not keeps_areas(plan):
-        lines.append("  areas are left out of the plan file: with so many corners it could not be read back")
     return "\n".join(lines)
 
 

@@ -24,6 +24,7 @@ from regionik.cli.console import (
     WorldName,
     check_output,
     explain_no_plan,
+    file_names,
     plan_summary,
     print_json,
     print_message,
@@ -98,7 +99,7 @@ def plan_world(
         from regionik.storage.plan_document import skipped_document
 
         out = {"stats": found.stats, "skipped": skipped_document(found.skipped)}
-        print_json({"ok": True, **figures, **out, "files": [str(path) for path in written]})
+        print_json({"ok": True, **figures, **out, "files": file_names(written)})
 
 
 def _write_plan(found: Plan, output: Path | None, html: Path | None, progress: DelayedProgress) -> list[Path]:
@@ -122,17 +123,26 @@ def _write_plan(found: Plan, output: Path | None, html: Path | None, progress: D
     return list(contents)
 
 
-def verify_plan(path: PlanPath, as_json: AsJson = False) -> None:
+def verify_plan(
+    path: PlanPath,
+    world: Annotated[
+        str | None,
+        typer.Option("--world", metavar="WORLD", help="A world that the plan's own must agree with."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
     """Check a plan again, from its world alone.
 
-    The exit code is 1 if the plan does not hold, and its violations are listed.
+    The exit code is 1 if the plan does not hold, and its violations are listed. With --world it is also
+    listed in what the plan's world differs from that one.
     """
     with DelayedProgress("verify") as progress:
         found = read_plan(path, progress)
+        outside = None if world is None else read_world(world, progress)
         from regionik.area_verification import verify_areas
         from regionik.verification.verifier import verify
 
-        checked = verify(found)
+        checked = verify(found, outside)
         areas = verify_areas(found)
         ok, violations = checked.ok and areas.ok, checked.violations + areas.violations
         report = replace(checked, ok=ok, violations=violations)
@@ -220,6 +230,7 @@ def export_plan(
     from regionik.output.export import check_options, export
     from regionik.output.plan_file import load_plan
 
+    frame = frame and file_names([frame])[0]
     check_options(kind, output, rate, frame)
     export(load_plan(path), output, kind, rate=rate, frame=frame)
     print_message(f"wrote {output}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
@@ -21,6 +21,7 @@ from regionik.cli.console import (
     check_output,
     explain_no_plan,
     explanation_document,
+    file_names,
     percent_text,
     print_answers,
     print_explanation,
@@ -35,6 +36,7 @@ from regionik.worlds.errors import InputError
 
 if TYPE_CHECKING:
     from regionik.executors import Pool
+    from regionik.reachability.field import Field
     from regionik.values import Stop
     from regionik.worlds.scene import StopCriterion, Target, World
 
@@ -50,6 +52,10 @@ def reach_targets(
         list[str] | None, typer.Option("--target", metavar=TARGET, help="A target [m]; may be repeated.")
     ] = None,
     table: Annotated[Path | None, typer.Option("--csv", help="Targets from a CSV file: x, y, z.")] = None,
+    base: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option("--base", metavar="X Y YAW", help="Where the base stands, exactly [m], [rad]."),
+    ] = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Answers to a .csv, .json or .geojson file.")
     ] = None,
@@ -68,7 +74,7 @@ def reach_targets(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Tell which targets the tool reaches, and from which base pose.
+    """Tell which targets the tool reaches, and from which base pose: any on the floor, or that of --base.
 
     Without --target and --csv the targets are the set-points of WORLD. From one CSV file to another there may
     be any number of targets; a run that was interrupted resumes when it is called again. The exit code is 1
@@ -85,12 +91,13 @@ def reach_targets(
         scene = read_world(world, progress)
         if streams and table is not None and output is not None:
             with _executor(workers or workers_for(_lines(table)), dask) as (pool, ahead):
-                count, total = stream_answers(scene, table, output, pool, ahead)
+                count, total = stream_answers(scene, table, output, pool, ahead, base)
         else:
             asked = parse_targets(scene, target or [], table)
             with _executor(workers or workers_for(len(asked)), dask) as (pool, _):
-                count, total = _reach_at_once(scene, asked, output, as_json, pool)
-    print_message(f"{scene.name}: {count} of {total} targets are reachable")
+                count, total = _reach_at_once(scene, asked, base, output, as_json, pool)
+    there = "" if base is None else f" from {_pose_text(base)}"
+    print_message(f"{scene.name}: {count} of {total} targets are reachable{there}")
     if count < total:
         raise typer.Exit(NO)
 
@@ -107,14 +114,24 @@ def _lines(table: Path) -> int:
         return sum(1 for _ in lines)
 
 
+def _pose_text(base: tuple[float, float, float]) -> str:
+    x, y, yaw = base
+    return f"x {x:z.3f} m, y {y:z.3f} m, yaw {yaw:z.3f} rad"
+
+
 def _reach_at_once(
-    scene: World, targets: list[Target], output: Path | None, as_json: bool, pool: Pool | None
+    scene: World,
+    targets: list[Target],
+    base: tuple[float, float, float] | None,
+    output: Path | None,
+    as_json: bool,
+    pool: Pool | None,
 ) -> tuple[int, int]:
     """Answer targets that are all held in memory; return how many are reachable, and all."""
     from regionik.output.answers import answers_document, write_answers
     from regionik.reachability.reach import reach
 
-    answer = reach(scene, targets, executor=pool)
+    answer = reach(scene, targets, base=base, executor=pool)
     if output is not None:
         write_answers(answer, scene.robot.chain.names, output)
     if as_json:
@@ -155,14 +172,20 @@ def map_reach(
     height: Annotated[
         float | None, typer.Option("--height", metavar="Z", help="A slice of tool positions at this height.")
     ] = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Look for clear postures from the best place, too.")
+    ] = False,
 ) -> None:
-    """Map how many targets the arm reaches from each base position.
+    """Map how many targets the arm reaches from each base position, by areas alone.
 
+    What the arm would touch is looked at with --check, from the best place, and by `regionik reach`.
     With --height it maps where the tool can be at that height. A .tif needs regionik[geotiff].
     """
     check_output(output, FIELD_SUFFIXES, [world, targets])
     if targets is not None and height is not None:
         raise InputError("--targets and --height: expected one of them, a slice has no targets")
+    if check and height is not None:
+        raise InputError("--check and --height: expected one of them, a slice has no best place")
     with DelayedProgress("field") as progress:
         scene = read_world(world, progress)
         from regionik.output.field_file import write_field
@@ -171,14 +194,28 @@ def map_reach(
         from regionik.worlds.scene import Target
         from regionik.worlds.toolpath import targets_along
 
+        if check and scene.rules.heading == "face_target":
+            raise InputError("--check: rules.heading: face_target turns the base at every target")
         if height is not None:
-            found = reach_slice(scene, height, cell)
+            chosen, found = (), reach_slice(scene, height, cell)
         else:
             chosen = scene.task if targets is None else targets_along(read_csv(targets), Target.cone)
             found = reach_field(scene, chosen, cell)
         write_field(found, output)
-    print_message(f"{scene.name}: {found.summary}")
+        checked = _checked_text(scene, found, chosen) if check else ""
+    print_message(f"{scene.name}: {found.summary}{checked}")
     print_message(f"wrote {output}")
+
+
+def _checked_text(scene: World, found: Field, targets: Sequence[Target]) -> str:
+    """How many targets have a clear posture from the best place of a field."""
+    from regionik.reachability.reach import reach
+
+    answers = [(int(reach(scene, targets, base=pose).reachable.sum()), pose) for pose in found.best]
+    if not answers:
+        return ""
+    count, (x, y, yaw) = max(answers, key=lambda one: one[0])
+    return f"; from the base at {_pose_text((x, y, yaw))}, {count} have a posture that is clear"
 
 
 def find_stops(
@@ -215,10 +252,11 @@ def find_stops(
             "ok": True,
             "world": scene.name,
             "stops": json_values(found),
+            "unconfirmed": _unconfirmed(found),
             "stats": parking.stats(len(found)),
             "skipped": skipped_document(skipped),
         }
-        print_json({**document, "files": [str(path) for path in written]})
+        print_json({**document, "files": file_names(written)})
     else:
         _print_stops(found)
     count = len(scene.task)
@@ -227,6 +265,7 @@ def find_stops(
         f"{scene.name}: {len(found)} stops for {served} set-points; "
         f"fewer than {parking.lower} are not possible"
     )
+    print_message(_confirmed_text(found))
     for line in skipped_lines(skipped, count):
         print_message(line)
     for path in written:
@@ -254,15 +293,38 @@ def _write_stops(scene: World, found: tuple[Stop, ...], output: Path | None, pic
 
 
 def _print_stops(found: tuple[Stop, ...]) -> None:
-    told = any(stop.probability is not None for stop in found)
-    print(f"stop  set-points      x [m]     y [m]  yaw [rad]  tolerance [m]{'  probability' * told}")
+    told, doubts = any(stop.probability is not None for stop in found), bool(_unconfirmed(found))
+    more = "  probability    " * told + "  unconfirmed" * doubts
+    print(f"stop  set-points      x [m]     y [m]  yaw [rad]  tolerance [m]{more}".rstrip())
     for n, stop in enumerate(found, 1):
         x, y, yaw = stop.base.tolist()
         span = f"{stop.first + 1} to {stop.last + 1}"
         likely = "" if stop.probability is None else f"  at least {percent_text(stop.probability)}"
+        doubt = f"  {_as_counted(stop.unconfirmed)}" if stop.unconfirmed else ""
         if sorted(stop.setpoints) != list(range(stop.first, stop.last + 1)):
             span = f"{len(stop.setpoints)} of them"
-        print(f"{n:4d}  {span:12s} {x:z9.3f} {y:z9.3f} {yaw:z10.3f} {stop.tolerance:14.4f}{likely}")
+        print(f"{n:4d}  {span:12s} {x:z9.3f} {y:z9.3f} {yaw:z10.3f} {stop.tolerance:14.4f}{likely}{doubt}")
+
+
+def _unconfirmed(found: tuple[Stop, ...]) -> list[int]:
+    """Set-points at which no clear posture is known from their stop."""
+    return sorted(i for stop in found for i in stop.unconfirmed)
+
+
+def _confirmed_text(found: tuple[Stop, ...]) -> str:
+    """What is known of the arm at the stops, which areas do not look at."""
+    every, doubts = sum(len(stop.setpoints) for stop in found), _unconfirmed(found)
+    if not doubts:
+        return f"  confirmed: from its stop each of the {every} set-points has a posture that is clear"
+    return (
+        f"  confirmed: {every - len(doubts)} set-points have a posture that is clear; unconfirmed, by areas "
+        f"alone: {_as_counted(doubts)} (regionik reach WORLD --base X Y YAW says why)"
+    )
+
+
+def _as_counted(setpoints: Sequence[int]) -> str:
+    """Set-points as people count them."""
+    return ", ".join(str(i + 1) for i in setpoints)
 
 
 def explain_world(

@@ -15,6 +15,7 @@ from regionik.cli.console import (
     DelayedProgress,
     PlanPath,
     check_output,
+    file_names,
     print_json,
     print_message,
     read_plan,
@@ -63,7 +64,7 @@ def simulate_plan(
     for one in written:
         print_message(f"  wrote {one}")
     if as_json:
-        files = [str(one) for one in written]
+        files = file_names(written)
         told = {"ok": run.ok, "failure": run.failure or None, **run.figures}
         print_json({**told, "execution": asdict(run.execution), "files": files})
     if not run.ok:

@@ -130,12 +130,33 @@ def no_clear_posture(
         )
     else:
         reason = (
-            f"{who} has admissible places for the base, but in none of the {looked[1]} postures at "
-            f"{looked[0]} places that were looked at is the arm clear: at best {closest}, and {rule}."
+            f"{who} has admissible places for the base, but of {_counted(looked[1], 'posture')} at "
+            f"{_counted(looked[0], 'place')} that were looked at none is clear: at best {closest}, and "
+            f"{rule}."
         )
         if looked[2]:
             reason += f" At {looked[2]} of the places it is proven that there is none."
     return Explanation("no-posture", i, reason, (cause,))
+
+
+def no_fitting_posture(world: World, i: int, clear: int, postures: int) -> Explanation:
+    """Explain that some postures at set-point i are clear, and none is what else the rules ask for."""
+    rules, asked = world.rules, list[str]()
+    if rules.criteria is not None:
+        asked.append("meets the rules' criteria")
+    if rules.mode == "stops" and rules.stop_tolerance:
+        asked.append(f"can be kept all round the circle of {rules.stop_tolerance:g} m to park in")
+    wanted = " and ".join(asked) or f"is proven to keep the arm's clearance of {world.arm_clearance:g} m"
+    reason = (
+        f"{setpoint_at(world.task, i)} has admissible places for the base, and the arm touches nothing in "
+        f"{clear} of {_counted(postures, 'posture')} that were looked at, but none was found that also "
+        f"{wanted}."
+    )
+    return Explanation("no-posture", i, reason, (Cause("limits", world.robot.name, None),))
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count} {noun}{'s'[: count != 1]}"
 
 
 def blocked_arm(world: World, closest: str, cause: Cause) -> Explanation:

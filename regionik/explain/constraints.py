@@ -15,6 +15,7 @@ from shapely.ops import nearest_points
 
 from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import Array
+from regionik.worlds.body import has_body, without_body
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import CauseKind, Repair
 from regionik.worlds.obstacles import Solid
@@ -28,6 +29,7 @@ ARM_CLEARANCE = "rules.arm_clearance"
 OWN_BODY = "links and base of the robot"
 HEADING = "rules.heading"
 FOOTPRINT = "footprint of the base"
+BODY = "what stands on the base"
 EDGE = "edge of the floor"
 SOLID_FLOOR = "floor under the arm"
 CELLS = "cells of the map"
@@ -62,6 +64,8 @@ def constraints_of(world: World) -> tuple[Constraint, ...]:
         found.append(Constraint("execution", EXECUTION, partial(with_rules, execution=None)))
     if len(world.robot.footprint) > 1:
         found.append(Constraint("base", FOOTPRINT, without_footprint))
+    if has_body(world.robot) and world.solids:
+        found.append(Constraint("base", BODY, without_upper_body))
     if world.rules.heading != "free":
         found.append(Constraint("base", HEADING, partial(with_rules, heading="free")))
     if any(target.direction is not None for target in world.task):
@@ -147,6 +151,11 @@ def without_footprint(world: World) -> World:
     return replace(world, robot=replace(world.robot, footprint=point))
 
 
+def without_upper_body(world: World) -> World:
+    """A base with nothing on it but the arm."""
+    return replace(world, robot=without_body(world.robot))
+
+
 def without_direction(world: World) -> World:
     """Set-points that ask for positions only."""
     bare = tuple(replace(target, direction=None, orientation=None) for target in world.task)
@@ -229,6 +238,7 @@ def _name(world: World, one: Constraint) -> str:
         OWN_BODY: f"that the {OWN_BODY} keep apart",
         HEADING: f"the heading policy '{world.rules.heading}'",
         FOOTPRINT: f"the {FOOTPRINT}",
+        BODY: f"{BODY} of {world.robot.name}",
         CELLS: f"the {CELLS}",
         JOINT_LIMITS: f"the {JOINT_LIMITS} of {world.robot.name}",
     }

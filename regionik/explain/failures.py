@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import shapely
 from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import ground_of, grow
+from regionik.areas.ground import ground_of
+from regionik.areas.layers import grow
 from regionik.areas.reachable import model_of
 from regionik.areas.standing import by_heading, outer_by_heading, turns_matter
 from regionik.explain.changes import one_lift_off
 from regionik.explain.constraints import join, no_way_to, rounded_down, setpoint_at, spot, with_rules
-from regionik.planners.driving.footprint import footprint_width
 from regionik.planners.driving.footprint_planner import NarrowPassageError, passage_width
+from regionik.planners.driving.footprint_scene import footprint_width
 from regionik.planners.driving.point_planner import NoPathError
+from regionik.planners.geometry.depths import deepest_inside, farthest_outside
 from regionik.regions import (
+    RejectedPart,
     largest_clearance,
     outer_areas,
     reach_of,
@@ -26,10 +30,13 @@ from regionik.regions import (
 )
 from regionik.values import Violation
 from regionik.worlds.arms import reach_bound
+from regionik.worlds.body import has_body, without_body
 from regionik.worlds.errors import Cause, CauseKind, Explanation, Repair, SetpointFailure
 from regionik.worlds.obstacles import Shadow
 from regionik.worlds.scene import Target, World
+from regionik.worlds.self_collision import base_name
 
+LEAST_AREA = 1e-12  # of a place that counts [m2]
 NO_WAY = 1e-3  # a narrower one is rounding of the floor [m]
 
 
@@ -48,7 +55,10 @@ def no_place(world: World, i: int, targets: Sequence[Target] | None = None) -> E
     reach = reach_of(world, target, coarse=coarse)
     lead = f"{who} cannot be reached" if proven else no_way_to(who)
     open_clearance = largest_clearance(world, target)
-    if open_clearance is None:
+    above = _blocked_above(world, target) if open_clearance is None else []
+    if above:
+        reason, causes, repairs = _under(world, above, lead, proven=proven)
+    elif open_clearance is None:
         reason, causes, repairs = _out_of_reach(world, target, lead, reach, proven=proven)
         if targets is None and causes[0].kind == "floor" and causes[0].margin is not None:
             places = _places(world, reach, proven=proven)
@@ -74,6 +84,33 @@ def _left_open(world: World, target: Target) -> str:
     if world.rules.heading != "fixed" and not turns_matter(world) and ground.far > ground.near:
         why.append(f"the base is taken as the circle of {ground.far:.3f} m about the arm's axis")
     return join(why)
+
+
+def _blocked_above(world: World, target: Target) -> list[RejectedPart]:
+    """Places from which what stands on the base would touch something, if there were others without it."""
+    if not has_body(world.robot):
+        return []
+    bare = replace(world, robot=without_body(world.robot))
+    if largest_clearance(bare, target) is None:
+        return []
+    footprint = base_name(world.robot)
+    found = rejected_by_obstacles(world, reach_of(bare, target), target)
+    return [part for part in found if part.part != footprint and part.polygon.area > LEAST_AREA]
+
+
+def _under(
+    world: World, blocked: Sequence[RejectedPart], lead: str, *, proven: bool
+) -> tuple[str, tuple[Cause, ...], tuple[Repair, ...]]:
+    """Reason where columns, torsos and the like find no room, by the obstacles that take most of it."""
+    by_size = sorted(blocked, key=lambda part: -part.polygon.area)
+    parts, names = (list(dict.fromkeys(getattr(one, key) for one in by_size)) for key in ("part", "name"))
+    reach, would = ("could reach", "would") if proven else ("is known to reach", "would or might")
+    near = f"come within {world.arm_clearance:.3f} m of" if world.arm_clearance else "touch"
+    reason = (
+        f"{lead}: wherever the arm {reach} it from, {join(parts[:3])} of {world.robot.name}, which the base "
+        f"carries, {would} {near} {join(names[:4])}."
+    )
+    return reason, tuple(Cause("obstacle", name) for name in names), ()
 
 
 def _out_of_reach(
@@ -230,7 +267,7 @@ def blocked_start(world: World) -> Explanation | None:
     outline = Point(corners[0]) if len(corners) == 1 else shapely.Polygon(corners)
     where = f"The start at ({x:z.3f}, {y:z.3f})"
     if not world.drivable_floor.covers(outline):
-        off = max(float(world.drivable_floor.distance(Point(corner))) for corner in corners)
+        off = farthest_outside(outline, world.drivable_floor)
         reason = f"{where} is off the floor by {off:.3f} m; the base must start on it."
         return Explanation("start-blocked", None, reason, (Cause("floor", "edge of the floor", off),))
     found = ground.nearest(outline)
@@ -270,10 +307,10 @@ def _crossed(world: World, bridge: BaseGeometry) -> list[str]:
 
 
 def _depth(shadow: Shadow, outline: BaseGeometry) -> float:
-    """Depth of a base inside a shadow [m]."""
-    if shadow.radius:
-        return shadow.radius - float(shadow.core.distance(outline))
-    return float(shadow.core.boundary.distance(outline)) if shadow.core.covers(outline) else 0.0
+    """Depth of a base's deepest point inside a shadow [m]."""
+    if shadow.core.area and shadow.core.intersects(outline):
+        return shadow.radius + deepest_inside(outline, shadow.core)
+    return shadow.radius - float(shadow.core.distance(outline))
 
 
 def no_drive(world: World, i: int, refusal: NoPathError) -> Explanation:

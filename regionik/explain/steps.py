@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from shapely.geometry import Point
 from shapely.ops import nearest_points
 
-from regionik.areas.ground import GUARD, ground_of, grow
+from regionik.areas.ground import ground_of
+from regionik.areas.layers import GUARD, grow
 from regionik.areas.reachable import model_of
 from regionik.areas.standing import LEAST_AREA
 from regionik.explain.changes import Move
@@ -92,7 +93,7 @@ def obstacle_steps(move: Move) -> Steps | None:
     """Steps of an obstacle over the floor, off the places there would be without it; None without any."""
     world, ground = move.world, ground_of(move.world)
     solid = next(solid for solid in world.obstacles if solid.name == move.name)
-    shadow = solid.shadow(world.robot.body_height)
+    shadow = solid.shadow(world.robot.body_height, above=0.0)
     areas = path_areas(without_obstacle(world, move.name), world.task)
     room = shapely.union_all(areas.inner[shapely.area(areas.inner) > LEAST_AREA])
     if shadow is None or room.is_empty:

@@ -12,7 +12,8 @@ import numpy as np
 from regionik.areas.standing import Index, Standing, room_for
 from regionik.ladder import Ladder
 from regionik.planners.collision.robot_motion import bases_between
-from regionik.planners.driving.footprint import FootprintScene, fits
+from regionik.planners.driving.footprint import fits
+from regionik.planners.driving.footprint_scene import FootprintScene
 from regionik.planners.geometry.polylines import leg_lengths
 from regionik.postures.poses import LARGEST_BEND, Pose, axis_of, configuration_pose, pose_of
 from regionik.values import Configuration

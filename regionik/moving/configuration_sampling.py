@@ -65,7 +65,7 @@ KEPT = 2  # postures that a place offers to one that asks
 class Evidence:
     """Record of a search at one set-point."""
 
-    places: int = 0  # of the base that were tried
+    places: set[tuple[float, ...]] = field(default_factory=set)  # of the base that were tried, x and y [m]
     postures: int = 0  # that were tried
     clear: int = 0  # how many of the postures were clear
     proven: int = 0  # places at which there is proven to be no clear posture
@@ -265,8 +265,14 @@ class ConfigurationSampler:
         """Margin of the arm's distance, infinite where it is clear; kept as evidence [m]."""
         touch = self.guard.touch(at)
         room = self.guard.room(touch)
-        self.evidence.setdefault(i, Evidence()).add(touch, room)
+        self._seen(i, at.base).add(touch, room)
         return room
+
+    def _seen(self, i: int, base: Array) -> Evidence:
+        """The record of a set-point, with a place of the base that was tried."""
+        seen = self.evidence.setdefault(i, Evidence())
+        seen.places.add((float(base[0]), float(base[1])))
+        return seen
 
     def around(self, i: int, candidate: Candidate) -> Iterator[Candidate]:
         """The base stays; the arm goes round what it touches, by FABRIK with avoiding rotations."""
@@ -299,7 +305,7 @@ class ConfigurationSampler:
         guard, tolerance = self.guard, self.world.rules.tolerance
         task = PostureTask(guard.bodies, base, target, guard.contact, tolerance, SPARE)
         found = ask(task, candidate.found.joints, seed=self.seed)
-        self.evidence.setdefault(i, Evidence()).proven += found.verdict == Verdict.RULED_OUT
+        self._seen(i, base).proven += found.verdict == Verdict.RULED_OUT
         if found.joints is not None:
             yield from self._faced(i, candidate, found.joints, found.error)
 
@@ -344,7 +350,7 @@ class ConfigurationSampler:
             target, place = self.world.task[i], self._spread(k)[m]
             base = pose_of(self.world.robot, place, self._heading(k, target.position, place))
             found = self.solver(k).self_motion(target, base, self.world.robot.carry, PITCHES)
-            self.evidence.setdefault(i, Evidence()).places += 1
+            self._seen(i, base)
             candidates = [Candidate(one, k) for one in found]
             rooms = [self._room(i, candidate.pose) for candidate in candidates]
             self._clear[key] = [

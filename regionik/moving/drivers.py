@@ -19,13 +19,15 @@ import shapely
 from shapely.geometry import LineString, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import GUARD, Geometries, ground_of
+from regionik.areas.ground import EVERY, ground_of
+from regionik.areas.layers import GUARD, Geometries
 from regionik.areas.standing import Standing, into_span, into_spans
 from regionik.ladder import Ladder
 from regionik.moving.base_motion import TURN_STRIDE, BasePath, Driver, halting, simultaneous
 from regionik.planners.driving.arcs import WheeledPath, arc_end
-from regionik.planners.driving.footprint import FootprintScene, arc_is_free, footprint_scene, slide_is_free
+from regionik.planners.driving.footprint import arc_is_free, slide_is_free
 from regionik.planners.driving.footprint_planner import drive_footprint, path_through_slabs
+from regionik.planners.driving.footprint_scene import FootprintScene, footprint_scene
 from regionik.planners.driving.heading_slabs import Slab
 from regionik.planners.driving.point_planner import NoPathError, drive_point, drive_point_inside
 from regionik.planners.driving.pose_planner import drive_wheeled
@@ -164,7 +166,8 @@ class ByHeadingDriver(Driver):
         clearance = ground.clearance + GUARD + berth
         found = drive_footprint(
             robot.footprint, ground.floor, here.base, there.base,
-            obstacles=ground.shadows, clearance=clearance, seed=self.seed,
+            obstacles=ground.shadows, clearance=clearance,
+            upper=ground.upper(robot.mount[:2], GUARD + berth), seed=self.seed,
         )  # fmt: skip
         self.count(found.method)
         return found.poses
@@ -189,7 +192,7 @@ class WheeledDriver(Driver):
 
     def route(self, here: Pose, there: Pose, label: int, berth: float = 0.0) -> Array:
         """Of the base, (n, 3), each hop a line, an arc or a turn on the spot."""
-        room = self.room._replace(clearance=self.room.clearance + berth) if berth else self.room
+        room = self.room.with_berth(berth) if berth else self.room
         path = self.path(room, here.base, there.base)
         self.count(path.method)
         return path.sample(self.world.rules.step)
@@ -296,7 +299,8 @@ class ByHeadingPaths:
             return np.stack([a, b])
         seen = [np.array([*axis_of(robot, pose), pose[2]]) for pose in (a, b)]
         ground, about_axis = ground_of(self.driver.world), robot.footprint - robot.mount[:2]
-        scene = footprint_scene(about_axis, ground.floor, ground.shadows, ground.clearance)
+        upper = ground.upper(np.zeros(2))
+        scene = footprint_scene(about_axis, ground.floor, ground.shadows, ground.clearance, upper)
         found = path_through_slabs(scene, self._group(k), seen[0], seen[1], self.driver.seed)
         if found is None:
             return None
@@ -306,13 +310,16 @@ class ByHeadingPaths:
         return poses if free else None
 
     def _group(self, k: int) -> tuple[Slab, ...]:
-        """Areas that the components of a group cover, slab by slab."""
+        """Areas that the components of a group cover, slab by slab; those for every heading are in each."""
         group = int(self.ladder.group[k])
         if group not in self._slabs:
-            members, part = self.ladder.group == group, self.ladder.component
+            members, part, side = self.ladder.group == group, self.ladder.component, self.ladder.side
+            spans = {s: one.span for s, one in enumerate(self.driver.standing.sides)}
+            every = [s for s, span in spans.items() if span == EVERY]
             self._slabs[group] = tuple(
-                Slab(*one.span, shapely.union_all(part[members & (self.ladder.side == s)]), shapely.Polygon())
-                for s, one in enumerate(self.driver.standing.sides)
+                Slab(*spans[s], shapely.union_all(part[members & np.isin(side, [s, *every])]), Polygon())
+                for s in spans
+                if s not in every
             )
         return self._slabs[group]
 

@@ -152,7 +152,11 @@ class PathSearch:
     def why_not(self, i: int, here: Pose | None, goal: Candidate | None = None) -> Explanation:
         """Explain what stands in the arm's way at set-point i, or on the way there from ``here``."""
         guard, seen = self.guard, self.sampler.evidence.get(i, Evidence())
-        touch, cut_off = seen.best, here is not None and seen.clear > 0
+        if not seen.postures:
+            return arm_failures.no_posture(self.world, i)
+        if here is None and seen.clear:
+            return arm_failures.no_fitting_posture(self.world, i, seen.clear, seen.postures)
+        touch, cut_off = seen.best, seen.clear > 0
         if cut_off and self.transits.refusals:
             return failures.no_drive(self.world, i, self.transits.refusals[0])
         if here is not None and cut_off and goal is not None:
@@ -162,9 +166,9 @@ class PathSearch:
             except NoPathError as refusal:  # it drives to other places of this set-point only
                 return failures.no_drive(self.world, i, refusal)
         closest, cause = "no single thing stands in the way", Cause("limits", self.world.robot.name)
-        if touch is not None:
+        if touch is not None and touch.kind != "none":
             closest, cause = guard.words(touch), guard.cause(touch)
-        looked = seen.places, seen.postures, seen.proven
+        looked = len(seen.places), seen.postures, seen.proven
         return arm_failures.no_clear_posture(self.world, i, looked, closest, cause, cut_off=cut_off)
 
 

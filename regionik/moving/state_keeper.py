@@ -8,10 +8,10 @@ from functools import cached_property
 import numpy as np
 import shapely
 
-from regionik.areas.ground import Geometries
+from regionik.areas.layers import Geometries
 from regionik.planners.collision.near_pairs import NearPairs, near_pairs
 from regionik.planners.collision.robot_motion import WORLD
-from regionik.planners.driving.footprint import FootprintScene
+from regionik.planners.driving.footprint_scene import FootprintScene
 from regionik.planners.smoothing.path_smoothing import HalfSpaces
 from regionik.postures.arm_guard import Guard
 from regionik.postures.poses import axis_of

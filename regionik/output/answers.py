@@ -9,6 +9,7 @@ import hashlib
 import json
 import platform
 from collections.abc import Sequence
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,7 @@ from regionik.worlds.toolpath import rotation_from_quaternion, targets_along
 
 FORMATS = (".csv", ".json", ".geojson")
 MEMORY_LIMIT = 100_000  # targets whose answers are held in memory, as documents are
+BasePose = tuple[float, float, float]  # x, y [m], yaw [rad]
 _AXES, _BASE = ("x", "y", "z"), ("base_x", "base_y", "base_yaw")
 _DEPENDENCIES = ("regionik", "numpy", "scipy", "shapely", "numba", "llvmlite")  # answers may vary with them
 
@@ -150,9 +152,16 @@ def stops_geojson(stops: Sequence[Stop]) -> dict[str, Any]:
 
 
 def stream_answers(
-    world: World, table: Path, output: Path, executor: Pool | None = None, ahead: int = AHEAD
+    world: World,
+    table: Path,
+    output: Path,
+    executor: Pool | None = None,
+    ahead: int = AHEAD,
+    base: BasePose | None = None,
 ) -> tuple[int, int]:
     """Write the answers to all targets of a CSV file to another; return how many are reachable, and all.
+
+    They are from anywhere, or from one pose of the base.
 
     At most ``ahead`` blocks of `CHUNK` lines are in memory and handed to the executor, which is as for
     `regionik.reachability.reach.reach`. Answers are kept in the folder ``output.parts`` until all are there;
@@ -160,37 +169,39 @@ def stream_answers(
     an `InputError`; workers that are lost again and again are an `EngineError`.
     """
     blocks = index_csv(table, CHUNK)
-    with open_partial(output, _manifest(world, blocks)) as partial:
-        counts = partial.counts()
+    with open_partial(output, _manifest(world, blocks, base)) as parts:
+        counts = parts.counts()
         for k in track("read", range(0 if counts else len(blocks))):
             blocks.block(k).path()  # a mistake in the last line is reported before the first is answered
         missing = ((k, blocks.block(k)) for k in range(len(blocks)) if k not in counts)
         tell("blocks", len(counts), len(blocks))
-        done = dict(counts)
-        for k, (data, yes, total) in map_unordered(world, _answer_block, missing, executor, ahead):
-            partial.write_part(k, data, yes, total)
+        done, work = dict(counts), _answer_block if base is None else partial(_answer_block, base=base)
+        for k, (data, yes, total) in map_unordered(world, work, missing, executor, ahead):
+            parts.write_part(k, data, yes, total)
             done[k] = yes, total
             tell("blocks", len(done), len(blocks))
-        partial.join(csv_header(world.robot.chain.names).encode())
+        parts.join(csv_header(world.robot.chain.names).encode())
     return sum(yes for yes, _ in done.values()), sum(total for _, total in done.values())
 
 
-def _answer_block(world: World, block: CsvBlock) -> tuple[bytes, int, int]:
+def _answer_block(world: World, block: CsvBlock, base: BasePose | None = None) -> tuple[bytes, int, int]:
     """Rows of the answers to a block, how many targets are reachable, and how many there are."""
     path = block.path()
     if not len(path.points):
         return b"", 0, 0
     positions_only = path.directions is None and path.orientations is None
-    answer = reach(world, path.points if positions_only else targets_along(path, Target.cone))
+    targets = path.points if positions_only else targets_along(path, Target.cone)
+    answer = reach(world, targets, base=base)
     rows = csv_rows(answer, world.robot.chain.names)
     return rows.encode(), int(answer.reachable.sum()), len(answer.reachable)
 
 
-def _manifest(world: World, blocks: CsvTable) -> dict[str, object]:
+def _manifest(world: World, blocks: CsvTable, base: BasePose | None) -> dict[str, object]:
     document = json.dumps(world_to_document(world), sort_keys=True)
     return {
         "world": hashlib.sha256(document.encode()).hexdigest(),
         "table of targets": blocks.digest,
+        **({} if base is None else {"pose of the base": list(base)}),
         "size of blocks": blocks.size,
         "version of regionik or of what it stands on": {
             "python": platform.python_version(),

@@ -24,7 +24,8 @@ def write_field(field: Field, path: str | os.PathLike[str]) -> None:
     ----------
     field : Field
     path : path
-        An ``.npz`` holds the arrays x, y, values, heading and the numbers cell, most, height.
+        An ``.npz`` holds the arrays x, y, values, heading, the numbers cell, most, height, and as its meaning
+        what values are and what they rest on.
 
     Raises
     ------
@@ -54,6 +55,7 @@ def _arrays(field: Field) -> bytes:
         cell=np.float64(field.cell),
         most=np.int64(field.most),
         height=np.float64(np.nan if field.height is None else field.height),
+        meaning=np.str_(field.meaning),
     )
     return data.getvalue()
 

@@ -6,6 +6,7 @@ Fields are those of trajectory_msgs/msg/JointTrajectory and MultiDOFJointTraject
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -22,6 +23,8 @@ SUFFIXES = (".yaml", ".yml", ".json")
 JOINT_TRAJECTORY, PATH = "trajectory_msgs/msg/JointTrajectory", "nav_msgs/msg/Path"
 FRAME, BASE = "map", "base"
 _SECOND = 1_000_000_000  # [ns]
+_PLAIN_KEY = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+_OTHER_THAN_TEXT = {"y", "n", "yes", "no", "on", "off", "true", "false", "null"}  # to YAML 1.1
 
 Message = dict[str, Any]
 
@@ -162,9 +165,16 @@ def _flow(value: Any) -> str:
             return json.dumps(value)
 
 
+def _key(name: str) -> str:
+    """A key as it is where every YAML reads it as that text, else quoted: names of joints may be anything."""
+    plain = _PLAIN_KEY.fullmatch(name) and name.lower() not in _OTHER_THAN_TEXT
+    return name if plain else _flow(name)
+
+
 def _block(value: Message, indent: str) -> Iterator[str]:
     """Lines of a YAML mapping; lists of mappings go on in blocks, all that holds no mapping on one line."""
-    for key, item in value.items():
+    for name, item in value.items():
+        key = _key(name)
         if isinstance(item, list) and item and isinstance(item[0], dict):
             yield f"{indent}{key}:"
             for entry in item:
@@ -175,7 +185,7 @@ def _block(value: Message, indent: str) -> Iterator[str]:
             yield f"{indent}{key}:"
             yield from _block(item, f"{indent}  ")
         elif isinstance(item, dict):
-            inside = ", ".join(f"{name}: {_flow(part)}" for name, part in item.items())
+            inside = ", ".join(f"{_key(one)}: {_flow(part)}" for one, part in item.items())
             yield f"{indent}{key}: {{{inside}}}"
         else:
             yield f"{indent}{key}: {_flow(item)}"

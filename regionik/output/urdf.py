@@ -86,6 +86,8 @@ def _joint(root: ElementTree.Element, joint: Joint, parent: str, child: str) -> 
     element, link = _connect(root, joint.name, kind, joint.T_parent_joint, parent, child)
     ElementTree.SubElement(element, "axis", xyz=_numbers(joint.axis))
     limit = {"effort": repr(_UNLIMITED), "velocity": repr(_finite(joint.velocity))}
+    if joint.acceleration != np.inf:
+        limit["acceleration"] = repr(_finite(joint.acceleration))
     if not endless:
         limit = {"lower": repr(_finite(joint.lower)), "upper": repr(_finite(joint.upper)), **limit}
     ElementTree.SubElement(element, "limit", limit)

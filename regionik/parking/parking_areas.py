@@ -11,7 +11,7 @@ import shapely
 from numpy.typing import ArrayLike
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import Geometries
+from regionik.areas.layers import Geometries
 from regionik.areas.standing import PathAreas, Standing
 from regionik.ladder import Ladder, Mask, build_ladder
 from regionik.parking.arm_roadmap import HeldPostures

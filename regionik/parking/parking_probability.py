@@ -17,11 +17,12 @@ from shapely.affinity import translate
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import GUARD, ground_of
+from regionik.areas.ground import ground_of
+from regionik.areas.layers import GUARD
 from regionik.areas.reach_model import ReachQuery
 from regionik.areas.reachable import rows_of
 from regionik.explain.constraints import setpoint_at
-from regionik.planners.driving.heading_slabs import convex_scene, free_at_all
+from regionik.planners.driving.heading_slabs import convex_scene, free_at_all, outline_scene
 from regionik.planners.geometry.offsets import shrunk
 from regionik.postures.poses import axis_of
 from regionik.worlds.arrays import Array
@@ -145,7 +146,10 @@ def _good_places(
     if near.floor.is_empty:
         return near.floor
     keep, ends = near.clearance + GUARD, (yaw - half, yaw + half)
-    return free_at_all(convex_scene(outline, near.floor, near.shadows, keep, window=free), *ends)
+    good = free_at_all(convex_scene(outline, near.floor, near.shadows, keep, window=free), *ends)
+    for upper in near.upper(world.robot.mount[:2]):
+        good &= free_at_all(outline_scene(upper, near.floor), *ends)
+    return good
 
 
 def _reaching(

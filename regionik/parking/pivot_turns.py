@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from regionik.areas.ground import Geometries
+from regionik.areas.layers import Geometries
 from regionik.areas.standing import Standing, into_span
 from regionik.ladder import Ladder
 from regionik.mfabrik import solver_for

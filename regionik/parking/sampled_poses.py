@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 import shapely
 
-from regionik.areas.ground import Geometries
+from regionik.areas.layers import Geometries
 from regionik.areas.standing import spread
 from regionik.parking.arm_roadmap import HeldPostures
 from regionik.parking.held_postures import PostureCarrier

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +20,7 @@ from regionik.parking.placements import BasePlacement, PlacementSearch
 from regionik.parking.sampled_poses import PoseCover
 from regionik.parking.stop_sequence import StopSequence, stop_sequence
 from regionik.planners.coverage.set_cover import least_cover, undominated
+from regionik.reachability.reach import reach
 from regionik.values import Skipped, Stop
 from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.scene import World
@@ -32,7 +33,8 @@ def stops(world: World) -> tuple[Stop, ...]:
 
     By `regionik.worlds.scene.Rules`: ``order`` says whether set-points keep their order, ``stop_criterion``
     which place of a stop is best, ``stop_tolerance`` how large a circle to park in each must have. Solids in
-    the arm's way are left to `regionik.plan`, which may need more stops for them.
+    the arm's way are left to `regionik.plan`, which may need more stops for them; ``unconfirmed`` of a stop
+    says at which of its set-points no posture clear of them is known from its place.
 
     Parameters
     ----------
@@ -69,14 +71,25 @@ def find_served(world: World) -> tuple[tuple[Stop, ...], Parking, tuple[Skipped,
     check(world)
     if not world.rules.skip_unreachable:
         try:
-            return (*find(world), ())
+            found, parking = find(world)
         except NoPlanFound as no:
             every = naming_each(world, no.explanation, park)
             raise NoPlanFound(naming_all(every, len(world.task))) from None
+        return _confirmed(world, found), parking, ()
     (found, parking), skipped = leaving_out(world, find, lambda _, quick: quick)
     kept = as_given(len(world.task), skipped)
     named = (replace(stop, setpoints=tuple(kept[i] for i in stop.setpoints)) for stop in found)
-    return tuple(named), parking, skipped
+    return _confirmed(world, named), parking, skipped
+
+
+def _confirmed(world: World, found: Iterable[Stop]) -> tuple[Stop, ...]:
+    """Stops that tell at which of their set-points no clear posture is known."""
+    return tuple(replace(stop, unconfirmed=_unconfirmed(world, stop)) for stop in found)
+
+
+def _unconfirmed(world: World, stop: Stop) -> tuple[int, ...]:
+    answer = reach(world, [world.task[i] for i in stop.setpoints], base=stop.base)
+    return tuple(i for i, found in zip(stop.setpoints, answer.reachable.tolist(), strict=True) if not found)
 
 
 def find(world: World) -> tuple[tuple[Stop, ...], Parking]:

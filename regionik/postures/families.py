@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
 from regionik.planners.geometry.angles import TWO_PI, wrap
+from regionik.planners.geometry.cones import swings_about, swings_within
 from regionik.planners.reach.rings import FREE
 from regionik.worlds.arms import PlanarArm
 from regionik.worlds.arrays import Array
@@ -19,7 +21,16 @@ from regionik.worlds.chain import rot_y, rot_z
 from regionik.worlds.scene import Target
 
 FRONT, BACK = 1, -1
-ROUNDING = 1e-6  # by which inner families keep within their cone [rad]
+ROUNDING = 1e-6  # by which inner families keep within their cone, and outer ones go beyond it [rad]
+DIGITS = 12  # of a pitch: families whose pitches differ by less have the same bands
+
+
+class Band(NamedTuple):
+    """Directions of an arm's plane, and pitches of the last link that go with each of them."""
+
+    azimuth: float = 0.0  # the plane may point within ``half`` of ``azimuth``, seen from above [rad]
+    half: float = np.pi
+    pitches: tuple[float, float] = FREE  # lowest and highest [rad]
 
 
 @dataclass(frozen=True)
@@ -27,11 +38,9 @@ class Family:
     """Postures of one kind for one target."""
 
     facing: int  # `FRONT` where the target lies ahead in the arm's plane (r > 0), `BACK` where behind (r < 0)
-    # Angle at which the solver holds the last link in the plane [rad]; NaN where it is free
+    # Angle at which the solver holds the last link in the plane where it can [rad]; NaN where it is free
     pitch: float = np.nan
-    azimuth: float = 0.0  # the plane may point within ``half`` of ``azimuth``, seen from above [rad]
-    half: float = np.pi
-    pitches: tuple[float, float] = FREE  # (low, high) pitches that the reach allows [rad]
+    bands: tuple[Band, ...] = (Band(),)  # that the reach allows, the widest swing first
 
 
 @lru_cache(maxsize=4096)
@@ -41,37 +50,41 @@ def families(
     """Posture families that may reach a target.
 
     A given tool direction sets the last link's pitch: with the plane along the direction seen from above,
-    or against it. Inner areas hold the pitch itself and let the plane swing within the cone; outer areas
-    take every pitch and every swing that the cone lets through, each by itself.
+    or against it. Bands of swings and pitches are those within the cone: inner ones lie in it, outer ones
+    about it. Where the cone holds the vertical one family has both, as the last link goes from one to the other.
     """
     if direction is None:
         return tuple(Family(facing) for facing in facings)
     x, y, z = direction
     flat = float(np.hypot(x, y))
-    pitch = float(np.arctan2(z, flat))
-    azimuth = float(np.arctan2(y, x)) if flat > 0 else 0.0
-    if inner:
-        # cos(cone) = cos^2(pitch) cos(swing) + sin^2(pitch)
-        swing = np.cos(cone) - z * z
-        half = np.pi if swing <= -flat * flat else max(0.0, float(np.arccos(swing / flat**2)) - ROUNDING)
-        spread = 0.0
-    else:
-        # The widest swing of the cone's edge, unless the cone holds the vertical.
-        half = float(np.arcsin(np.sin(cone) / flat)) if cone < np.pi / 2 and np.sin(cone) < flat else np.pi
-        spread = cone
-    pitches = max(pitch - spread, -np.pi / 2), min(pitch + spread, np.pi / 2)
-    both = families_along(azimuth, pitch, half, pitches)
-    kinds = both[:1] if inner and half >= np.pi else both
-    return tuple(replace(kind, facing=facing) for facing in facings for kind in kinds)
+    pitch, azimuth = float(np.arctan2(z, flat)), float(np.arctan2(y, x)) if flat > 0 else 0.0
+    swings = swings_within if inner else swings_about
+    within = within_cone(cone) if inner else min(cone + ROUNDING, np.pi)
+    along = tuple(Band(azimuth, *swing) for swing in swings(round(pitch, DIGITS), within))
+    against = tuple(_mirrored(band) for band in along)
+    kinds = [(pitch, along), (np.pi - pitch, against)]
+    if inner and along[0].half >= np.pi:
+        kinds = [(pitch, along + against)]
+    return tuple(Family(facing, *kind) for facing in facings for kind in kinds)
+
+
+def within_cone(cone: float) -> float:
+    """A cone as inner areas and postures keep to it [rad]."""
+    return max(cone - ROUNDING, cone / 2)
 
 
 def families_along(
     azimuth: float, pitch: float, half: float, pitches: tuple[float, float]
 ) -> tuple[Family, Family]:
     """Families that face a target, the plane along a direction and against it."""
-    low, high = pitches
-    along = Family(FRONT, pitch, azimuth, half, pitches)
-    return along, Family(FRONT, np.pi - pitch, azimuth + np.pi, half, (np.pi - high, np.pi - low))
+    band = Band(azimuth, half, pitches)
+    return Family(FRONT, pitch, (band,)), Family(FRONT, np.pi - pitch, (_mirrored(band),))
+
+
+def _mirrored(band: Band) -> Band:
+    """The same directions of the tool with the plane turned round."""
+    low, high = band.pitches
+    return Band(band.azimuth + np.pi, band.half, (np.pi - high, np.pi - low))
 
 
 def families_of(
@@ -82,24 +95,37 @@ def families_of(
     kinds = families(direction, target.cone, facings, inner)
     if target.orientation is None:
         return kinds
-    if inner:
-        narrow = families(direction, target.cone / np.sqrt(2), facings, inner)
-        rows = [_kept_up(arm, kind, target, 0.0) for kind in kinds]
-        # A turn keeps to its cone where tilt and part about the axis keep to one narrower by a root of 2.
-        if rows != [[kind] for kind in kinds]:
-            rows += [_kept_up(arm, kind, target, target.cone / np.sqrt(2)) for kind in narrow]
-        return tuple(kind for row in rows for kind in row)
     turn, cone = target.orientation, target.cone
-    return tuple(
-        kind for kind in kinds if not out_of_roll(arm, kind.azimuth, kind.pitch, kind.half, turn, cone)
-    )
+    if not inner:
+        wide = [(kind, kind.bands[0]) for kind in kinds]
+        return tuple(
+            kind
+            for kind, band in wide
+            if not out_of_roll(arm, band.azimuth, kind.pitch, band.half, turn, cone)
+        )
+    rows = [_kept_up(arm, kind, turn, 0.0) for kind in kinds]
+    # A turn keeps to its cone where tilt and part about the axis keep to one narrower by a root of 2.
+    if rows != [[kind] for kind in kinds]:
+        narrow = cone / np.sqrt(2)
+        rows += [_kept_up(arm, kind, turn, narrow) for kind in families(direction, narrow, facings, inner)]
+    return tuple(kind for row in rows for kind in row)
 
 
-def _kept_up(arm: PlanarArm, kind: Family, target: Target, slack: float) -> list[Family]:
-    """A family cut to where the roll joint keeps up with its swing."""
-    assert target.orientation is not None
-    spans = swings(arm, kind.azimuth, kind.pitch, kind.half, target.orientation, slack)
-    return [replace(kind, azimuth=kind.azimuth + middle, half=half) for middle, half in spans]
+def _kept_up(arm: PlanarArm, kind: Family, turn: Array, slack: float) -> list[Family]:
+    """A family cut to where the roll joint keeps up with its bands, one for each turn that this takes."""
+    if arm.roll_upper - arm.roll_lower + 2 * slack >= TWO_PI:
+        return [kind]
+    found: dict[int, list[Band]] = {}
+    for band in kind.bands:
+        pitch = _in_front(kind.pitch) if band.pitches[0] < np.pi / 2 else np.pi - _in_front(kind.pitch)
+        for k, middle, half in swings(arm, band.azimuth, pitch, band.half, turn, slack, band.pitches):
+            found.setdefault(k, []).append(Band(band.azimuth + middle, half, band.pitches))
+    return [replace(kind, bands=tuple(found[k])) for k in sorted(found)]
+
+
+def _in_front(pitch: float) -> float:
+    """The pitch of the same rise that lies in front [rad]."""
+    return float(np.arctan2(np.sin(pitch), abs(np.cos(pitch))))
 
 
 def tool_turn(arm: PlanarArm, yaw: float, pitch: float, roll: float) -> Array:
@@ -128,30 +154,51 @@ def roll_within_limits(arm: PlanarArm, roll: float, near: float) -> float:
 
 
 def swings(
-    arm: PlanarArm, yaw: float, pitch: float, half: float, turn: Array, slack: float = 0.0
-) -> tuple[tuple[float, float], ...]:
+    arm: PlanarArm,
+    yaw: float,
+    pitch: float,
+    half: float,
+    turn: Array,
+    slack: float = 0.0,
+    pitches: tuple[float, float] | None = None,
+) -> tuple[tuple[int, float, float], ...]:
     """Swings of the plane about ``yaw`` with which the roll joint keeps up, within its limits.
 
-    With the tool's axis along ``turn``'s at ``yaw``, a swing s of the plane about the vertical turns the tool
-    about its own axis by w, tan(w / 2) = tan(s / 2) sin(pitch), beyond the shortest turn between both axes.
-    Swings from -half to half are considered, and the roll may miss the wanted orientation by ``slack`` [rad].
-    Returns the middle of the swing and half its width, one row an interval [rad].
+    With the tool's axis along ``turn``'s at ``yaw`` and ``pitch``, a swing s of the plane about the vertical and a
+    pitch p' turn the tool about its own axis by w, tan(w / 2) = tan(s / 2) sin((p + p') / 2) / cos((p - p') / 2),
+    beyond the shortest turn between both axes, which grows with p'.
+    Swings from -half to half at all ``pitches`` of a range are considered, by default at that of the axis, and the
+    roll may miss the wanted orientation by ``slack`` [rad].
+    Returns whole turns of the roll, the middle of the swing and half its width, one row an interval [rad].
     """
     rolls = arm.roll_upper - arm.roll_lower + 2 * slack
     if rolls >= TWO_PI:
-        return ((0.0, half),)
-    at_rest, lean = roll_for(arm, yaw, pitch, turn), float(np.sin(pitch))
-    away = float(wrap((arm.roll_lower + arm.roll_upper) / 2 - at_rest))
-    if abs(lean) < 1e-9:  # the plane swings about an axis square to the tool's
-        return ((0.0, half),) if abs(away) <= rolls / 2 else ()
-    side = -np.sign(lean) * (arm.roll_sign if arm.roll_sign != 0.0 else 1.0)
+        return ((0, 0.0, half),)
+    middle = (arm.roll_lower + arm.roll_upper) / 2
+    away = float(wrap(middle - roll_for(arm, yaw, pitch, turn))) * (-1.0 if arm.roll_sign >= 0.0 else 1.0)
+    low, high = pitches or (pitch, pitch)
     spans = []
-    for middle in (side * away - TWO_PI, side * away, side * away + TWO_PI):
-        low = max(-half, _swing(middle - rolls / 2, lean))
-        high = min(half, _swing(middle + rolls / 2, lean))
-        if high > low:
-            spans.append(((low + high) / 2, (high - low) / 2))
+    for k in (-1, 0, 1):
+        twists = away + k * TWO_PI - rolls / 2, away + k * TWO_PI + rolls / 2
+        ends = [_swings(twists, _lean(pitch, one)) for one in (low, high)]
+        first = max(-half, *(one for one, _ in ends))
+        last = min(half, *(one for _, one in ends))
+        if last > first:
+            spans.append((k, (first + last) / 2, (last - first) / 2))
     return tuple(spans)
+
+
+def _lean(axis: float, pitch: float) -> float:
+    """Twist of the tool for a small swing of the plane, its axis and its last link at two pitches."""
+    return float(np.sin((axis + pitch) / 2) / max(np.cos((axis - pitch) / 2), 1e-12))
+
+
+def _swings(twists: tuple[float, float], lean: float) -> tuple[float, float]:
+    """Swings of the plane that turn the tool about its own axis by twists of a range, none if descending."""
+    if abs(lean) < 1e-9:  # the plane swings about an axis square to the tool's
+        return (-np.pi, np.pi) if twists[0] <= 0.0 <= twists[1] else (np.pi, -np.pi)
+    low, high = twists if lean > 0.0 else (-twists[1], -twists[0])
+    return _swing(low, lean), _swing(high, lean)
 
 
 def _swing(twist: float, lean: float) -> float:

@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from regionik.planners.geometry.angles import wrap
+from regionik.planners.geometry.angles import TWO_PI, wrap
+from regionik.planners.geometry.cones import pitches_within
 from regionik.planners.geometry.polygons import FlatPolygon
-from regionik.planners.solvers.base_placement import FIXED, BaseArea, Turning
+from regionik.planners.reach.rings import FREE
+from regionik.planners.solvers.base_placement import FIXED, BaseArea, Turning, move_to_area
+from regionik.planners.solvers.fabrik import Pair
 from regionik.planners.solvers.mfabrik_planar import least_change, solve_planar
-from regionik.planners.solvers.planar_kinematics import PlanarLinkage, self_motion
+from regionik.planners.solvers.planar_kinematics import (
+    TILT,
+    PlanarLinkage,
+    critical_posture,
+    fitted_bends,
+    nearest_of,
+    self_motion,
+)
 from regionik.planners.solvers.planar_setup import PlanarSetup, links_of
 from regionik.planners.solvers.posture_criteria import (
     COMFORT,
@@ -19,12 +31,22 @@ from regionik.planners.solvers.posture_criteria import (
     posture_margin,
     posture_within_thresholds,
 )
-from regionik.postures.arm import ANGLE_SLACK, MOST_PASSES, Reached, deviation
-from regionik.postures.families import Family, families_of, roll_for, roll_within_limits, tool_turn
+from regionik.postures.arm import ANGLE_SLACK, CONE_SHARE, MOST_PASSES, Reached, deviation
+from regionik.postures.families import (
+    Family,
+    families_of,
+    roll_for,
+    roll_within_limits,
+    tool_turn,
+    within_cone,
+)
 from regionik.worlds.arms import PlanarArm
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import within_half_turns
 from regionik.worlds.scene import Target
+
+LEANS = 41  # pitches within a cone that are tried for a posture
+DISTANCES = 200  # of a base on a free floor from the target
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +86,10 @@ class PlanarSolver:
         self, target: Target, axis: Array, yaw: float, joints: Array, area: FlatPolygon, mobile: bool
     ) -> Reached:
         """Bring the tool to a target; see `Arm`. Of the kinds of posture the first that meets it."""
+        if not mobile and target.direction is not None and not self._held_straight(target, axis):
+            leaning = self._leaning(target, axis, yaw, joints)
+            if leaning is not None:
+                return leaning
         best: Reached | None = None
         for kind in self._kinds(target):
             base, q = np.array([*axis, yaw]), np.array(joints)
@@ -79,7 +105,77 @@ class PlanarSolver:
             if best is None or self._worth(found) < self._worth(best):
                 best = found
         assert best is not None
-        return best
+        places = self._places(target, axis, area, mobile) if target.direction is not None else iter(())
+        others = (self._leaning(target, place, yaw, joints) for place in places)
+        return next((one for one in others if one is not None), best)
+
+    def _held_straight(self, target: Target, axis: Array) -> bool:
+        """True where some posture from a place holds the tool as asked, not only within its cone."""
+        (r, _), z = self._seen(target.position, axis), float(target.position[2])
+        pitches, bends = np.array([kind.pitch for kind in self._kinds(target)]), np.zeros(3)
+        return bool(np.isfinite(nearest_of(self.plane, pitches, r, z, np.zeros(3), bends)))
+
+    def _places(self, target: Target, axis: Array, area: FlatPolygon, mobile: bool) -> Iterator[Array]:
+        """Places to lean from: the nearest of the area, on a free floor those on a line through the target."""
+        if not mobile:
+            yield axis
+        elif len(area.starts) > 1:
+            x, y = move_to_area(BaseArea(area.vertices, area.starts, mobile), float(axis[0]), float(axis[1]))
+            yield np.array([x, y])
+        else:
+            far = float(self.plane.lengths.sum()) + abs(self.plane.shoulder_r)
+            for kind in self._kinds(target):
+                start = _swung(kind, target.position, axis)
+                yield start
+                ahead = start - target.position[:2]
+                ahead /= max(float(np.hypot(*ahead)), 1e-12)
+                yield from target.position[:2] + np.outer(
+                    (np.arange(DISTANCES) + 0.5) / DISTANCES * far, ahead
+                )
+
+    def _leaning(self, target: Target, axis: Array, yaw: float, joints: Array) -> Reached | None:
+        """A posture on target from a place that has the tool within its cone, near to the one given.
+
+        Half of the cone is left for the way between two states where that can be.
+        """
+        r, plane_yaw = self._seen(target.position, axis)
+        for cone in (CONE_SHARE * target.cone, within_cone(target.cone)):
+            pitches = self._pitches(target, cone, plane_yaw)
+            if pitches is None:
+                continue
+            ranges = [pitches]
+            if target.orientation is not None:  # not every pitch suits the roll
+                ranges += [(tool, tool) for tool in np.linspace(*pitches, LEANS).tolist()]
+            for some in ranges:
+                bends = self._bends_within(some, r, float(target.position[2]), self.arm.bends(joints))
+                if bends is not None:
+                    q, angle = self._turned(target, bends, plane_yaw, yaw, joints)
+                    if angle <= ANGLE_SLACK:
+                        return Reached(axis, q, 0.0, 0, angle)
+        return None
+
+    @staticmethod
+    def _pitches(target: Target, cone: float, plane_yaw: float) -> tuple[float, float] | None:
+        """Lowest and highest pitch that points within a cone, with the plane in a direction [rad]."""
+        assert target.direction is not None
+        x, y, z = target.direction.tolist()
+        found = pitches_within(math.atan2(z, math.hypot(x, y)), cone, plane_yaw - math.atan2(y, x))
+        return None if found is None else (found[0] - found[1], found[0] + found[1])
+
+    def _bends_within(self, pitches: Pair, r: float, z: float, near: Array) -> Array | None:
+        """Bends (3,) near to given ones that put the tool at (r, z), its link at a pitch of a range."""
+        bends, (low, high) = np.empty(3), pitches
+        if self.asked is not None:
+            found = posture_within_thresholds(self.plane, self.asked, pitches, r, z, near, bends)
+            return bends if found else None
+        middle = (low + high) / 2
+        present = middle + float(wrap(float(near.sum()) - middle))
+        about = np.clip(present + TILT * np.linspace(-1.0, 1.0, LEANS), low, high)
+        tools = np.concatenate([about, np.linspace(low, high, LEANS)])
+        if np.isfinite(nearest_of(self.plane, tools, r, z, near, bends)):
+            return bends
+        found, a, b, c = critical_posture(self.plane, low, high, r, z)  # it hides between two pitches
+        return np.array(fitted_bends(self.plane, a, b, c)) if found else None
 
     @staticmethod
     def _worth(found: Reached) -> tuple[bool, bool, float]:
@@ -92,7 +188,8 @@ class PlanarSolver:
             return found
         r, plane_yaw = self._seen(target.position, found.axis)
         near, bends, z = self.arm.bends(joints), np.empty(3), float(target.position[2])
-        if not posture_within_thresholds(self.plane, self.asked, kind.pitch, r, z, near, bends):
+        pitches = (kind.pitch, kind.pitch) if np.isfinite(kind.pitch) else FREE
+        if not posture_within_thresholds(self.plane, self.asked, pitches, r, z, near, bends):
             return replace(found, meets=False)
         q, angle = self._turned(target, bends, plane_yaw, yaw, joints)
         return replace(found, joints=q, error=0.0, angle=angle)
@@ -109,8 +206,11 @@ class PlanarSolver:
             base, q = np.array([*axis, yaw]), np.array(joints)
             setup = self._alone._replace(pitch=kind.pitch)
             change, _ = least_change(setup, np.array(target.position), base, q)
-            if change < least:
-                best, least = Reached(axis, q, 0.0, 0, self._rolled(target, yaw, q, joints)), change
+            angle = self._rolled(target, yaw, q, joints)
+            if change < least and angle <= ANGLE_SLACK:
+                best, least = Reached(axis, q, 0.0, 0, angle), change
+        if best is None and target.direction is not None:
+            best = self._leaning(target, axis, yaw, joints)
         return best if best is None or self._meets(best, 0.0) else None
 
     def self_motion(
@@ -118,14 +218,25 @@ class PlanarSolver:
     ) -> list[Reached]:
         """Postures on target at ``tries`` pitches, the elbow either way; see `Arm`."""
         r, plane_yaw = self._seen(target.position, axis)
+        tools = self._tools(target, plane_yaw, tries)
+        bends = np.empty((2 * len(tools), 3))
+        count = self_motion(self.plane, tools, r, float(target.position[2]), bends)
         found: list[Reached] = []
-        for kind in self._kinds(target):
-            bends = np.empty((2 * tries, 3))
-            count = self_motion(self.plane, kind.pitch, r, target.position[2], tries, bends)
-            for one in bends[:count]:
-                q, angle = self._turned(target, one, plane_yaw, yaw, joints)
-                found.append(Reached(axis, q, 0.0, 0, angle))
+        for one in bends[:count]:
+            q, angle = self._turned(target, one, plane_yaw, yaw, joints)
+            found.append(Reached(axis, q, 0.0, 0, angle))
         return [one for one in found if self._meets(one, 0.0)]
+
+    def _tools(self, target: Target, plane_yaw: float, tries: int) -> Array:
+        """Pitches of the last link, ``tries`` to the full turn: as asked, and all over the cone [rad]."""
+        pitches = np.array([kind.pitch for kind in self._kinds(target)])
+        if target.direction is None:
+            return TWO_PI * np.arange(tries) / tries if np.isnan(pitches).any() else pitches
+        ends = self._pitches(target, within_cone(target.cone), plane_yaw)
+        if ends is None:
+            return pitches
+        count = math.ceil(tries * (ends[1] - ends[0]) / TWO_PI)
+        return np.append(pitches, ends[0] + (ends[1] - ends[0]) * (np.arange(count) + 0.5) / count)
 
     def _kinds(self, target: Target) -> tuple[Family, ...]:
         """The family, or where it leaves the pitch open, those that the asked direction allows."""
@@ -167,10 +278,11 @@ def _swung(kind: Family, target: Array, axis: Array) -> Array:
     """The axis led round a target until the plane points as the family allows."""
     dx, dy = kind.facing * (target[:2] - axis)
     azimuth, away = float(np.arctan2(dy, dx)), kind.facing * float(np.hypot(dx, dy))
-    swing = float(wrap(azimuth - kind.azimuth))
-    if abs(swing) <= kind.half:
+    widest = kind.bands[0]
+    swing = float(wrap(azimuth - widest.azimuth))
+    if abs(swing) <= widest.half:
         return axis
-    azimuth = kind.azimuth + float(np.clip(swing, -kind.half, kind.half))
+    azimuth = widest.azimuth + float(np.clip(swing, -widest.half, widest.half))
     return target[:2] - away * np.array([np.cos(azimuth), np.sin(azimuth)])
 
 

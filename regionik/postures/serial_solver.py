@@ -18,9 +18,9 @@ from regionik.planners.solvers.damped_least_squares import ORIENTATION, Aim, pol
 from regionik.planners.solvers.mfabrik_serial import ArmStand, in_arm_frame, solve_serial
 from regionik.planners.solvers.multistart_ik import Effort, solve_ik
 from regionik.planners.solvers.rigid_bodies import RigidBodies, pointing_bodies, posing_bodies, span
-from regionik.planners.solvers.serial_chain import serial_arm
+from regionik.planners.solvers.serial_chain import SerialArm, serial_arm
 from regionik.postures.arm import CONE_SHARE, MOST_PASSES, Reached, aim_of
-from regionik.worlds.arms import pivot_index, reach_bound, with_pivot, with_pivot_limits
+from regionik.worlds.arms import pivot_index, reach_bound, sliding_chain, with_pivot, with_pivot_limits
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, spread_postures, within_half_turns
 from regionik.worlds.scene import Target
@@ -97,16 +97,13 @@ class SerialSolver:
     def _followed(
         self, goal: SerialGoal, starts: Array, axis: Array, yaw: float, joints: Array, area: FlatPolygon
     ) -> Reached:
-        """M-FABRIK: passes with the base after the root, then restarts.
-
-        Without passes the base goes to the nearest place of its area.
-        """
-        if not goal.effort.most_passes:
-            return self._held(goal, self._nearest_place(axis, area), yaw, joints)
+        """M-FABRIK: passes with the base after the root, base and arm polished together, then restarts."""
         q, place = np.array(joints), np.array(axis)
         stand = ArmStand(pivot_index(self.chain), yaw, self.height)
         free = BaseArea(area.vertices, area.starts, True)
-        error, angle, passes = solve_serial(goal.bodies, stand, starts, free, place, goal.aim, goal.effort, q)
+        error, angle, passes = solve_serial(
+            goal.bodies, goal.sliding, stand, starts, free, place, goal.aim, goal.effort, q
+        )
         return goal.reached(place, q, error, angle, passes)
 
     def _nearest_place(self, axis: Array, area: FlatPolygon) -> Array:
@@ -245,9 +242,13 @@ class SerialSolver:
         """Return a target as the kernels take it, and the effort to make."""
         if target.direction is None:
             starts = np.ascontiguousarray(self.starts[:, : len(self.pointing.arm.lower)])
-            return SerialGoal(self.pointing, starts, self.effort, aim_of(target), 0.0)
+            sliding = pointing_bodies(sliding_chain(self.endless)).arm
+            return SerialGoal(self.pointing, sliding, starts, self.effort, aim_of(target), 0.0)
+        sliding = serial_arm(sliding_chain(self.endless))
         effort = self.effort._replace(angle_tolerance=ANGLE_SHARE * target.cone)
-        return SerialGoal(self.posing, self.starts, effort, aim_of(target), (1 - CONE_SHARE) * target.cone)
+        return SerialGoal(
+            self.posing, sliding, self.starts, effort, aim_of(target), (1 - CONE_SHARE) * target.cone
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,6 +256,7 @@ class SerialGoal:
     """A target as the kernels take it, and what is left of its cone beyond the aim's [rad]."""
 
     bodies: RigidBodies
+    sliding: SerialArm  # that of the bodies after two slides of the base
     starts: Array
     effort: Effort
     aim: Aim

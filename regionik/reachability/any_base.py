@@ -9,7 +9,8 @@ import numpy as np
 import shapely
 from shapely.geometry import MultiPolygon, Point, Polygon
 
-from regionik.areas.ground import GUARD, Side, ground_of
+from regionik.areas.ground import Side, ground_of
+from regionik.areas.layers import GUARD
 from regionik.areas.reachable import model_of, planar_reach, reach_model
 from regionik.areas.standing import room_for
 from regionik.planners.avoidance.posture_proof import solid_at_target
@@ -30,7 +31,7 @@ from regionik.planners.reach.planar_cells import ArmMount, cell_for
 from regionik.planners.reach.rings import reach_intervals
 from regionik.planners.search.box_search import Verdict
 from regionik.postures.arm_guard import SPARE, contact_for, guard_of
-from regionik.postures.poses import Pose
+from regionik.postures.poses import Pose, axis_of
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.scene import Target, World
 
@@ -69,6 +70,29 @@ def search_any_base(world: World, target: Target, most: int) -> AnyBaseResult:
         return AnyBaseResult(verdict, Pose(task.base, task.joints), 0.0, ())
     near = np.unique(task.around.owner[task.around.near]).tolist()
     return AnyBaseResult(verdict, None, gap, tuple(world.arm_solids[k].name for k in near))
+
+
+def rules_out_posture(world: World, target: Target, base: Array, most: int) -> bool:
+    """True where each posture from one pose of the base (3,) is proven to touch something.
+
+    Only where `can_search` holds. The place is left open by what the tool may miss its target by; the base
+    itself is not looked at.
+    """
+    task, by = any_base_of(world, target), 2 * world.rules.tolerance + GUARD
+    axis = axis_of(world.robot, base)
+    square = np.array([[-by, -by], [by, -by], [by, by], [-by, by]]) + axis
+    room = task.floor.room._replace(corners=np.empty((0, 2)))
+    floor = task.floor._replace(
+        inner=floor_of(Side(Polygon(), np.empty(0, dtype=object))),
+        outer=FloorPart(square, np.array([0, 4], dtype=np.int64)),
+        room=room,
+    )
+    held = task._replace(
+        mount=task.mount._replace(yaw=float(base[2])), floor=floor, demand=task.demand._replace(seek=False)
+    )
+    far = float(np.hypot(*(target.position[:2] - axis)))
+    rings = np.array([[far - 2 * by, far + 2 * by], [-far - 2 * by, -far + 2 * by]])
+    return search_cells(held, rings, max(most, FEWEST))[0] == Verdict.RULED_OUT
 
 
 def any_base_of(world: World, target: Target) -> AnyBase:

@@ -9,11 +9,14 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
-from regionik.areas.ground import GUARD, Side
+from regionik.areas.ground import Side
+from regionik.areas.layers import GUARD
+from regionik.areas.lifted import lifts_matter
 from regionik.areas.reach_model import ReachModel
 from regionik.areas.reachable import reach_model, reach_rows
 from regionik.areas.standing import anywhere, by_heading, outer_by_heading
 from regionik.postures.families import BACK, FRONT
+from regionik.postures.poses import pose_of
 from regionik.regions import checked_targets, path_areas
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
@@ -22,6 +25,8 @@ from regionik.worlds.scene import Target, World
 
 MOST_CELLS = 40_000_000
 UNREACHABLE, UNDECIDED, REACHABLE = 0, 1, 2
+PROOF = "by areas alone"  # which do not look at what the arm would touch
+TURNS = 8  # headings of the best place
 _CHUNK = 2000  # targets whose areas are made at once
 
 
@@ -42,7 +47,8 @@ class Field:
     most : int
         Targets in all; 2 of a slice.
     heading : (ny, nx) array
-        Heading of the base that reaches so many; NaN where every one does, or nothing is reached [rad].
+        Heading of the base that reaches so many; NaN where the base has room to turn, to another one for each
+        target where its pivot asks for that, or nothing is reached [rad].
     scene : World
         Where it was counted.
     targets : (n, 3) array
@@ -69,23 +75,38 @@ class Field:
     def meaning(self) -> str:
         """The meaning of the values, in a few words."""
         if self.height is None:
-            return f"targets reached, of {self.most}"
-        return f"tool at {self.height:g} m: 0 unreachable, 1 undecided, 2 reachable"
+            return f"targets reached, of {self.most}, {PROOF}"
+        return f"tool at {self.height:g} m, {PROOF}: 0 unreachable, 1 undecided, 2 reachable"
 
     @property
     def summary(self) -> str:
         """The result in one line."""
         if self.height is None:
-            return f"the best place reaches {self.values.max(initial=0)} of {self.most} targets"
+            return f"the best place reaches {self.values.max(initial=0)} of {self.most} targets, {PROOF}"
         area = [float((self.values == value).sum()) * self.cell**2 for value in (REACHABLE, UNDECIDED)]
-        return f"at {self.height:g} m the tool reaches {area[0]:.2f} m2, {area[1]:.2f} m2 are undecided"
+        found = f"the tool reaches {area[0]:.2f} m2, {area[1]:.2f} m2 are undecided"
+        return f"at {self.height:g} m {found}, {PROOF}"
+
+    @property
+    def best(self) -> Array:
+        """Base poses (n, 3) at the first place that reaches most targets; none of a slice or where none does.
+
+        One at the heading there, or `TURNS` all round where the base has room to turn.
+        """
+        if self.height is not None or not self.values.any():
+            return np.empty((0, 3))
+        row, column = np.unravel_index(int(self.values.argmax()), self.values.shape)
+        axis, yaw = np.array([self.x[column], self.y[row]]), float(self.heading[row, column])
+        turns = [2 * np.pi * k / TURNS for k in range(TURNS)] if np.isnan(yaw) else [yaw]
+        return np.array([pose_of(self.scene.robot, axis, turn) for turn in turns])
 
 
 def reach_field(world: World, targets: ArrayLike | Sequence[Target], cell: float = 0.05) -> Field:
     """Number of targets that the arm reaches from each place of its axis on the floor.
 
-    A target counts where its inner area holds the middle of the cell, so it is truly reached from there, with
-    one heading for all that a place counts: the best.
+    A target counts where its inner area holds the middle of the cell: base and body may stand there, and a
+    posture within limits is on the target. Where the base has no room to turn, all that a place counts have
+    one heading: the best. What the arm would touch is not looked at: `regionik.reach` from `Field.best` does.
 
     Parameters
     ----------
@@ -152,7 +173,7 @@ def reach_slice(world: World, height: float, cell: float = 0.05) -> Field:
     for side in outer_by_heading(world).sides:
         values[_met(side, outer, x, y)] = UNDECIDED
     (side,) = anywhere(world).sides
-    if _model(world).turns_freely(world.rules, side.span):
+    if _model(world).turns_freely(world.rules, side.span) and not lifts_matter(world):
         values[_met(side, inner, x, y)] = REACHABLE
     else:
         values[_met_one_by_one(world, float(z[0]), values, x, y)] = REACHABLE
@@ -183,7 +204,8 @@ def _counted(
     world: World, targets: Array | list[Target], side: Side, free: NDArray[np.bool_], x: Array, y: Array
 ) -> NDArray[np.int32]:
     """Targets reached from each free cell within one side's headings."""
-    if isinstance(targets, list) or not _model(world).turns_freely(world.rules, side.span):
+    by_rings = _model(world).turns_freely(world.rules, side.span) and not lifts_matter(world)
+    if isinstance(targets, list) or not by_rings:
         return _count_areas(world, _as_targets(targets), side, free, x, y)
     return count_rings(targets[:, :2], _distances(world, targets[:, 2], inner=True), x, y, free)
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import fields
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import chain
-from typing import Any, Literal, NamedTuple
+from typing import Any
 
 import numpy as np
 import shapely
@@ -15,7 +15,7 @@ from shapely.geometry import Point
 
 from regionik.areas.standing import LEAST_AREA, PathAreas, anywhere
 from regionik.executors import Pool, map_unordered
-from regionik.explain.constraints import no_way_to, places_open, spot
+from regionik.explain.constraints import no_way_to, places_open
 from regionik.explain.failures import no_place
 from regionik.mfabrik import Solver, solver_for
 from regionik.planners.avoidance.posture_proof import solid_at_target
@@ -24,11 +24,12 @@ from regionik.planners.search.box_search import Verdict
 from regionik.postures.families import Family
 from regionik.postures.poses import Pose, axis_of, pose_of
 from regionik.reachability.any_base import can_search, search_any_base
+from regionik.reachability.from_base import from_base
 from regionik.reachability.refinement import KnownArea, diameter, refine
-from regionik.reachability.target_search import TargetSearch
+from regionik.reachability.target_search import TargetResult, TargetSearch
 from regionik.regions import checked_targets, path_areas, round_outer_areas
 from regionik.values import Answer, Configuration
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import Target, World
 
@@ -44,6 +45,7 @@ def reach(
     world: World,
     targets: ArrayLike | Sequence[Target],
     *,
+    base: ArrayLike | None = None,
     executor: Pool | None = None,
     chunk: int = CHUNK,
     progress: Progress | None = None,
@@ -61,6 +63,8 @@ def reach(
     world : World
     targets : (n, 3) array_like or sequence of Target
         Bare points leave the tool direction free [m].
+    base : (3,) array_like, optional
+        Where the base stands, exactly: x, y [m], yaw [rad]. By default it may be anywhere on the floor.
     executor : Executor or function that makes one, optional
         For chunks: processes of this machine or of others; threads of one process take turns. By default
         this process. Chunks of lost workers are handed out again; a process pool breaks with its workers, and
@@ -73,7 +77,8 @@ def reach(
     Raises
     ------
     InputError
-        For targets that are not n rows of three finite numbers, or a chunk below 1.
+        For targets that are not n rows of three finite numbers, a base that is not three of them, or a chunk
+        below 1.
     EngineError
         When workers are lost again and again.
 
@@ -82,15 +87,18 @@ def reach(
     >>> from regionik.worlds.documents.world_file import load_world
     >>> reach(load_world("pillar"), [[0.5, 0, 0.25], [0.5, 0, 2.0]]).verdict.tolist()
     ['reachable', 'unreachable']
+    >>> reach(load_world("pillar"), [[0.5, 0, 0.25], [1.5, 0, 0.25]], base=[0.1, 0, 0]).verdict.tolist()
+    ['reachable', 'unreachable']
     """
     if chunk < 1:
         raise InputError(f"chunk: must be at least 1, got {chunk}")
     asked = checked_targets(targets)
     chunks = [asked[k : k + chunk] for k in range(0, max(1, len(asked)), chunk)]
+    place = None if base is None else tuple(frozen(base, (3,), "base").tolist())
     parts: dict[int, Answer] = {}
     done = 0
     with listening(progress):
-        for k, answer in map_unordered(world, _answered, enumerate(chunks), executor):
+        for k, answer in map_unordered(world, partial(_answered, base=place), enumerate(chunks), executor):
             parts[k] = answer
             done += len(answer.reachable)
             tell("reach", done, len(asked))
@@ -105,40 +113,31 @@ def _joined(parts: Sequence[Answer]) -> Answer:
     return Answer(**columns)
 
 
-def _answered(world: World, targets: Array | list[Target]) -> Answer:
-    """The answers for the targets of one chunk."""
+def _answered(world: World, targets: Array | list[Target], base: tuple[float, float, float] | None) -> Answer:
+    """The answers for the targets of one chunk, from anywhere or from one pose of the base."""
     asked = targets if isinstance(targets, list) else [Target(row) for row in targets]
     positions = np.array([target.position for target in asked]).reshape(-1, 3)
-    results = _decided(world, asked)
+    results = _decided(world, asked) if base is None else from_base(world, asked, base)
     verdict = np.array([one.verdict for one in results], dtype="<U11")
-    base, joints = np.full((len(asked), 3), np.nan), np.full((len(asked), world.robot.chain.dof), np.nan)
+    bases, joints = np.full((len(asked), 3), np.nan), np.full((len(asked), world.robot.chain.dof), np.nan)
     for i, result in enumerate(results):
         if result.pose is not None:
-            base[i], joints[i] = result.pose.base, result.pose.joints
+            bases[i], joints[i] = result.pose.base, result.pose.joints
     reasons, gap = [one.reason for one in results], np.array([one.gap for one in results], dtype=float)
-    return Answer(positions, verdict == "reachable", verdict, base, joints, reasons, gap)
+    return Answer(positions, verdict == "reachable", verdict, bases, joints, reasons, gap)
 
 
-class _Result(NamedTuple):
-    """The answer for one target."""
-
-    verdict: Literal["reachable", "unreachable", "undecided"]
-    pose: Pose | None
-    gap: float
-    reason: str
-
-
-def _decided(world: World, targets: Sequence[Target]) -> list[_Result]:
+def _decided(world: World, targets: Sequence[Target]) -> list[TargetResult]:
     """Decide by coarse areas of all targets at once, then closely for each target in doubt."""
     areas = path_areas(world, targets, coarse=True)
     found = _at_hand(world, targets, areas)
     rest = [i for i in range(len(targets)) if i not in found]
     outer = round_outer_areas(world, [targets[i] for i in rest], coarse=True)
-    results = {i: _Result("reachable", pose, 0.0, "") for i, pose in found.items()}
+    results = {i: TargetResult("reachable", pose, 0.0, "") for i, pose in found.items()}
     ruled_out = {i: area.is_empty for i, area in zip(rest, outer, strict=True)}
     for i in track("targets in doubt", rest):
         if ruled_out[i]:
-            results[i] = _Result("unreachable", None, 0.0, no_place(world, 0, [targets[i]]).reason)
+            results[i] = TargetResult("unreachable", None, 0.0, no_place(world, 0, [targets[i]]).reason)
         else:
             results[i] = _closely(world, targets[i], _largest_first(areas, i))
     return [results[i] for i in range(len(targets))]
@@ -186,45 +185,47 @@ def _known_posture(world: World, family: Family, out: int, up: int) -> Array | N
     return reached.joints if reached.converged else None
 
 
-def _closely(world: World, target: Target, likely: Sequence[KnownArea]) -> _Result:
+def _closely(world: World, target: Target, likely: Sequence[KnownArea]) -> TargetResult:
     """Result for a target that coarse areas do not decide."""
     search = TargetSearch(world, target)
     if search.guard.on:
         bodies, contact = search.guard.bodies, search.guard.contact
         name = solid_at_target(bodies, target.position, world.rules.tolerance, 0.0, contact)
         if name:
-            return _Result("unreachable", None, 0.0, f"{_who(target)} cannot be reached: {_IN.format(name)}")
+            return TargetResult(
+                "unreachable", None, 0.0, f"{search.who} cannot be reached: {_IN.format(name)}"
+            )
     seen = _everywhere(search)
     if seen.verdict != "undecided":
         return seen
     pose, left, tried = refine(search, likely)
     pose = pose or search.search()
     if pose is not None:
-        return _Result("reachable", pose, 0.0, "")
+        return TargetResult("reachable", pose, 0.0, "")
     if left.is_empty:
-        return _Result("unreachable", None, 0.0, f"{_who(target)} cannot be reached: {_CLOSELY}")
+        return TargetResult("unreachable", None, 0.0, f"{search.who} cannot be reached: {_CLOSELY}")
     gap = min(diameter(left), seen.gap)
-    return _Result("undecided", None, gap, _doubt(search, gap, tried))
+    return TargetResult("undecided", None, gap, _doubt(search, gap, tried))
 
 
-def _everywhere(search: TargetSearch) -> _Result:
+def _everywhere(search: TargetSearch) -> TargetResult:
     """Result of a search of all postures from all places, for arms that avoid obstacles."""
     world, target = search.world, search.target
     if not can_search(world):
-        return _Result("undecided", None, np.inf, "")
+        return TargetResult("undecided", None, np.inf, "")
     seen = search_any_base(world, target, CELLS)
     if seen.verdict == Verdict.RULED_OUT:
         way = _NO_WAY.format(", ".join([*seen.around, "itself and its base"]))
-        return _Result("unreachable", None, 0.0, f"{_who(target)} cannot be reached: {way}")
+        return TargetResult("unreachable", None, 0.0, f"{search.who} cannot be reached: {way}")
     if seen.pose is not None and search.confirms(seen.pose):
-        return _Result("reachable", seen.pose, 0.0, "")
+        return TargetResult("reachable", seen.pose, 0.0, "")
     gap = np.inf if seen.pose is not None else seen.gap  # an unconfirmed pose bounds nothing
-    return _Result("undecided", None, gap, "")
+    return TargetResult("undecided", None, gap, "")
 
 
 def _doubt(search: TargetSearch, gap: float, tried: int) -> str:
     """Sentence on why a target stays undecided."""
-    lead, touch = no_way_to(_who(search.target)), search.touch
+    lead, touch = no_way_to(search.who), search.touch
     left = places_open(gap)
     if touch is not None:
         return (
@@ -233,10 +234,6 @@ def _doubt(search: TargetSearch, gap: float, tried: int) -> str:
         )
     looked = "no posture was found in the areas looked at" if tried else "no place for the base is known"
     return f"{lead}: {looked}. {left}: a posture from one of them would decide it."
-
-
-def _who(target: Target) -> str:
-    return f"The target at {spot(target.position)}"
 
 
 def _largest_first(areas: PathAreas, i: int) -> list[KnownArea]:

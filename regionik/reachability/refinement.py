@@ -16,7 +16,8 @@ import shapely
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import EVERY, GUARD, ground_of
+from regionik.areas.ground import EVERY, ground_of
+from regionik.areas.layers import GUARD
 from regionik.areas.reach_model import FineRows, ReachModel
 from regionik.areas.reachable import fine_reach, reach_model
 from regionik.areas.standing import span_of_rules

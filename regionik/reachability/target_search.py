@@ -1,9 +1,10 @@
-"""Search for a configuration with the base in a given area, and its check: on target, on the floor, clear."""
+"""Search for a configuration, the base in an area or held, and its check: target, limits, floor, clear."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Literal, NamedTuple
 
 import numpy as np
 import shapely
@@ -11,6 +12,7 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.reachable import model_of, reach_model
 from regionik.areas.standing import LEAST_AREA, anywhere, into_span, room_for, span_of_rules, spread
+from regionik.explain.constraints import spot
 from regionik.mfabrik import Solver, solver_for
 from regionik.planners.avoidance.clear_posture import sampled_clear_posture
 from regionik.planners.avoidance.posture_proof import PostureTask
@@ -21,6 +23,7 @@ from regionik.postures.arm_guard import SPARE, Guard, guard_at
 from regionik.postures.families import Family
 from regionik.postures.poses import Pose, arrays, facing, pose_of
 from regionik.regions import path_areas
+from regionik.values import Configuration
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target, World
 
@@ -34,12 +37,22 @@ MEASURED = 4  # of those at one place, whose distances are measured
 SLACK = 1e-9  # rounding allowed at a bound [m] or [rad]
 
 
+class TargetResult(NamedTuple):
+    """The answer for one target."""
+
+    verdict: Literal["reachable", "unreachable", "undecided"]
+    pose: Pose | None
+    gap: float  # diameter of the largest circle of undecided places for the arm axis [m]
+    reason: str
+
+
 @dataclass(eq=False)
 class TargetSearch:
     """Search for one target's configuration, and the contacts met."""
 
     world: World
     target: Target
+    held: Array | None = None  # (3,) the one base pose that counts, known to stand on free floor
     met: int = 0  # postures on target with the base on free floor that touch something
     touch: Touch | None = None  # of the posture among them nearest to being clear
     # Clearance left [m] and posture nearest to being clear, of each place
@@ -61,20 +74,27 @@ class TargetSearch:
             base = pose_of(self.world.robot, axis, into_span(self._yaw(axis), span))
             if self.is_exhausted:
                 break
-            standing = self.standing(self._postures(solver, base))
-            clear = next((q for q in standing if self.guard.proves(q)), None)
-            if clear is not None:
-                return clear
-            self.met += len(standing)
-            best = -np.inf
-            for q in standing[:MEASURED]:
-                room = self._room(q, best)
-                if room == np.inf:
-                    return q
-                if room > best:
-                    best, nearest = room, q
-            if best > -np.inf:
-                self.nearly.append((best, nearest))
+            pose = self.at(solver, base)
+            if pose is not None:
+                return pose
+        return None
+
+    def at(self, solver: Solver, base: Array) -> Pose | None:
+        """A confirmed configuration with the arm axis as a base pose (3,) has it, if one is found."""
+        standing = self.standing(self._postures(solver, base))
+        clear = next((q for q in standing if self.guard.proves(q)), None)
+        if clear is not None:
+            return clear
+        self.met += len(standing)
+        best = -np.inf
+        for q in standing[:MEASURED]:
+            room = self._room(q, best)
+            if room == np.inf:
+                return q
+            if room > best:
+                best, nearest = room, q
+        if best > -np.inf:
+            self.nearly.append((best, nearest))
         return None
 
     def in_areas(self) -> Pose | None:
@@ -103,12 +123,12 @@ class TargetSearch:
             return []
         world, model = self.world, reach_model(self.world.robot, "point")
         bases, joints = arrays(poses)
-        chain, room = world.robot.chain, room_for(world)
+        chain = world.robot.chain
         within = ((joints >= chain.lower - SLACK) & (joints <= chain.upper + SLACK)).all(axis=1)
         errors = [goal_error(self.target, tool) for tool in world.robot.tool(bases, joints)]
         off, angles = np.array(errors).T
         good = within & (off <= world.rules.tolerance + SLACK) & (angles <= self.target.cone + SLACK)
-        free = {place: fits(room, *place) for place in {tuple(base) for base in bases[good].tolist()}}
+        free = {place: self._stands(place) for place in {tuple(base) for base in bases[good].tolist()}}
         return [
             q
             for q, on_target in zip(poses, good.tolist(), strict=True)
@@ -118,6 +138,17 @@ class TargetSearch:
     def confirms(self, q: Pose) -> bool:
         """True where a configuration is an answer."""
         return bool(self.standing([q])) and self.guard.clear(q)
+
+    @property
+    def who(self) -> str:
+        """The target in words."""
+        return f"The target at {spot(self.target.position)}"
+
+    def _stands(self, base: tuple[float, float, float]) -> bool:
+        """True where the base may stand: on free floor, and as it is held."""
+        if self.held is not None:
+            return base == tuple(self.held.tolist())
+        return bool(fits(room_for(self.world), *base))
 
     def _places(self, area: BaseGeometry) -> Array:
         """The middle of the area's largest part, then places spread over all of it."""
@@ -129,13 +160,17 @@ class TargetSearch:
         """The posture that the solver finds from the carried arm, then those of its self-motion."""
         carry = self.world.robot.carry
         first = solver.hold(self.target, base, carry)
-        if not first.converged:
+        if not first.converged and self.held is None:
             return []
-        poses = [Pose(first.base, first.joints)]
-        if self.guard.on and not self.confirms(poses[0]):
+        poses = [self._posed(first)] if first.converged else []
+        if not poses or (self.guard.on and not self.confirms(poses[0])):
             others = solver.self_motion(self.target, base, carry, PITCHES)
-            poses += [Pose(one.base, one.joints) for one in others]
+            poses += [self._posed(one) for one in others]
         return poses
+
+    def _posed(self, found: Configuration) -> Pose:
+        """What a solver found; a held base is as it is held, not as it is rounded."""
+        return Pose(found.base if self.held is None else self.held, found.joints)
 
     def _searched(self, q: Pose) -> Pose | None:
         """Search postures of the arm about the nearest one, the base held."""

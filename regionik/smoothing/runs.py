@@ -12,7 +12,8 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import Geometries, united
+from regionik.areas.ground import united
+from regionik.areas.layers import Geometries
 from regionik.areas.standing import Standing, room_for, turns_matter
 from regionik.moving.state_keeper import StateKeeper
 from regionik.planners.smoothing.path_smoothing import PathProblem, on_path, smooth_states

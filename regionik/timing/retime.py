@@ -188,9 +188,12 @@ def _with_motion(plan: Plan, motion: Motion) -> Plan:
         if not (np.array_equal(base, found[i].base) and np.array_equal(joints, found[i].joints)):
             error = math.dist(plan.world.robot.tool(base, joints)[:3, 3], plan.world.task[i].position)
             found[i] = replace(found[i], base=base, joints=joints, error=error)
-    stats = plan.stats
-    if "largest_error" in stats:
-        stats = {**stats, "largest_error": float(max(one.error for one in found))}
+    figures = {
+        "states": len(motion),
+        "base_travel": plan.world.robot.drive.travel(motion.base),
+        "largest_error": max((float(one.error) for one in found), default=0.0),
+    }
+    stats = {key: figures.get(key, value) for key, value in plan.stats.items()}
     return replace(plan, motion=motion, setpoints=tuple(found), stats=stats)
 
 

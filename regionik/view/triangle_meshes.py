@@ -173,7 +173,7 @@ def link_mesh(body: LinkSolid) -> TriangleMesh:
 
 def shadow_polygon(body: Solid) -> BaseGeometry:
     """The shadow of a whole obstacle on the floor, circles as polygons."""
-    shadow = body.shadow(np.inf)
+    shadow = body.shadow()
     return Polygon() if shadow is None else shadow.shape(quad_segs=_FACETS // 4)
 
 

@@ -5,6 +5,7 @@ A form of obstacle is a model whose ``solid`` gives the obstacle and whose `soli
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,6 +19,7 @@ from regionik.worlds.errors import InputError, located, read_each
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere, as_polygon
 from regionik.worlds.readers.meshes import read_mesh
 from regionik.worlds.readers.occupancy_map import load_map
+from regionik.worlds.readers.text import file_in
 from regionik.worlds.readers.validation import (
     FileName,
     Many,
@@ -33,6 +35,7 @@ from regionik.worlds.scene import Floor
 
 Ring = Annotated[Many[Vec2], Field(min_length=3)]
 Range = Annotated[list[float], Field(min_length=2, max_length=2)]
+HUGE, HUGE_SHARE = 10.0, 2.0  # sizes of mesh files that are told: at least [m], and of the floor's
 _UPRIGHT = 1e-9  # by which the cosine of a frame's tilt may be off
 Corner = Annotated[int, Field(ge=0)]
 
@@ -89,7 +92,7 @@ class MeshFile(Strict):
 
     def solid(self, name: str, folder: Path) -> Mesh:
         with located("file", ""):
-            vertices, faces = read_mesh(folder / self.file)
+            vertices, faces = read_mesh(file_in(folder, self.file))
             return _closed(
                 Mesh(name, vertices * self.scale, faces).transformed(pose(self.position, self.rpy))
             )
@@ -169,7 +172,7 @@ def read_floor(part: PolygonFloor | MapFloor, where: str, folder: Path) -> Floor
     """Return the floor of a document that messages call ``where``; files are relative to ``folder``."""
     if isinstance(part, MapFloor):
         with located(where, "floor.map"):
-            return load_map(folder / part.map, part.height, part.free_thresh)
+            return load_map(file_in(folder, part.map), part.height, part.free_thresh)
     with located(where, "floor."):
         polygon = as_polygon(Polygon(part.polygon, part.holes), "polygon")
     return Floor(
@@ -189,6 +192,19 @@ def read_obstacle(part: _NamedObstacle, where: str, place: str, folder: Path, po
         if not isinstance(solid, Mesh | Sphere) and T[2, 2] < 1 - _UPRIGHT:
             raise InputError(f"frame: a {kind} stands upright, expected a frame that turns about z alone")
     return solid.transformed(T)
+
+
+def huge_meshes(parts: Iterable[_NamedObstacle], solids: Iterable[Solid], floor: Floor) -> Iterator[str]:
+    """Yield a note on each obstacle of a mesh file that is far larger than the floor."""
+    x0, y0, x1, y1 = floor.polygon.bounds
+    for part, solid in zip(parts, solids, strict=True):
+        from_file = isinstance(part, MeshObstacle) and isinstance(part.mesh, MeshFile)
+        size = float(np.ptp(np.array(solid.bounds), axis=0).max()) if from_file else 0.0
+        if size > max(HUGE, HUGE_SHARE * float(np.hypot(x1 - x0, y1 - y0))):
+            yield (
+                f"obstacle {solid.name} is {size:.3g} m in size: perhaps in millimetres, "
+                "for which its mesh wants scale: 0.001"
+            )
 
 
 def _closed(mesh: Mesh) -> Mesh:

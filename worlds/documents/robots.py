@@ -24,7 +24,7 @@ from regionik.worlds.drives import BaseKind
 from regionik.worlds.errors import InputError, located, read_each
 from regionik.worlds.joints import Joint, Mimic
 from regionik.worlds.links import BASE, LINK_RADIUS, LinkMass, LinkSolid, capsules_along
-from regionik.worlds.readers.text import join_names
+from regionik.worlds.readers.text import file_in, join_names
 from regionik.worlds.readers.validation import (
     FileName,
     Matrix4,
@@ -133,6 +133,7 @@ class JointPart(Strict):
     frame: Matrix4 = Field(description="the joint's frame in its parent link, as a 4 x 4 matrix")
     axis: Vec3
     velocity: Positive | None = None
+    acceleration: Positive | None = None
     mimic: MimicPart | None = Field(
         default=None, description="the joint that it follows, and has its limits from: its own do not count"
     )
@@ -156,7 +157,8 @@ class ChainRobot(_OwnRobot):
             with located("", f"chain.joints[{k}]"):
                 limits, axis = _limits(part.lower, part.upper), np.array(part.axis)
                 mimic = None if part.mimic is None else Mimic(**part.mimic.model_dump())
-                joints.append(Joint(part.name, part.kind, *limits, T, axis, part.velocity or inf, mimic))
+                rates = part.velocity or inf, part.acceleration or inf
+                joints.append(Joint(part.name, part.kind, *limits, T, axis, *rates, mimic))
         return Chain(tuple(joints), matrix(self.chain.tool, "chain.tool"))
 
 
@@ -217,8 +219,10 @@ def read_robot(part: str | NamedRobot | DhRobot | ChainRobot | UrdfRobot, where:
         with located(where, "robot.tool."):
             options["tool"] = None if part.tool is None else part.tool.tool()
         with located(where, "robot"):
-            options["srdf"] = None if part.srdf is None else folder / part.srdf
-            return load_robot(folder / part.urdf, **options, turning_radius=part.turning_radius or None)
+            options["srdf"] = None if part.srdf is None else file_in(folder, part.srdf)
+            return load_robot(
+                file_in(folder, part.urdf), **options, turning_radius=part.turning_radius or None
+            )
     if isinstance(part, NamedRobot):
         with located(where, "robot.name"):
             robot = robot_named(part.name)
@@ -348,6 +352,8 @@ def _joint(joint: Joint) -> dict[str, Any]:
     }
     if joint.velocity != inf:
         document["velocity"] = float(joint.velocity)
+    if joint.acceleration != inf:
+        document["acceleration"] = float(joint.acceleration)
     if joint.mimic is not None:
         document["mimic"] = asdict(joint.mimic)
     return document

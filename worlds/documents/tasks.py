@@ -16,6 +16,7 @@ from regionik.worlds.documents.frames import FrameReference, Poses, frame_pose
 from regionik.worlds.errors import InputError, located, located_error
 from regionik.worlds.readers.csv_path import Delimiter, read_csv, read_csv_columns
 from regionik.worlds.readers.gcode_path import read_gcode
+from regionik.worlds.readers.text import file_in
 from regionik.worlds.readers.validation import (
     FileName,
     Many,
@@ -40,6 +41,7 @@ from regionik.worlds.toolpath import (
 )
 
 SETPOINTS_LIMIT = 200_000  # a plan of so many can still be read back
+SAME_POINT, SAME_AIM = 1e-6, 1e-9  # by which neighbouring set-points differ that are one [m], [1]
 Count = Annotated[int, Field(ge=2, le=1_000_000)]
 
 
@@ -142,10 +144,10 @@ class CsvPiece(ToolAim):
         if self.columns is None:
             if self.delimiter != "comma":
                 raise InputError("delimiter: goes with columns")
-            path = read_csv(folder / self.csv)
+            path = read_csv(file_in(folder, self.csv))
         else:
             chosen = self.columns.model_dump(exclude_none=True)
-            path = read_csv_columns(folder / self.csv, chosen, self.delimiter)
+            path = read_csv_columns(file_in(folder, self.csv), chosen, self.delimiter)
         return replace(path, points=path.points * self.scale)
 
 
@@ -156,7 +158,7 @@ class GcodePiece(ToolAim):
     chord: Positive = 0.0001
 
     def path(self, folder: Path) -> ToolPath:
-        return read_gcode(folder / self.gcode, self.chord)
+        return read_gcode(file_in(folder, self.gcode), self.chord)
 
 
 Piece = LinePiece | SinePiece | ArcPiece | PointsPiece | CsvPiece | GcodePiece
@@ -191,6 +193,26 @@ def read_task(
         targets.extend(found)
         places.extend([place] * len(found))
     return tuple(targets), places
+
+
+def without_repeats(task: tuple[Target, ...]) -> tuple[tuple[Target, ...], list[int]]:
+    """Return set-points of which none is the one before it given again, and which those were, from 0.
+
+    Where pieces meet end to start the tool would stand, while base and arm went from one posture of that
+    point to another.
+    """
+    again = [k for k in range(1, len(task)) if _is_same(task[k - 1], task[k])]
+    return tuple(np.delete(np.array(task, dtype=object), again)), again
+
+
+def _is_same(one: Target, other: Target) -> bool:
+    aims = (one.direction, other.direction), (one.orientation, other.orientation)
+    return (
+        float(np.linalg.norm(one.position - other.position)) <= SAME_POINT
+        and one.cone == other.cone
+        and all((a is None) == (b is None) for a, b in aims)
+        and all(a is None or b is None or float(np.abs(a - b).max()) <= SAME_AIM for a, b in aims)
+    )
 
 
 def _path(part: Piece, where: str, place: str, folder: Path, most: int) -> ToolPath:

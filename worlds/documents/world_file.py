@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+import warnings
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -15,19 +16,28 @@ from regionik.worlds.documents.environment import (
     FloorPart,
     ObstaclePart,
     floor_to_document,
+    huge_meshes,
     read_floor,
     read_obstacle,
     solid_to_document,
 )
 from regionik.worlds.documents.frames import FramesPart, read_frames
 from regionik.worlds.documents.robots import RobotPart, read_robot, robot_to_document
-from regionik.worlds.documents.tasks import PiecePart, read_task, task_to_document
-from regionik.worlds.errors import InputError, located, located_error
+from regionik.worlds.documents.tasks import PiecePart, read_task, task_to_document, without_repeats
+from regionik.worlds.errors import FileNote, InputError, located, located_error
 from regionik.worlds.execution import Execution, ParkingAccuracy
 from regionik.worlds.frames import FrameNames
 from regionik.worlds.obstacles import Solid
-from regionik.worlds.readers.text import SUFFIXES, is_file_name, plain_mapping, read_document
+from regionik.worlds.readers.text import (
+    SUFFIXES,
+    is_file_name,
+    join_names,
+    name_as_text,
+    plain_mapping,
+    read_document,
+)
 from regionik.worlds.readers.validation import (
+    NAME_LENGTH,
     Many,
     Matrix3,
     NotNegative,
@@ -194,6 +204,11 @@ def load_world(name_or_path: str | Path) -> World:
     InputError
         One line: the file, the place in it, what was expected and the valid choices.
 
+    Warns
+    -----
+    FileNote
+        Where set-points of a path are given twice in a row, which are taken once.
+
     Examples
     --------
     >>> world = load_world("pillar")
@@ -205,7 +220,20 @@ def load_world(name_or_path: str | Path) -> World:
     document = read_document(path)
     if {"states", "setpoints"} <= set(document):
         raise InputError(f"{path}: expected a world, this is a plan: regionik show {path} shows it")
-    return world_from_document(document, str(path), path.parent)
+    world = world_from_document(document, str(path), path.parent)
+    if world.rules.mode == "stops":
+        return world
+    task, again = without_repeats(world.task)
+    if not again:
+        return world
+    names = join_names((str(k + 1) for k in again), 12)
+    what = (
+        f"set-point {names} is the one before it"
+        if len(again) == 1
+        else f"set-points {names} are those before"
+    )
+    warnings.warn(f"{path}: {what} given again: taken once", FileNote, stacklevel=2)
+    return replace(world, task=task)
 
 
 def world_from_document(document: dict[str, Any], where: str = "world", folder: Path | None = None) -> World:
@@ -221,11 +249,13 @@ def world_from_document(document: dict[str, Any], where: str = "world", folder: 
     parts = enumerate(model.obstacles)
     frames, poses = read_frames(model.frames, where)
     obstacles = tuple(read_obstacle(part, where, f"obstacles[{k}]", folder, poses) for k, part in parts)
+    for note in huge_meshes(model.obstacles, obstacles, floor):
+        warnings.warn(f"{where}: {note}", FileNote, stacklevel=3)
     task, places = read_task(model.task, where, folder, poses)
     rules = _rules(model.rules, robot, where)
     start = None if model.start is None else Start(np.array(model.start.base), np.array(model.start.joints))
     speeds = None if model.speeds is None else _speeds(model.speeds, robot, where)
-    name = model.name or Path(where).name.partition(".")[0] or "world"
+    name = model.name or name_as_text(Path(where).name).partition(".")[0][:NAME_LENGTH] or "world"
     with located(where, ""):
         world = World(name, robot, floor, obstacles, task, rules, start, model.about or "", speeds, frames)
         if start is not None:

@@ -1,4 +1,4 @@
-"""Meshes of COLLADA files: their vertices, and their triangles by colour.
+"""Meshes of COLLADA files: their geometries, and their triangles by colour.
 
 URDF files often name COLLADA files as meshes of links. As in the tools of ROS, the unit is applied and the up
 axis is not.
@@ -22,6 +22,7 @@ COLLADA = ".dae"
 COLLADA_LIMIT = 64 * 2**20  # [bytes]
 _PLACED_LIMIT = 2_000_000  # points of a file, as a scene may show one geometry many times
 _OFFSET_LIMIT = 99
+_UNREAD_FACES = ("tristrips", "trifans")
 
 
 class Surface(NamedTuple):
@@ -39,15 +40,29 @@ class _Geometry(NamedTuple):
     materials: dict[str, str]  # by the symbols that its faces name
 
 
-def read_points(path: Path) -> Array:
-    """Return the vertices (n, 3) of all geometries of a COLLADA file as its scene places them [m]."""
+def read_geometries(path: Path) -> list[tuple[Array, Index | None]]:
+    """Return vertices (n, 3) of each geometry of a COLLADA file as its scene places it [m], and triangles.
+
+    Triangles (m, 3) are None where there are none, or where there are faces of kinds that are not read.
+    """
     root = _root(path)
     with located(str(path), ""):
-        shown = [geometry.points for geometry in _shown(root)]
-        points: Array = np.concatenate([*shown, np.empty((0, 3))])
-        if not len(points) or not np.isfinite(points).all():
+        found = [(geometry.points, _whole_surface(geometry)) for geometry in _shown(root)]
+        found = [(points, faces) for points, faces in found if len(points)]
+        if not found or not all(np.isfinite(points).all() for points, _ in found):
             raise InputError("expected a mesh with finite vertices")
-    return points
+    return found
+
+
+def _whole_surface(geometry: _Geometry) -> Index | None:
+    groups = [child for mesh in geometry.shape.all("mesh") for child in mesh.children]
+    if any(group.tag in _UNREAD_FACES or group.inside("ph") for group in groups):
+        return None
+    try:
+        faces: Index = np.concatenate([np.empty((0, 3), np.int64), *(some for _, some in _faces(geometry))])
+    except InputError:
+        return None
+    return faces if len(faces) else None
 
 
 def read_surfaces(path: Path) -> list[Surface]:

@@ -7,6 +7,7 @@ No other file imports Pillow.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -19,9 +20,9 @@ from pydantic import ConfigDict, Field
 from shapely.geometry import Polygon, box
 
 from regionik.worlds.arrays import Array, Mask
-from regionik.worlds.errors import InputError, located
+from regionik.worlds.errors import FileNote, InputError, located
 from regionik.worlds.obstacles import Prism
-from regionik.worlds.readers.text import read_document, reading
+from regionik.worlds.readers.text import file_in, read_document, reading
 from regionik.worlds.readers.validation import Strict, validated
 from regionik.worlds.scene import Floor
 
@@ -29,6 +30,8 @@ CELL_LIMIT = 25_000_000
 IMAGE_LIMIT = 128 * 2**20  # [bytes]
 RUN_LIMIT = 400_000  # of blocked cells along rows
 TEXT_CELL_LIMIT = 2_000_000  # of an image in plain text, which is read far more slowly
+_UNSEEN = (205, 128, 127)  # of map_server, and of mappers that take the middle
+_SAME_GREY = 1e-3  # well below a step of 1/255
 _FULL_SCALE = {"1": 1.0, "L": 255.0, "RGB": 255.0, "I": 65535.0, "I;16": 65535.0, "I;16B": 65535.0}
 
 
@@ -57,6 +60,11 @@ def load_map(yaml_path: Path, height: float, free_thresh: float | None = None) -
 
     ``free_thresh`` replaces the map's own. Maps are often saved with unseen cells as grey 205 and a threshold
     of 0.25, by which unseen cells (1 - 205/255 = 0.1961) count as free floor; 0.196 keeps them unknown.
+
+    Warns
+    -----
+    FileNote
+        Where cells of a grey that stands for unseen ones count as free.
     """
     where = str(yaml_path)
     document = validated(MapDocument, read_document(yaml_path), where)
@@ -68,12 +76,28 @@ def load_map(yaml_path: Path, height: float, free_thresh: float | None = None) -
             f"{where}: free_thresh: must be below occupied_thresh {document.occupied_thresh:g}, got {free:g}"
         )
     with located(where, "image"):
-        darkness, opaque = _read_image(yaml_path.parent / document.image, bool(document.negate))
+        darkness, opaque = _read_image(file_in(yaml_path.parent, document.image), bool(document.negate))
         blocked = ~((darkness < free) & opaque)
+    for note in _unseen(darkness[~blocked], bool(document.negate), free):
+        warnings.warn(f"{where}: {note}", FileNote, stacklevel=2)
+    with located(where, "image"):
         blobs = _blobs(blocked)
     rows, columns = blocked.shape
     cells = _prisms([_placed(part, document) for part in blobs], height)
     return Floor(_placed(box(0, 0, columns, rows), document), cells)
+
+
+def _unseen(free: Array, negate: bool, threshold: float) -> Iterator[str]:
+    """Yield a note for each grey of unseen cells that free ones have."""
+    for grey in _UNSEEN:
+        occupancy = 1 - grey / 255
+        count = int((np.abs(free - occupancy) < _SAME_GREY).sum())
+        if count:
+            yield (
+                f"{count} cells of grey {255 - grey if negate else grey}, which maps have where nothing was "
+                f"seen, count as free floor by free_thresh {threshold:g}; "
+                f"free_thresh: {int(occupancy * 1000) / 1000:g} beside map keeps them unknown"
+            )
 
 
 def _read_image(path: Path, negate: bool) -> tuple[Array, Mask]:

@@ -8,6 +8,7 @@ defines entities, is refused.
 from __future__ import annotations
 
 import json
+import os
 import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -64,6 +65,17 @@ for _tag, _pattern, _first in (
     _Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(rf"^(?:{_pattern})$"), _first)
 
 
+def name_as_text(name: str) -> str:
+    """Return a file's name as one line of text; what the locale does not know of it is read as UTF-8."""
+    text = name.encode("utf-8", "surrogateescape").decode("utf-8", "replace")
+    return re.sub(r"[\x00-\x1f]", " ", text)
+
+
+def file_in(folder: Path, name: str) -> Path:
+    """Return the path of a file that a document names, as it is called where the locale is not UTF-8 too."""
+    return folder / os.fsdecode(name.encode("utf-8", "surrogateescape"))
+
+
 @contextmanager
 def reading(path: Path, limit: int | None = None) -> Iterator[None]:
     """Turn what keeps a file of at most ``limit`` bytes from being read into an `InputError`.
@@ -105,10 +117,15 @@ def is_file_name(name_or_path: str | Path, suffixes: tuple[str, ...]) -> bool:
     return isinstance(name_or_path, Path) or text.lower().endswith(suffixes) or "/" in text or "\\" in text
 
 
+def count_values(text: str | bytes) -> int:
+    """Return about how many values JSON has, and at least as many."""
+    data = text.encode() if isinstance(text, str) else text
+    return sum(data.count(sign) for sign in (b",", b"[", b"{"))
+
+
 def check_count(text: str | bytes, limit: int, where: str) -> None:
     """Refuse JSON of more values than fit into memory, before any of them is made."""
-    data = text.encode() if isinstance(text, str) else text
-    count = sum(data.count(sign) for sign in (b",", b"[", b"{"))
+    count = count_values(text)
     if count > limit:
         raise InputError(f"{where}: expected at most {limit} values, got about {count}")
 

@@ -14,7 +14,8 @@ Model = TypeVar("Model", bound=BaseModel)
 _Item = TypeVar("_Item")
 Many = Annotated[list[_Item], FailFast()]  # of a million wrong ones only the first is reported
 
-OneLine = Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[^\r\n\x00-\x1f]+$")]
+NAME_LENGTH = 200
+OneLine = Annotated[str, Field(min_length=1, max_length=NAME_LENGTH, pattern=r"^[^\r\n\x00-\x1f]+$")]
 FileName = Annotated[str, Field(min_length=1, pattern=r"^[^\r\n\x00]+$")]
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]

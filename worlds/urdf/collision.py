@@ -29,11 +29,13 @@ from regionik.worlds.links import (
     LinkSolid,
     capsules_along,
 )
+from regionik.worlds.readers.text import join_names
 from regionik.worlds.urdf.bounding import cylinder_capsule, hull_triangles, sphere_capsule
 from regionik.worlds.urdf.decomposition import CollisionPart, clip_triangles, decompose, mesh_part
 from regionik.worlds.urdf.elements import CollisionShape, UrdfModel
 from regionik.worlds.urdf.kinematic_tree import PlacedLink
 from regionik.worlds.urdf.meshes import MeshFiles
+from regionik.worlds.urdf.stand_ins import arm_stand_in, base_stand_in, missing_note
 
 MOST_SOLIDS = 6
 SPARED = 0.7  # of the one block's volume, below which it is cut
@@ -41,6 +43,7 @@ WIDE = 0.9  # of the floor area of the whole base, that the footprint keeps
 _CORNERS = 32  # of a footprint, and of a prism around a cylinder
 _HEIGHTS, _TOPS = 14, 24  # tried: evenly spread ones, and tops of parts
 _LEAST = 0.02  # height of a base, and of what stands on it [m]
+HUGE, HUGE_SHARE = 3.0, 5.0  # sizes of meshes that are told: at least [m], and of the arm's length
 _UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -51,69 +54,73 @@ class CollisionModel:
     parts: tuple[CollisionPart, ...]  # of the arm's links
     base: BaseShape
     notes: tuple[str, ...] = ()  # shapes that could not be read, and what replaces them
+    oddities: tuple[str, ...] = ()  # shapes that are read as they are, and are hardly meant so
 
 
 def collision_model(
-    model: UrdfModel, links: Iterable[PlacedLink], chain: Chain, height: float | None
+    model: UrdfModel,
+    links: Iterable[PlacedLink],
+    chain: Chain,
+    height: float | None,
+    resting: frozenset[str] = frozenset(),
 ) -> CollisionModel:
     """Return the parts of links that move with the arm, and the base: cut at ``height``, where given [m].
 
-    A box stays a box, a cylinder becomes the least capsule around it, a sphere a capsule of next to no
-    length, a mesh a few boxes and capsules; where there are many, those of a link share some
-    (`regionik.worlds.urdf.decomposition`). A mesh that is missing or unreadable is replaced by a capsule of
-    radius `LINK_RADIUS` from its joint to the next, and noted.
+    A box stays a box and a capsule a capsule, a cylinder becomes the least capsule around it, a sphere one of
+    next to no length, a mesh a few boxes and capsules; where there are many, those of a link share some
+    (`regionik.worlds.urdf.decomposition`). A mesh that is missing or unreadable is noted, and something
+    stands in for it (`regionik.worlds.urdf.stand_ins`). Neither that nor ``resting`` links of the base decide
+    where it is cut.
     """
     meshes = MeshFiles(model.path)
     parts: list[CollisionPart] = []
     fixed: list[CollisionPart] = []
     lacking: dict[int, set[str]] = {}
     missing: dict[tuple[str, bool], list[tuple[CollisionShape, PlacedLink]]] = {}
+    sizes: dict[str, float] = {}
     for link in links:
         shapes = model.links[link.name]
         for k, shape in enumerate(shapes):
             surface = meshes.surface(shape) if shape.kind == "mesh" else np.empty((0, 3, 3))
             if isinstance(surface, str):
                 missing.setdefault((surface, link.owner == BASE), []).append((shape, link))
+                if link.owner == BASE and link.name not in lacking.setdefault(BASE, set()):
+                    stand_in = solid_part(base_stand_in(model, link))
+                    fixed.append(replace(stand_in, sources=frozenset((link.name,))))
                 lacking.setdefault(link.owner, set()).add(link.name)
                 continue
+            if len(surface):
+                size = float(np.ptp(surface.reshape(-1, 3), axis=0).max())
+                sizes[link.name] = max(size, sizes.get(link.name, 0.0))
             T = link.T_owner_link @ shape.T_link_shape
             name = link.name if len(shapes) == 1 else f"{link.name} {k + 1}"
             part = _part(link, name, shape, transform_points(T, surface), T)
             (fixed if link.owner == BASE else parts).append(part)
     stand_ins = [
-        replace(solid_part(_stand_in(chain, owner)), sources=frozenset(names))
+        replace(solid_part(arm_stand_in(chain, owner)), sources=frozenset(names))
         for owner, names in sorted(lacking.items())
         if owner != BASE
     ]
-    notes = [_missing(why, some, chain) for (why, _), some in missing.items()]
+    notes = [missing_note(why, some, chain) for (why, _), some in missing.items()]
     pieces = [*decompose(parts), *stand_ins]
     if not pieces:
         notes.append(
             f"no arm link has a collision element: capsules of radius {LINK_RADIUS:g} m replace them"
         )
         pieces += [solid_part(capsule) for capsule in capsules_along(chain, LINK_RADIUS)]
+    base = base_shape(fixed, height, resting | lacking.get(BASE, set()))
     ordered = sorted(pieces, key=lambda part: part.link)
-    return CollisionModel(tuple(ordered), base_shape(fixed, height), tuple(notes))
+    return CollisionModel(tuple(ordered), base, tuple(notes), _huge(sizes, chain))
 
 
-def _missing(why: str, meshes: list[tuple[CollisionShape, PlacedLink]], chain: Chain) -> str:
-    """The note of all meshes that are missing for one reason, of the base or of the arm."""
-    (shape, link), *others = meshes
-    if link.owner == BASE:
-        instead = "it is left out of the footprint"
-    else:
-        name = chain.names[link.owner]
-        instead = f"a capsule of radius {LINK_RADIUS:g} m from joint {name} to the next replaces it"
-    more = f"; likewise of {', '.join(dict.fromkeys(one.name for _, one in others))}" if others else ""
-    return f"{shape.place}: mesh {shape.file}: {why}; {instead}{more}"
-
-
-def _stand_in(chain: Chain, owner: int) -> LinkCapsule:
-    """Return a capsule from a joint to the next one, or to the tool."""
-    name, end = f"{chain.joints[owner].name} stand-in", chain.link_vectors[owner]
-    if np.linalg.norm(end) < LINK_RADIUS:
-        return sphere_capsule(owner, name, np.zeros(3), 2 * LINK_RADIUS)
-    return LinkCapsule(owner, name, np.zeros(3), end, LINK_RADIUS)
+def _huge(sizes: dict[str, float], chain: Chain) -> tuple[str, ...]:
+    """Return a note on links whose meshes are far larger than the arm is long."""
+    arm = float(np.linalg.norm(chain.link_vectors, axis=1).sum())
+    huge = [(name, size) for name, size in sizes.items() if size > max(HUGE, HUGE_SHARE * arm)]
+    if not huge:
+        return ()
+    told = join_names((f"link {name} is {size:.3g} m in size" for name, size in huge), 8)
+    return (f'{told}: perhaps in millimetres, for which its mesh wants scale="0.001 0.001 0.001"',)
 
 
 def solid_part(solid: LinkSolid) -> CollisionPart:
@@ -136,6 +143,10 @@ def _solid(owner: int, name: str, shape: CollisionShape, T: Array) -> LinkSolid:
             return LinkBox(owner, name, T, np.array(shape.size))
         case "cylinder":
             return cylinder_capsule(owner, name, T, *shape.size)
+        case "capsule":
+            radius, length = shape.size
+            start, end = (T[:3, 3] + side * length / 2 * T[:3, 2] for side in (-1, 1))
+            return LinkCapsule(owner, name, start, end, radius)
         case _:
             return sphere_capsule(owner, name, T[:3, 3], *shape.size)
 
@@ -147,12 +158,17 @@ def _corners(shape: CollisionShape, T: Array) -> Array:
         return box
     radius = shape.size[0]
     half = shape.size[1] / 2 if shape.kind == "cylinder" else radius
-    angles = np.arange(_CORNERS) * 2 * pi / _CORNERS
+    angles = np.arange(_CORNERS) * 2 * pi / _CORNERS  # of a prism round a circle
     ring = radius / np.cos(pi / _CORNERS) * np.column_stack([np.cos(angles), np.sin(angles)])
     prism = np.concatenate([np.column_stack([ring, np.full(_CORNERS, z)]) for z in (-half, half)])
-    # The prism of a ball stands upright, so that its height is the ball's.
-    upright: Array = prism @ T[:3, :3] if shape.kind == "sphere" else prism
-    return upright
+    if shape.kind == "cylinder":
+        return prism
+    # The prism of a ball stands upright, so that its height is the ball's; a capsule is between two balls.
+    upright: Array = prism @ T[:3, :3]
+    if shape.kind == "sphere":
+        return upright
+    along = shape.size[1] / 2 * _UP
+    return np.concatenate([upright - along, upright + along])
 
 
 # --- the base
@@ -168,17 +184,32 @@ class BaseShape:
     sources: frozenset[str] = frozenset()  # names of the links that it is of
 
 
-def base_shape(parts: Sequence[CollisionPart], height: float | None) -> BaseShape:
-    """Return the base that contains all parts; cut at ``height``, or where that saves most [m]."""
+def base_shape(
+    parts: Sequence[CollisionPart], height: float | None, loose: frozenset[str] = frozenset()
+) -> BaseShape:
+    """Return the base that contains all parts; cut at ``height``, or where that saves most [m].
+
+    ``loose`` links, such as a second arm's, do not decide where it is cut.
+    """
     if not parts:
         return BaseShape(np.empty((0, 2)), 0.0)
-    surface = np.concatenate(
+    body = [part for part in parts if not part.sources <= loose]
+    cut = _best_height(body or parts, _surface(body or parts)) if height is None else height
+    tall = [_upper(part, cut) for part in parts if part.points[:, 2].max() > cut + _LEAST / 2]
+    solids = (
+        solid
+        for rests in (False, True)
+        for solid in decompose([part for part in tall if (part.sources <= loose) is rests], MOST_SOLIDS)
+    )
+    sources = frozenset().union(*(part.sources for part in parts))
+    return BaseShape(convex_outline(_lower(_surface(parts), cut)), cut, tuple(solids), sources)
+
+
+def _surface(parts: Sequence[CollisionPart]) -> Array:
+    """Triangles (n, 3, 3) of parts."""
+    return np.concatenate(
         [part.triangles if len(part.triangles) else hull_triangles(part.points) for part in parts]
     )
-    cut = _best_height(parts, surface) if height is None else height
-    high = [_upper(part, cut) for part in parts if part.points[:, 2].max() > cut + _LEAST / 2]
-    sources = frozenset().union(*(part.sources for part in parts))
-    return BaseShape(convex_outline(_lower(surface, cut)), cut, decompose(high, MOST_SOLIDS), sources)
 
 
 def _lower(surface: Array, cut: float) -> Array:

@@ -7,32 +7,39 @@ import shlex
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from math import inf, isfinite
+from math import inf
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import pose
 from regionik.worlds.errors import InputError, located, located_error
 from regionik.worlds.joints import Mimic
-from regionik.worlds.readers.text import LARGEST, Element, clip, join_names, read_xml
+from regionik.worlds.readers.text import Element, clip, join_names, read_xml
+from regionik.worlds.urdf.attributes import (
+    NUMBER,
+    ORIGIN,
+    finite_numbers,
+    name_of,
+    numbers,
+    origin,
+    refuse_others,
+)
 
 SUFFIXES = (".urdf", ".xml")
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 NO_LIMIT = 1e6  # URDF demands numbers; files without a limit give one of this size
 SOLID_LIMIT = 1000
 LINK_LIMIT = 4000
-_NAME_LIMIT = 120
-_NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?", re.ASCII)
 _INFINITY = re.compile(r"[-+]?inf(?:inity)?", re.ASCII | re.IGNORECASE)
 
-ShapeKind = Literal["box", "cylinder", "sphere", "mesh"]
+ShapeKind = Literal["box", "cylinder", "sphere", "capsule", "mesh"]
 _SIZES: dict[ShapeKind, tuple[str, ...]] = {
     "box": ("size",),
     "cylinder": ("radius", "length"),
     "sphere": ("radius",),
+    "capsule": ("radius", "length"),
     "mesh": ("scale",),
 }
 
@@ -43,7 +50,8 @@ class CollisionShape:
 
     kind: ShapeKind
     T_link_shape: Array  # (4, 4)
-    # box: x, y, z; cylinder: radius, length (along z); sphere: radius [m]; mesh: scale along x, y, z
+    # box: x, y, z; cylinder: radius, length (along z); sphere: radius; capsule: radius, length without its
+    # round ends (along z) [m]; mesh: scale along x, y, z
     size: tuple[float, ...]
     file: str  # file name of the mesh
     place: str  # place in the file, for messages
@@ -62,8 +70,19 @@ class UrdfJoint:
     lower: float | None  # [rad] or [m]; None where the file gives none, infinite where there is no limit
     upper: float | None
     velocity: float  # [rad/s] or [m/s]; infinite where there is no limit
+    acceleration: float  # the lesser of speeding up and slowing down; infinite where there is no limit
+    jerk: float  # infinite where there is no limit
     mimic: Mimic | None  # the joint that it copies
     place: str  # place in the file, for messages
+
+
+@dataclass(frozen=True, eq=False)
+class Inertial:
+    """Mass of a link and how it is spread."""
+
+    mass: float  # [kg]
+    T_link_inertial: Array  # (4, 4) frame in the centre of mass
+    tensor: Array  # (3, 3) moments of inertia in that frame, zero where the file gives none [kg m2]
 
 
 @dataclass(frozen=True)
@@ -76,8 +95,7 @@ class UrdfModel:
     joints: tuple[UrdfJoint, ...]  # in the order of the file; each name and each child once, every link known
     # what is seen of each link, with its colour where the file gives one (0xRRGGBB)
     visuals: dict[str, tuple[tuple[CollisionShape, int | None], ...]]
-    # mass [kg] and its centre (3,) [m] of each link that has any, by its name
-    inertials: dict[str, tuple[float, Array]]
+    inertials: dict[str, Inertial]  # of each link that has a mass, by its name
 
     @property
     def where(self) -> str:
@@ -122,7 +140,7 @@ def _refuse_xacro(root: Element, path: Path) -> None:
 def _model(root: Element, path: Path) -> UrdfModel:
     name = name_of(root, "robot")
     links: dict[str, tuple[CollisionShape, ...]] = {}
-    inertials: dict[str, tuple[float, Array]] = {}
+    inertials: dict[str, Inertial] = {}
     visuals: dict[str, tuple[tuple[CollisionShape, int | None], ...]] = {}
     palette = _palette(root.all("material"))
     for element in root.all("link"):
@@ -152,6 +170,7 @@ def _visuals(
     for element in link.all("visual"):
         material = next(element.all("material"), None)
         named = {} if material is None else {**palette, **_palette([material])}
+        refuse_others(element.first("origin"), ORIGIN, f"line {element.line}: link {name}")
         with suppress(InputError):
             shape = _shape(element, name)
             if shape is not None:
@@ -163,7 +182,7 @@ def _palette(materials: Iterable[Element]) -> dict[str, int]:
     found = {}
     for material in materials:
         with suppress(InputError):
-            color = _numbers(material.first("color"), "rgba", "", (-1.0, 0.0, 0.0, 0.0))
+            color = numbers(material.first("color"), "rgba", "", (-1.0, 0.0, 0.0, 0.0))
             if color[0] >= 0:
                 red, green, blue = (np.clip(color[:3], 0, 1) * 255).round().astype(int).tolist()
                 found[material.attributes.get("name", "")] = red << 16 | green << 8 | blue
@@ -198,23 +217,24 @@ def _joint(element: Element) -> UrdfJoint:
     kind = element.attributes.get("type", "")
     if kind not in JOINT_TYPES:
         raise InputError(f"{place}: unknown type {clip(kind)}, valid types: {', '.join(JOINT_TYPES)}")
-    axis = _numbers(element.first("axis"), "xyz", place, (1.0, 0.0, 0.0))
+    refuse_others(element.first("axis"), ("xyz",), place)
+    axis = numbers(element.first("axis"), "xyz", place, (1.0, 0.0, 0.0))
     if kind != "fixed" and max(map(abs, axis)) < 1e-9:
         raise InputError(f"{place}: axis must not be zero")
     lower, upper = _limits(element, kind, place)
-    velocity = _limit(element, "velocity", place)
-    if velocity is not None and velocity < 0:
-        raise InputError(f"{place}: velocity must not be below 0, got {velocity:g}")
+    acceleration = min(_rate(element, key, place) for key in ("acceleration", "deceleration"))
     return UrdfJoint(
         name=name,
         kind=kind,
         parent=_link_of(element, "parent", place),
         child=_link_of(element, "child", place),
-        T_parent_joint=_origin(element, place),
+        T_parent_joint=origin(element, place),
         axis=np.array(axis),
         lower=lower,
         upper=upper,
-        velocity=velocity or inf,  # files that know of no limit say 0
+        velocity=_rate(element, "velocity", place),
+        acceleration=acceleration,
+        jerk=_rate(element, "jerk", place),
         mimic=_mimic(element.first("mimic"), place),
         place=place,
     )
@@ -223,9 +243,9 @@ def _joint(element: Element) -> UrdfJoint:
 def _mimic(element: Element | None, place: str) -> Mimic | None:
     if element is None:
         return None
+    refuse_others(element, ("joint", "multiplier", "offset"), place)
     multiplier, offset = (
-        _numbers(element, key, place, (default,))[0]
-        for key, default in (("multiplier", 1.0), ("offset", 0.0))
+        numbers(element, key, place, (default,))[0] for key, default in (("multiplier", 1.0), ("offset", 0.0))
     )
     with located("", place):
         return Mimic(element.attributes.get("joint", ""), multiplier, offset)
@@ -235,6 +255,7 @@ def _limits(element: Element, kind: str, place: str) -> tuple[float | None, floa
     if kind == "continuous":
         return -inf, inf
     lower, upper = (_limit(element, key, place) for key in ("lower", "upper"))
+    lower, upper = _softened(element, lower, upper, place)
     if lower is not None and upper is not None and lower > upper:
         raise InputError(f"{place}: expected lower limit <= upper limit, got {lower:g} and {upper:g}")
     if upper == -inf:
@@ -244,28 +265,60 @@ def _limits(element: Element, kind: str, place: str) -> tuple[float | None, floa
     return lower, upper
 
 
-def _limit(element: Element, key: str, place: str) -> float | None:
+def _softened(
+    element: Element, lower: float | None, upper: float | None, place: str
+) -> tuple[float | None, float | None]:
+    """Return limits within the soft ones of <safety_controller>, where it gives any: a drive stops there.
+
+    A range from 0 to 0 is what files give that know of none.
+    """
+    soft_lower, soft_upper = (
+        _limit(element, f"soft_{side}_limit", place, "safety_controller") for side in ("lower", "upper")
+    )
+    if soft_lower == soft_upper == 0:
+        return lower, upper
+    if soft_lower is not None:
+        lower = soft_lower if lower is None else max(lower, soft_lower)
+    if soft_upper is not None:
+        upper = soft_upper if upper is None else min(upper, soft_upper)
+    return lower, upper
+
+
+def _rate(element: Element, key: str, place: str) -> float:
+    """Return a limit of speed, acceleration or jerk; files that know of none say 0."""
+    value = _limit(element, key, place)
+    if value is not None and value < 0:
+        raise InputError(f"{place}: {key} must not be below 0, got {value:g}")
+    return value or inf
+
+
+def _limit(element: Element, key: str, place: str, tag: str = "limit") -> float | None:
     """Return an attribute of <limit>; infinite from `NO_LIMIT` on."""
-    limit = element.first("limit")
+    limit = element.first(tag)
     text = None if limit is None else limit.attributes.get(key)
     if text is None:
         return None
     text = text.strip()
-    if not _NUMBER.fullmatch(text) and not _INFINITY.fullmatch(text):
-        raise InputError(f"{place}: limit {key}: expected a number, got {clip(text)}")
+    if not NUMBER.fullmatch(text) and not _INFINITY.fullmatch(text):
+        raise InputError(f"{place}: {tag} {key}: expected a number, got {clip(text)}")
     value = float(text)
     return value if abs(value) < NO_LIMIT else inf if value > 0 else -inf
 
 
-def _inertial(element: Element | None, link: str) -> tuple[float, Array] | None:
-    """Return mass and centre; None where the file gives no mass, or zero."""
+def _inertial(element: Element | None, link: str) -> Inertial | None:
+    """Return mass and moments of inertia; None where the file gives no mass, or zero."""
     if element is None:
         return None
     place = f"line {element.line}: link {link}"
-    (mass,) = _numbers(element.first("mass"), "value", place, (0.0,))
+    (mass,) = numbers(element.first("mass"), "value", place, (0.0,))
     if mass < 0:
         raise InputError(f"{place}: mass must not be below 0, got {mass:g}")
-    return (mass, _origin(element, place)[:3, 3]) if mass > 0 else None
+    if not mass:
+        return None
+    keys = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    xx, xy, xz, yy, yz, zz = (numbers(element.first("inertia"), key, place, (0.0,))[0] for key in keys)
+    tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    return Inertial(mass, origin(element, place), tensor)
 
 
 def _shape(element: Element, link: str) -> CollisionShape | None:
@@ -277,8 +330,9 @@ def _shape(element: Element, link: str) -> CollisionShape | None:
     if kind is None:
         got = ", ".join(f"<{clip(child.tag)[1:-1]}>" for child in found[:3]) or "nothing"
         raise InputError(f"{place}: collision geometry: expected one of {', '.join(_SIZES)}, got {got}")
-    T = _origin(element, place)
+    T = origin(element, place)
     inner = found[0]
+    refuse_others(inner, ("filename", "scale") if kind == "mesh" else _SIZES[kind], place)
     if kind == "mesh":
         return _mesh(inner, T, place)
     size: tuple[float, ...] = ()
@@ -304,13 +358,6 @@ def _mesh(element: Element, T: Array, place: str) -> CollisionShape:
     return CollisionShape("mesh", T, factors, file, place)
 
 
-def _origin(element: Element, place: str) -> Array:
-    """Return the transform of an element's <origin>, (4, 4)."""
-    origin = element.first("origin")
-    zero = (0.0, 0.0, 0.0)
-    return pose(_numbers(origin, "xyz", place, zero), _numbers(origin, "rpy", place, zero))
-
-
 def _link_of(element: Element, role: str, place: str) -> str:
     """Return the link at one end of a joint."""
     end = element.first(role)
@@ -318,31 +365,3 @@ def _link_of(element: Element, role: str, place: str) -> str:
     if not link:
         raise InputError(f'{place}: expected <{role} link="..."/>')
     return link
-
-
-def name_of(element: Element, what: str) -> str:
-    """Return the name of an element, printable on one line."""
-    name = element.attributes.get("name", "").strip()
-    if not name or not name.isprintable() or len(name) > _NAME_LIMIT:
-        text = f"expected a name of at most {_NAME_LIMIT} printable characters, got {clip(name)}"
-        raise InputError(f"line {element.line}: {what}: {text}")
-    return name
-
-
-def _numbers(element: Element | None, key: str, place: str, default: tuple[float, ...]) -> tuple[float, ...]:
-    """Return the numbers of an attribute; the default where there is none."""
-    text = None if element is None else element.attributes.get(key)
-    if element is None or text is None:
-        return default
-    return finite_numbers(text, len(default), f"{place}: {element.tag} {key}")
-
-
-def finite_numbers(text: str, count: int, place: str) -> tuple[float, ...]:
-    """Return exactly ``count`` finite numbers, small enough to square."""
-    words = text.split()
-    plain = len(words) == count and all(_NUMBER.fullmatch(word) for word in words)
-    values = tuple(float(word) for word in words) if plain else ()
-    if not plain or not all(isfinite(value) and abs(value) <= LARGEST for value in values):
-        many = "one finite number" if count == 1 else f"{count} finite numbers"
-        raise InputError(f"{place}: expected {many} of at most {LARGEST:g} in size, got {clip(text)}")
-    return values

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from math import inf
 from typing import Literal
@@ -51,10 +51,10 @@ class LinkPlacement:
     """All links, each with what it moves with."""
 
     links: tuple[PlacedLink, ...]
-    seen: tuple[PlacedLink, ...]  # links behind the joints left out: pictures alone show them
-    # joints of the base that the arm has not, whose links with solids are not placed
-    left_out: tuple[str, ...]
-    # joints that mimic one of the arm's and are taken to stand still, with solids behind them
+    resting: frozenset[str]  # links of the base behind joints that are no wheels', such as a second arm's
+    # joints that are taken to stand still, with solids behind them: those of the base that are no wheels' and
+    # the first of their kind, and those that mimic one of the arm's
+    stills: tuple[str, ...]
     copies: tuple[str, ...]
 
 
@@ -112,19 +112,21 @@ def chain_along(model: UrdfModel, path: KinematicPath, limited: bool) -> Chain:
         return Chain(tuple(one if one.mimic else _led(one, joints) for one in joints), T)
 
 
-def place_links(model: UrdfModel, path: KinematicPath, T_base_root: Array) -> LinkPlacement:
+def place_links(
+    model: UrdfModel, path: KinematicPath, T_base_root: Array, rest: Mapping[str, float]
+) -> LinkPlacement:
     """Return every link with what it moves with.
 
-    Links behind joints that are not the chain's (fingers, heads) stay where those joints put them at zero, or
-    at the limit nearest to it. On the base this holds for wheels only, that is, for joints without limits;
-    links behind other joints of the base are left out.
+    Links behind joints that are not the chain's (fingers, heads, wheels, a second arm) stay where those
+    joints put them at their values at ``rest``, by their names, else at zero, or at the limit nearest to it.
     """
     chain = {joint.name: k for k, joint in enumerate(j for j in path.joints if j.kind != "fixed")}
     below: dict[str, list[UrdfJoint]] = {name: [] for name in model.links}
     for joint in model.joints:
         below[joint.parent].append(joint)
     placed: list[PlacedLink] = []
-    left_out: list[UrdfJoint] = []
+    stills: list[UrdfJoint] = []
+    resting: set[str] = set()
     copies: list[UrdfJoint] = []
     stack = _base_links(path.root, {joint.child: joint for joint in model.joints}, T_base_root)
     taken = {link.name for link in stack}
@@ -137,23 +139,18 @@ def place_links(model: UrdfModel, path: KinematicPath, T_base_root: Array) -> Li
             if joint.name in chain:
                 stack.append(PlacedLink(joint.child, chain[joint.name], np.eye(4)))
                 continue
-            if link.owner == BASE and joint.kind != "fixed" and not _is_wheel(joint, below):
-                left_out.append(joint)
-                continue
+            moves = link.owner == BASE and joint.kind != "fixed" and link.name not in resting
+            if moves and not _is_wheel(joint, below):
+                stills.append(joint)
+                resting |= {part.child for part in _subtree(joint, below)}
             copies += [joint] if joint.mimic is not None and joint.mimic.joint in chain else []
-            T = link.T_owner_link @ joint.T_parent_joint @ _at_rest(joint)
+            T = link.T_owner_link @ joint.T_parent_joint @ _at_rest(joint, rest)
             stack.append(PlacedLink(joint.child, link.owner, T))
-    where = {link.name: link for link in placed}
-    seen: list[PlacedLink] = []
-    for joint in (part for first in left_out for part in _subtree(first, below)):
-        T = where[joint.parent].T_owner_link @ joint.T_parent_joint @ _at_rest(joint)
-        where[joint.child] = PlacedLink(joint.child, BASE, T)
-        seen.append(where[joint.child])
     told = (
         tuple(j.name for j in joints if any(model.links[part.child] for part in _subtree(j, below)))
-        for joints in (left_out, copies)
+        for joints in (stills, copies)
     )
-    return LinkPlacement(tuple(placed), tuple(seen), *told)
+    return LinkPlacement(tuple(placed), frozenset(resting), *told)
 
 
 def link_masses(model: UrdfModel, placement: LinkPlacement) -> tuple[LinkMass, ...]:
@@ -162,9 +159,8 @@ def link_masses(model: UrdfModel, placement: LinkPlacement) -> tuple[LinkMass, .
     for link in placement.links:
         inertial = model.inertials.get(link.name)
         if inertial is not None and link.owner != BASE:
-            mass, center = inertial
-            T = link.T_owner_link
-            weights.setdefault(link.owner, []).append((mass, T[:3, :3] @ center + T[:3, 3]))
+            center = (link.T_owner_link @ inertial.T_link_inertial)[:3, 3]
+            weights.setdefault(link.owner, []).append((inertial.mass, center))
     found = []
     for owner, rows in sorted(weights.items()):
         total = sum(mass for mass, _ in rows)
@@ -284,12 +280,15 @@ def _led(joint: Joint, joints: Iterable[Joint]) -> Joint:
         if one.mimic is not None and one.mimic.joint == joint.name:
             low, high = one.mimic.leader_limits(one.lower, one.upper)
             ratio = abs(one.mimic.multiplier)
-            velocity = one.velocity / ratio if ratio else inf
+            velocity, acceleration = (
+                rate / ratio if ratio else inf for rate in (one.velocity, one.acceleration)
+            )
             joint = replace(
                 joint,
                 lower=max(joint.lower, low),
                 upper=min(joint.upper, high),
                 velocity=min(joint.velocity, velocity),
+                acceleration=min(joint.acceleration, acceleration),
             )
     return joint
 
@@ -298,7 +297,8 @@ def _chain_joint(joint: UrdfJoint, T_parent_joint: Array) -> Joint:
     lower = -inf if joint.lower is None else joint.lower
     upper = inf if joint.upper is None else joint.upper
     axis = joint.axis / np.abs(joint.axis).max()
-    return Joint(joint.name, _KINDS[joint.kind], lower, upper, T_parent_joint, axis, joint.velocity)
+    rates = joint.velocity, joint.acceleration
+    return Joint(joint.name, _KINDS[joint.kind], lower, upper, T_parent_joint, axis, *rates)
 
 
 # --- placement of links
@@ -327,14 +327,15 @@ def _is_wheel(joint: UrdfJoint, below: dict[str, list[UrdfJoint]]) -> bool:
     return all(part.kind in ("continuous", "fixed") for part in _subtree(joint, below))
 
 
-def _at_rest(joint: UrdfJoint) -> Array:
-    """Return the transform of a joint that no plan moves: at zero, or the limit nearest to it.
+def _at_rest(joint: UrdfJoint, rest: Mapping[str, float]) -> Array:
+    """Return the transform of a joint that no plan moves: at rest, else at zero, or the limit nearest to it.
 
-    A joint that mimics another stands where that one is at zero.
+    A joint that mimics another follows that one there.
     """
     if joint.kind not in _KINDS:
         return np.eye(4)
     still = _chain_joint(joint, np.eye(4))
-    return still.transform(
-        np.clip(0.0 if joint.mimic is None else joint.mimic.offset, still.lower, still.upper)
-    )
+    value = rest.get(joint.name, 0.0)
+    if joint.mimic is not None:
+        value = joint.mimic.multiplier * rest.get(joint.mimic.joint, 0.0) + joint.mimic.offset
+    return still.transform(np.clip(value, still.lower, still.upper))

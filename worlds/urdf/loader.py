@@ -1,13 +1,14 @@
 """Robots from URDF files.
 
 The chain runs over the moving joints from root to tip; fixed joints are folded into its frames. Masses are
-read, of all links that move with the chain, and visual elements to be shown; soft limits and moments of
-inertia are not. Speed limits of 0, and limits of a million and more, count as none.
+read, of all links that move with the chain, and visual elements to be shown; moments of inertia are not.
+Soft limits of a safety controller narrow a joint's own. Speed limits of 0, and limits of a million and more,
+count as none.
 
-Solids bound the collision elements of all links that move with the chain: boxes as they are, the least
-capsule around each cylinder and sphere, a few boxes and capsules around each mesh; some twenty in all, as
-small ones share a bound. Links behind other joints (fingers, heads) stand still at zero. Two bounds that
-touch in many postures, while the hulls inside them touch in none of 2000, need not keep apart.
+Solids bound the collision elements of all links that move with the chain: boxes and capsules as they are,
+the least capsule around each cylinder and sphere, a few boxes and capsules around each mesh; some twenty in
+all, as small ones share a bound. Links behind other joints (fingers, heads) stand still at zero. Two bounds
+that touch in many postures, while the hulls inside them touch in none of 2000, need not keep apart.
 
 The root and all that is fixed to it, wheels included, give footprint and body height where they are not
 given. Unless ``body_height`` says it, the base is cut at the height at which all takes least volume; what
@@ -20,6 +21,7 @@ import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from math import isfinite
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -30,7 +32,7 @@ from regionik.worlds.arrays import Array, frozen, transform_points
 from regionik.worlds.bundled import robot_named, robot_names
 from regionik.worlds.chain import Chain, planar_pose
 from regionik.worlds.drives import BaseKind, drive_of
-from regionik.worlds.errors import InputError, RobotNote, located, located_error, suggestion
+from regionik.worlds.errors import FileNote, InputError, RobotNote, located, located_error, suggestion
 from regionik.worlds.links import BASE, CUBE_CORNERS
 from regionik.worlds.readers.collada import Surface
 from regionik.worlds.readers.text import LARGEST, is_file_name, join_names
@@ -42,6 +44,7 @@ from regionik.worlds.urdf.collision import CollisionModel, collision_model, soli
 from regionik.worlds.urdf.decomposition import CollisionPart
 from regionik.worlds.urdf.elements import SUFFIXES, CollisionShape, UrdfModel, read_urdf
 from regionik.worlds.urdf.kinematic_tree import (
+    KinematicPath,
     LinkPlacement,
     PlacedLink,
     chain_along,
@@ -125,6 +128,8 @@ def load_robot(
     -----
     RobotNote
         Where a capsule replaces a mesh, and where links are left out.
+    FileNote
+        Where a mesh is far larger than the arm is long.
 
     Examples
     --------
@@ -204,14 +209,14 @@ def _from_urdf(
     x, y, z, yaw = np.zeros(4) if given.mount is None else np.asarray(given.mount)
     T_base_root = planar_pose(x, y, yaw, z)
     mount, chain = _mounted(chain, T_base_root, float(yaw))
-    placement = place_links(model, kinematic, T_base_root)
+    placement = place_links(model, kinematic, T_base_root, semantics.at_rest)
     measured = given.footprint is None or given.body_height is None
     links = [link for link in placement.links if measured or link.owner != BASE]
-    body = collision_model(model, links, chain, given.body_height)
-    notes = [*body.notes, *_notes(placement, measured)]
+    body = collision_model(model, links, chain, given.body_height, placement.resting)
+    notes = [*body.notes, *_notes(placement, measured, kinematic)]
     with located(model.where, ""):
         robot = _robot(model, mount, chain, body, given)
-    seen = visual_surfaces(model, (*placement.links, *placement.seen), (*body.parts, *body.base.parts))
+    seen = visual_surfaces(model, placement.links, (*body.parts, *body.base.parts))
     robot = replace(robot, masses=link_masses(model, placement), visuals=seen)
     if given.tool is not None:
         robot = with_tool(robot, given.tool)
@@ -220,6 +225,8 @@ def _from_urdf(
         known = [*semantic_pairs(robot, body, semantics.disabled), *named_pairs(robot, body, unchecked)]
         robot = replace(robot, unchecked=tuple(known))
         robot, touching = _at_rest(robot, body, semantics, given.carry)
+    for note in body.oddities:
+        warnings.warn(f"{model.where}: {note}", FileNote, stacklevel=3)
     for note in (*notes, *_tip_notes(robot), *touching):
         warnings.warn(f"{model.where}: {note}", RobotNote, stacklevel=3)
     return robot
@@ -283,14 +290,15 @@ def _mounted(chain: Chain, T_base_root: Array, yaw: float) -> tuple[Array, Chain
     return mount, Chain(joints, chain.T_last_tool)
 
 
-def _notes(placement: LinkPlacement, measured: bool) -> list[str]:
+def _notes(placement: LinkPlacement, measured: bool, path: KinematicPath) -> list[str]:
     notes = []
-    if placement.left_out and measured:
-        names = join_names(placement.left_out, 8)
-        notes.append(
-            f"links behind joints of the base that are not the arm's ({names}) are left out; "
-            "give footprint and body_height to cover them"
-        )
+    jerks = [joint.name for joint in path.joints if isfinite(joint.jerk)]
+    if jerks:
+        names = join_names(jerks, 8)
+        notes.append(f"limits of jerk ({names}) are kept only where speeds.joint_jerk asks for them")
+    if placement.stills and measured:
+        names = join_names(placement.stills, 8)
+        notes.append(f"joints of the base that are not the arm's ({names}) are taken to stand still")
     if placement.copies:
         names = join_names(placement.copies, 8)
         notes.append(f"joints that mimic the arm's ({names}) are taken to stand still")
@@ -370,7 +378,7 @@ def _surfaces(shape: CollisionShape, meshes: MeshFiles) -> Iterator[Surface]:
 
 
 def _corners(shape: CollisionShape) -> Array:
-    """Return corners whose hull is a box, a cylinder or a sphere (n, 3)."""
+    """Return corners whose hull is a box, a cylinder, a sphere or a capsule (n, 3)."""
     if shape.kind == "box":
         box: Array = CUBE_CORNERS * np.array(shape.size) / 2
         return box
@@ -382,4 +390,7 @@ def _corners(shape: CollisionShape) -> Array:
         return np.concatenate([radius * ring + end * length / 2 * up for end in (-1, 1)])
     heights = np.linspace(-1, 1, _FACETS // 2 + 1)
     sphere = [np.sqrt(1 - z * z) * ring + z * up for z in np.sin(heights * np.pi / 2).tolist()]
-    return np.unique(shape.size[0] * np.concatenate(sphere), axis=0)
+    ball = np.unique(shape.size[0] * np.concatenate(sphere), axis=0)
+    if shape.kind == "sphere":
+        return ball
+    return np.concatenate([ball + end * shape.size[1] / 2 * up for end in (-1, 1)])

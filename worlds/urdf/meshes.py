@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Index
 from regionik.worlds.errors import InputError, located_error
-from regionik.worlds.readers.collada import COLLADA, Surface, read_points, read_surfaces
+from regionik.worlds.readers.collada import COLLADA, Surface, read_geometries, read_surfaces
 from regionik.worlds.readers.meshes import read_mesh
 from regionik.worlds.readers.text import LARGEST
 from regionik.worlds.urdf.bounding import convex_hull, hull_triangles, outer_hull
@@ -66,14 +66,15 @@ class MeshFiles:
 
     def _find(self, shape: CollisionShape) -> Path | str:
         folder = Path(os.path.realpath(self.path)).parent
-        scheme = _SCHEME.match(shape.file)
+        name = os.fsdecode(shape.file.encode("utf-8"))
+        scheme = _SCHEME.match(name)
         if scheme is not None and scheme[1].lower() == _PACKAGE:
-            package, _, rest = shape.file[scheme.end() :].partition("/")
+            package, _, rest = name[scheme.end() :].partition("/")
             places = [(top, top / rest) for top in _packages(folder, package)]
             if not places:
                 return f"there is no folder {package} beside or above the URDF file's package"
         elif scheme is None or scheme[1].lower() == "file":
-            rest = shape.file if scheme is None else "/" + shape.file[scheme.end() :].lstrip("/")
+            rest = name if scheme is None else "/" + name[scheme.end() :].lstrip("/")
             places = [(_package_root(folder), folder / rest)]
         else:
             raise self._refused(shape, "expected package://name/file or a file relative to the URDF file")
@@ -106,13 +107,18 @@ def _packages(folder: Path, name: str) -> list[Path]:
 
 def _read(path: Path) -> Array | str:
     """Return the triangles of a mesh; of its hull where the file has only points, or too many triangles."""
+    pieces: list[tuple[Array, Index | None]]
     try:
-        points, faces = (read_points(path), None) if path.suffix.lower() == COLLADA else read_mesh(path)
+        pieces = read_geometries(path) if path.suffix.lower() == COLLADA else [read_mesh(path)]
     except InputError as error:
         return str(error).removeprefix(f"{path}: ")
+    points = np.concatenate([points for points, _ in pieces])
     if not np.isfinite(points).all() or np.abs(points).max() > LARGEST:
         return _TOO_LARGE
-    if faces is None or len(faces) > _MANY:
-        return hull_triangles(convex_hull(points) if len(points) <= _MANY else outer_hull(points))
-    surface: Array = points[faces]
-    return surface
+    if sum(0 if faces is None else len(faces) for _, faces in pieces) > _MANY:
+        return _hull(points)
+    return np.concatenate([_hull(some) if faces is None else some[faces] for some, faces in pieces])
+
+
+def _hull(points: Array) -> Array:
+    return hull_triangles(convex_hull(points) if len(points) <= _MANY else outer_hull(points))

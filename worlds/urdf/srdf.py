@@ -15,8 +15,9 @@ from regionik.worlds.errors import InputError, located, located_error
 from regionik.worlds.readers.text import Element, clip, join_names, read_xml
 from regionik.worlds.robot import Robot
 from regionik.worlds.self_collision import base_name
+from regionik.worlds.urdf.attributes import finite_numbers, name_of
 from regionik.worlds.urdf.collision import CollisionModel
-from regionik.worlds.urdf.elements import UrdfModel, finite_numbers, name_of
+from regionik.worlds.urdf.elements import UrdfModel
 
 SUFFIX = ".srdf"
 PAIR_LIMIT = 200_000  # of links
@@ -59,6 +60,16 @@ class SemanticModel:
                 (k for k, word in enumerate(RESTING) if word in name.lower()), len(RESTING)
             ),
         )
+
+    @property
+    def at_rest(self) -> dict[str, float]:
+        """Values of joints in the postures that are named as resting ones, the plainest name first."""
+        values: dict[str, float] = {}
+        for word in RESTING:
+            for name, posture in self.postures.items():
+                if word in name.lower():
+                    values = {**posture, **values}
+        return values
 
     def _is_usable(self, name: str, chain: Chain) -> bool:
         given = sum(joint in self.postures[name] for joint in chain.names)

@@ -1,0 +1,305 @@
+"""Targets reached with the base held at one pose: a clear posture, a proof that there is none, or neither.
+
+The pose itself is judged first. Then comes the outer reach from it, which rules out most of what is too far;
+then postures, of every family that the arm has there; then, for arms that are not too mobile, all postures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+from shapely.geometry.base import BaseGeometry
+
+from regionik.areas.ground import ground_of
+from regionik.areas.reachable import model_of, reach_rows
+from regionik.areas.standing import span_of_rules
+from regionik.explain.constraints import no_way_to
+from regionik.mfabrik import solver_for
+from regionik.planners.avoidance.clear_posture import clear_posture_at_pose
+from regionik.planners.avoidance.posture_proof import (
+    MOST_REDUNDANT,
+    PostureTask,
+    redundant_joints,
+    search_postures,
+    solid_at_target,
+)
+from regionik.planners.collision.proximity import describe, nearest, room_of
+from regionik.planners.collision.robot_bodies import bodies_from
+from regionik.planners.geometry.angles import wrap
+from regionik.planners.search.box_search import Verdict
+from regionik.postures.arm import aim_of
+from regionik.postures.arm_guard import SPARE
+from regionik.postures.families import BACK, FRONT, Family
+from regionik.postures.poses import Pose, axis_of
+from regionik.postures.serial_solver import serial_solver
+from regionik.reachability.any_base import can_search, rules_out_posture
+from regionik.reachability.target_search import TargetResult, TargetSearch
+from regionik.worlds.arms import pivot_index, with_pivot, with_pivot_limits
+from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.obstacles import Shadow
+from regionik.worlds.scene import Target, World
+
+CELLS = 4_000  # of postures weighed for one target of an arm in one plane
+BOXES = 8_000  # and of any arm
+ANGLES = 24  # at which the last link is held of an arm in one plane, within the cone
+EXACT = 1e-9  # rounding of distances and headings [m], [rad]
+TOUCH = 1e-6  # depth up to which a footprint at the edge of a shadow counts as beside it [m]
+
+
+def from_base(world: World, targets: Sequence[Target], base: ArrayLike) -> list[TargetResult]:
+    """The answers for targets from one pose of the base (3,): x, y [m], yaw [rad].
+
+    Raises InputError for a pose that is not three finite numbers.
+    """
+    stand = _stand(world, *frozen(base, (3,), "base").tolist())
+    if stand.blocked:
+        return [_ruled_out(target, stand, stand.blocked) for target in targets]
+    in_reach = stand.may_reach(targets)
+    too_far = f"no posture of {world.robot.name} within its limits brings the tool there from this pose"
+    return [
+        _from_stand(stand, target) if near else _ruled_out(target, stand, too_far)
+        for target, near in zip(targets, in_reach.tolist(), strict=True)
+    ]
+
+
+@dataclass(frozen=True, eq=False)
+class _Stand:
+    """A world whose base stands at one pose."""
+
+    world: World  # its pivot where a rule of facing targets holds it
+    base: Array  # (3,)
+    blocked: str  # why nothing can be reached from there; empty where the base can stand
+    spare: float  # that postures keep beyond what the rules want [m]
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """The one heading."""
+        return float(self.base[2]), float(self.base[2])
+
+    @cached_property
+    def axis(self) -> Array:
+        """The arm axis on the floor (2,)."""
+        return axis_of(self.world.robot, self.base)
+
+    def search(self, target: Target) -> TargetSearch:
+        """A search for one target's postures there."""
+        found = TargetSearch(self.world, target, self.base)
+        found.guard = replace(found.guard, spare=self.spare)
+        return found
+
+    def may_reach(self, targets: Sequence[Target]) -> NDArray[np.bool_]:
+        """Mask of the targets whose outer reach holds the arm axis, whatever is in the way.
+
+        A tool may miss its target by the tolerance, so as much is added on all sides.
+        """
+        by = self.world.rules.tolerance
+        every = np.zeros(len(targets), dtype=bool)
+        for rise in (-by, 0.0, by):
+            moved = [replace(one, position=one.position + (0.0, 0.0, rise)) for one in targets]
+            which, _, shapes = reach_rows(
+                self.world, moved, (FRONT, BACK), inner=False, span=self.span, coarse=True
+            )
+            near = shapely.dwithin(shapes, shapely.Point(self.axis), 2 * by + EXACT)
+            every[which[near]] = True
+        return every
+
+
+@lru_cache(maxsize=8)
+def _stand(world: World, x: float, y: float, yaw: float) -> _Stand:
+    base = np.array([x, y, yaw])
+    blocked, room = _blocked(world, base), np.inf
+    if not blocked and world.rules.avoidance and world.robot.base_solids:
+        room, said = _body_room(world, base)
+        blocked = said if room < -EXACT else ""
+    return _Stand(_facing_ahead(world), base, blocked, float(np.clip(room / 2, 0.0, SPARE)))
+
+
+def _blocked(world: World, base: Array) -> str:
+    """Why the base cannot stand at a pose, as far as footprint and heading go; empty where it can."""
+    if world.rules.heading == "fixed":
+        fixed = span_of_rules(world)[0]
+        if abs(wrap(float(base[2]) - fixed)) > EXACT:
+            return f"the rules fix the heading of the base at {fixed:z.4f} rad"
+    ground, outline = ground_of(world), _footprint(world, base)
+    if not shapely.covers(shapely.buffer(ground.floor, EXACT), outline):
+        outside = shapely.points(shapely.get_coordinates(outline))
+        off = float(shapely.distance(outside, ground.floor).max())
+        return f"the base stands off the floor there, by {off:.4f} m"
+    name, gap = ground.nearest(outline) or ("", np.inf)
+    named = zip(ground.names, ground.shadows, strict=True) if gap == 0.0 else ()
+    inside = next((name for name, shadow in named if _holds_some(shadow, outline)), "")
+    if inside:
+        return f"the base stands inside {inside} there"
+    if gap >= ground.clearance - EXACT:
+        return ""
+    return f"the base stands {gap:.4f} m from {name} there, and must keep {ground.clearance:.4f} m"
+
+
+def _holds_some(shadow: Shadow, outline: BaseGeometry) -> bool:
+    """True where some of a footprint lies in a shadow, and not only at its edge."""
+    if shadow.radius > 0.0:
+        return bool(shadow.core.distance(outline) < shadow.radius - EXACT)
+    return bool(shapely.intersects(shapely.buffer(shadow.core, -TOUCH, join_style="mitre"), outline))
+
+
+def _footprint(world: World, base: Array) -> BaseGeometry:
+    """The outline of the base on the floor."""
+    x, y, yaw = base.tolist()
+    c, s = np.cos(yaw), np.sin(yaw)
+    corners = world.robot.footprint @ np.array([[c, s], [-s, c]]) + (x, y)
+    return shapely.convex_hull(shapely.multipoints(corners))
+
+
+def _body_room(world: World, base: Array) -> tuple[float, str]:
+    """Least distance beyond the rules' of what is fixed to the base [m], and words on it."""
+    robot, rules = replace(world.robot, solids=()), world.rules
+    bodies = bodies_from(robot, world.solids, world.arm_clearance, rules.deepest_contact, world.floor_slab)
+    touch = nearest(bodies, base, robot.carry)
+    return room_of(bodies, touch), f"{describe(bodies, touch)} there, whatever the arm does"
+
+
+@lru_cache(maxsize=8)
+def _facing_ahead(world: World) -> World:
+    """The world with a pivot that looks ahead where the rules want the base to face its targets."""
+    chain = world.robot.chain
+    if world.rules.heading != "face_target":
+        return world
+    rules = replace(world.rules, heading="free")
+    if with_pivot(chain) is not chain:  # one that stands still
+        return replace(world, rules=rules)
+    pivot = chain.active_joints[pivot_index(chain)]
+    ahead = float(np.clip(0.0, pivot.lower, pivot.upper))
+    robot = replace(world.robot, chain=with_pivot_limits(chain, ahead, ahead))
+    return replace(world, robot=robot, rules=rules)
+
+
+def _from_stand(stand: _Stand, target: Target) -> TargetResult:
+    """The answer for a target that may be in reach."""
+    search = stand.search(target)
+    if search.guard.on:
+        bodies, contact = search.guard.bodies, search.guard.contact
+        name = solid_at_target(bodies, target.position, stand.world.rules.tolerance, 0.0, contact)
+        if name:
+            return _ruled_out(
+                target, stand, f"in every posture the end of the arm is in or too near to {name}"
+            )
+    for family in _families(stand, target):
+        pose = search.at(solver_for(stand.world, family, None, stand.span), stand.base)
+        if pose is not None:
+            return TargetResult("reachable", pose, 0.0, "")
+    return _searched(stand, search)
+
+
+def _families(stand: _Stand, target: Target) -> list[Family]:
+    """Families of postures there; of an arm in one plane, at pitches spread over the cone.
+
+    The plane is given: it goes through the target.
+    """
+    model = model_of(stand.world, target)
+    kinds = list(model.families(target, (FRONT, BACK), inner=True))
+    if not model.exact or target.direction is None:
+        return kinds
+    ahead = target.position[:2] - stand.axis
+    for facing in (FRONT, BACK):
+        azimuth = float(np.arctan2(*(facing * ahead)[::-1]))
+        kinds += [Family(facing, pitch, azimuth) for pitch in _pitches(target, azimuth)]
+    return kinds
+
+
+def _pitches(target: Target, azimuth: float) -> list[float]:
+    """Pitches spread over those at which the last link is within the cone, its plane at an azimuth."""
+    assert target.direction is not None
+    ahead = float(target.direction[:2] @ (np.cos(azimuth), np.sin(azimuth)))
+    up = float(target.direction[2])
+    best, most = float(np.arctan2(up, ahead)), float(np.hypot(ahead, up))
+    if most <= np.cos(target.cone):
+        return []
+    half = float(np.arccos(np.clip(np.cos(target.cone) / most, -1.0, 1.0)))
+    shares = np.linspace(-1.0, 1.0, ANGLES + 1)[np.argsort(np.abs(np.linspace(-1.0, 1.0, ANGLES + 1)))]
+    return (best + (half - EXACT) * shares).tolist() if half > EXACT else [best]
+
+
+def _searched(stand: _Stand, search: TargetSearch) -> TargetResult:
+    """The answer where no family shows a clear posture: from samples, then from all postures."""
+    if not search.guard.on:
+        return _undecided(search)
+    shut = f"in no posture does the arm {_keep(search)}"
+    if can_search(stand.world) and rules_out_posture(stand.world, search.target, stand.base, CELLS):
+        return _ruled_out(search.target, stand, shut)
+    pose = search.search() or _at_pose(search)
+    if pose is not None:
+        return TargetResult("reachable", pose, 0.0, "")
+    robot, guard, found = stand.world.robot, search.guard, list[Pose]()
+
+    def accept(joints: Array) -> bool:
+        pose = Pose(stand.base, np.array(joints))
+        if search.standing([pose]) and guard.proves(pose):
+            found.append(pose)
+        return bool(found)
+
+    if robot.chain.unbounded or redundant_joints(robot.chain, robot.solids) > MOST_REDUNDANT:
+        return _undecided(search)
+    target, tolerance = search.target.position, stand.world.rules.tolerance
+    task = PostureTask(guard.bodies, stand.base, target, guard.contact, tolerance)
+    verdict = search_postures(task, accept, BOXES).verdict
+    if found:
+        return TargetResult("reachable", found[0], 0.0, "")
+    if verdict == Verdict.RULED_OUT:
+        return _ruled_out(search.target, stand, shut)
+    return _undecided(search)
+
+
+def _at_pose(search: TargetSearch) -> Pose | None:
+    """A clear posture for a tool direction or orientation, from random ones and near the best of them."""
+    target, world, guard = search.target, search.world, search.guard
+    assert search.held is not None
+    if target.direction is None or model_of(world, target).shows_all_postures:
+        return None
+    arm = serial_solver(world.robot.chain, float(world.robot.mount[2]), world.rules.tolerance)
+    goal, start = arm.goal_for(target), search.nearly[-1][1].joints if search.nearly else world.robot.carry
+    found = clear_posture_at_pose(
+        guard.bodies,
+        search.held,
+        aim_of(target),
+        start,
+        goal.effort,
+        contact=guard.contact,
+        margin=guard.spare,
+    )
+    pose = None if found is None else Pose(search.held, found[0])
+    return pose if pose is not None and search.confirms(pose) else None
+
+
+def _keep(search: TargetSearch) -> str:
+    """What the arm would have to do there, by the best of the postures looked at."""
+    if search.touch is None:
+        return "bring the tool there and keep off its surroundings, itself and its base"
+    best = search.guard.words(search.touch)
+    return f"keep off its surroundings, itself and its base; in the best of those looked at, {best}"
+
+
+def _ruled_out(target: Target, stand: _Stand, why: str) -> TargetResult:
+    who = TargetSearch(stand.world, target).who
+    return TargetResult("unreachable", None, 0.0, f"{who} cannot be reached from {_place(stand.base)}: {why}")
+
+
+def _undecided(search: TargetSearch) -> TargetResult:
+    """A target for which no posture was found, and none is ruled out."""
+    assert search.held is not None
+    lead, touch = f"{no_way_to(search.who)} from {_place(search.held)}", search.touch
+    why = "no posture was found, and none is ruled out"
+    if touch is not None:
+        why = f"each of {search.met} postures looked at touches something; in the best of them, "
+        why += search.guard.words(touch)
+    return TargetResult("undecided", None, 0.0, f"{lead}: {why}")
+
+
+def _place(base: Array) -> str:
+    """A pose of the base in words."""
+    x, y, yaw = base.tolist()
+    return f"the base at ({x:z.3f}, {y:z.3f}, {yaw:z.3f})"

@@ -1,0 +1,218 @@
+"""The body of a robot above its footprint: what turns with the base and not with the arm, as upright prisms.
+
+Columns, masts and screens are fixed to the base; torsos are carried by lifts, the sliding joints that stand
+upright before all others. A solid is cut into bands of height. In each it lies within one prism and holds
+another; what the first keeps clear of is clear of the solid, and what meets the second meets it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+import shapely
+from shapely.geometry import Polygon
+
+from regionik.worlds.arrays import Array, transform_points
+from regionik.worlds.links import LinkCapsule, LinkSolid
+from regionik.worlds.robot import Robot
+
+Corners = tuple[tuple[float, float], ...]
+Band = tuple[float, float]
+
+SIDES = 16  # of the polygons that stand for round outlines
+BULGES = (-0.8, 0.0, 0.8)  # heights of the discs that stand for a ball from within, in radii
+ALIKE = 0.7  # share of the outer outline that the inner one takes where a band is left whole
+INSET = (
+    0.02  # share of a band's height that the inner prism may leave out at either end, as of a leaning post
+)
+SHORTEST = 0.05  # band that is not cut [m]
+HALVINGS = 2  # of a solid's height, at most
+LEAST_AREA = 1e-6  # of an outline that is worth looking at [m2]
+_UPRIGHT = 1e-9
+
+
+@dataclass(frozen=True)
+class BodyPrism:
+    """A convex outline on the base from one height to another."""
+
+    part: str  # name of the solid that it is of
+    outline: Corners  # in the base frame [m]
+    low: float  # [m]
+    high: float  # [m]
+
+    def lifted(self, low: float, high: float) -> BodyPrism:
+        """Return the prism with its ends moved [m]."""
+        return replace(self, low=self.low + low, high=self.high + high)
+
+
+@lru_cache(maxsize=64)
+def fixed_prisms(robot: Robot, *, inside: bool) -> tuple[BodyPrism, ...]:
+    """Return prisms around the solids that are fixed to the base, or inside them."""
+    found = (_prisms(solid, np.eye(4), inside=inside) for solid in robot.base_solids)
+    return tuple(prism for some in found for prism in some)
+
+
+def lifted_prisms(robot: Robot, lift: tuple[float, float], *, inside: bool) -> tuple[BodyPrism, ...]:
+    """Return prisms around all that solids on lifts may take up, or inside what they take up at any lift.
+
+    Parameters
+    ----------
+    robot : Robot
+    lift : (low, high)
+        How far all lifts together raise the arm, at least and at most [m].
+    inside : bool
+    """
+    found = []
+    least, most = lift_range(robot)
+    for prism, (low, high) in _on_lifts(robot, inside=inside):
+        # What the other lifts add is within their own limits.
+        low, high = max(low, lift[0] - (most - high)), min(high, lift[1] - (least - low))
+        moved = prism.lifted(high, low) if inside else prism.lifted(low, high)
+        found += [moved] if moved.low < moved.high else []
+    return tuple(found)
+
+
+@lru_cache(maxsize=64)
+def lift_range(robot: Robot) -> tuple[float, float]:
+    """Return how far the lifts raise the arm, at least and at most; (0, 0) where there are none [m]."""
+    return [(0.0, 0.0), *(span for _, span in _lifts(robot))][-1]
+
+
+def lift_for(robot: Robot, height: float, reach: float = 0.0) -> tuple[float, float] | None:
+    """Return how far lifts may raise the arm with the tool at a height, and ``reach`` about it [m].
+
+    None where no lift brings the tool there.
+    """
+    (low, high), (down, up) = lift_range(robot), _rise(robot)
+    low, high = max(low, float(height - reach - up)), min(high, float(height + reach - down))
+    return (low, high) if low <= high else None
+
+
+def without_body(robot: Robot) -> Robot:
+    """Return the robot without what stands on its base and on its lifts: a footprint, and an arm."""
+    count = sum(1 for _ in _lifts(robot))
+    solids = tuple(solid for solid in robot.solids if solid.link >= count)
+    return replace(robot, base_solids=(), solids=solids)
+
+
+def has_body(robot: Robot) -> bool:
+    """Return True where something stands on the base or on its lifts."""
+    return len(robot.all_solids) > len(without_body(robot).solids)
+
+
+def _lifts(robot: Robot) -> Iterator[tuple[Array, tuple[float, float]]]:
+    """Frame (4, 4) of the link on each lift, all of them at zero, and how far it is raised there [m]."""
+    T, low, high = robot.T_base_arm, 0.0, 0.0
+    for joint in robot.chain.joints:
+        T = T @ joint.T_parent_joint
+        up = float((T[:3, :3] @ joint.axis)[2])
+        if joint.kind != "prismatic" or abs(up) < 1 - _UPRIGHT:
+            return
+        ends = sorted((up * joint.lower, up * joint.upper))
+        low, high = low + ends[0], high + ends[1]
+        yield T, (low, high)
+
+
+@lru_cache(maxsize=64)
+def _on_lifts(robot: Robot, *, inside: bool) -> tuple[tuple[BodyPrism, tuple[float, float]], ...]:
+    """Prisms of the solids on lifts, these at zero, and how far each is raised, at least and at most."""
+    lifts = list(_lifts(robot))
+    moving = [solid for solid in robot.solids if solid.link < len(lifts)]
+    return tuple(
+        (prism, lifts[solid.link][1])
+        for solid in moving
+        for prism in _prisms(solid, lifts[solid.link][0], inside=inside)
+    )
+
+
+@lru_cache(maxsize=64)
+def _rise(robot: Robot) -> tuple[float, float]:
+    """How high the tool is at least and at most where the lifts are at zero [m].
+
+    Heights are known up to the first joint that is not upright; from there links count with their lengths.
+    """
+    chain, count = robot.chain, len(list(_lifts(robot)))
+    T, low, high, level = robot.T_base_arm, 0.0, 0.0, True
+    for k, joint in enumerate(chain.joints):
+        step = T[:3, :3] @ joint.T_parent_joint[:3, 3]
+        T = T @ joint.T_parent_joint
+        up = float((T[:3, :3] @ joint.axis)[2])
+        far = 0.0 if level else float(np.linalg.norm(step))
+        low, high = low + (step[2] if level else -far), high + (step[2] if level else far)
+        if joint.kind == "revolute":
+            level = level and abs(up) >= 1 - _UPRIGHT
+        elif k >= count:
+            rise = (up * joint.lower, up * joint.upper) if level else (joint.lower, joint.upper)
+            most = max(map(abs, rise))
+            low, high = low + (min(rise) if level else -most), high + (max(rise) if level else most)
+    step = T[:3, :3] @ chain.T_last_tool[:3, 3]
+    far = float(np.linalg.norm(step))
+    mount = float(robot.mount[2])
+    return mount + low + (step[2] if level else -far), mount + high + (step[2] if level else far)
+
+
+def _prisms(solid: LinkSolid, T: Array, *, inside: bool) -> tuple[BodyPrism, ...]:
+    """Prisms around a solid, or inside it, its link where a transform (4, 4) puts it in the base frame."""
+    points = transform_points(T, solid.corners)
+    if isinstance(solid, LinkCapsule):
+        points = (points[:, None] + solid.radius * _ball(inside=inside)).reshape(-1, 3)
+    bands = _bands(points, float(points[:, 2].min()), float(points[:, 2].max()), HALVINGS, inside=inside)
+    shapes = ((_held(points, *band) if inside else _taken(points, *band), band) for band in bands)
+    return tuple(
+        BodyPrism(solid.name, tuple(map(tuple, shapely.get_coordinates(shape.exterior)[:-1].tolist())), *band)
+        for shape, band in shapes
+        if isinstance(shape, Polygon) and shape.area > LEAST_AREA
+    )
+
+
+def _ball(*, inside: bool) -> Array:
+    """Corners of a polytope inside the unit ball, or around it: a prism, as caps matter little."""
+    turns = 2 * np.pi * np.arange(SIDES) / SIDES
+    ring = np.column_stack([np.cos(turns), np.sin(turns)])
+    levels = (
+        [(z, np.sqrt(1 - z * z)) for z in BULGES]
+        if inside
+        else [(z, 1 / np.cos(np.pi / SIDES)) for z in (-1, 1)]
+    )
+    return np.concatenate([np.column_stack([far * ring, np.full(SIDES, z)]) for z, far in levels])
+
+
+def _bands(points: Array, low: float, high: float, halvings: int, *, inside: bool) -> list[Band]:
+    """Heights between which the outlines of a hull of points (n, 3) differ little."""
+    taken, off = _taken(points, low, high).area, INSET * (high - low)
+    for band in ((low, high), (low + off, high - off)):
+        if _held(points, *band).area >= ALIKE * taken:
+            return [band if inside else (low, high)]
+    if not halvings or high - low < SHORTEST:
+        return [(low, high)]
+    middle = (low + high) / 2
+    halves = ((low, middle), (middle, high))
+    return [band for half in halves for band in _bands(points, *half, halvings - 1, inside=inside)]
+
+
+def _taken(points: Array, low: float, high: float) -> Polygon:
+    """Outline of a hull of points (n, 3) between two heights, seen from above."""
+    between = points[(points[:, 2] > low) & (points[:, 2] < high), :2]
+    return shapely.convex_hull(
+        shapely.multipoints(np.vstack([_section(points, low), between, _section(points, high)]))
+    )
+
+
+def _held(points: Array, low: float, high: float) -> Polygon:
+    """What the sections of a hull of points (n, 3) at all heights between two share, from within."""
+    return shapely.intersection(
+        *(shapely.convex_hull(shapely.multipoints(_section(points, z))) for z in (low, high))
+    )
+
+
+def _section(points: Array, height: float) -> Array:
+    """Points (m, 2) whose hull is the section of a hull of points (n, 3) at a height within it [m]."""
+    below, above = points[points[:, 2] <= height], points[points[:, 2] >= height]
+    rise = above[None, :, 2] - below[:, None, 2]
+    share = (height - below[:, None, 2]) / np.where(rise > 0, rise, 1.0)
+    return np.asarray(
+        (below[:, None] + share[..., None] * (above[None] - below[:, None]))[..., :2].reshape(-1, 2)
+    )
