@@ -213,6 +213,8 @@ def test_commands_say_what_is_left_out(tmp_path: Path, capsys: pytest.CaptureFix
     told = capsys.readouterr()
     assert [one["setpoint"] for one in json.loads(told.out)["skipped"]] == OUT
     assert "the plan holds for 4 of 6 set-points" in told.err
+    assert run(["verify", str(made), "--world", str(path)]) == 0
+    assert "left out: set-points 2 and 5 of 6" in capsys.readouterr().err
     assert run(["stops", str(path), "--skip", "--json"]) == 0
     told = capsys.readouterr()
     assert [one["setpoint"] for one in json.loads(told.out)["skipped"]] == OUT
