@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from regionik.explain import arm_failures, failures
 from regionik.explain.changes import repaired
 from regionik.explain.questions import ArmQuestion, Oracles, PathQuestion
-from regionik.explain.several import as_setpoint, failures_of, naming_all, naming_as_given, together
+from regionik.explain.several import as_setpoint, failures_of, in_order, naming_all, naming_as_given
 from regionik.explain.skipping import Explained, leaving_out, naming_each, with_skipped
 from regionik.explain.tried_changes import mended_motion, mended_start
 from regionik.explain.why import Say, explained, explained_target, target_name, unsaid
@@ -37,10 +37,18 @@ from regionik.values import Plan, PlannedArea, Stop
 from regionik.verification.verifier import verify
 from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import frozen
-from regionik.worlds.errors import Cause, Explanation, InputError, NoPlanFound, Repair, Verdict
+from regionik.worlds.errors import (
+    Cause,
+    Explanation,
+    InputError,
+    NoPlanFound,
+    Repair,
+    SetpointFailure,
+    Verdict,
+)
 from regionik.worlds.scene import Target, World
 
-_VERDICTS: dict[str, Verdict] = {"unreachable": "unreachable", "undecided": "undecided"}
+ASKED = 60  # set-points, up to which `reach` is asked for all that may lack a clear posture besides one
 ORACLES = Oracles(
     reach=lambda world: reach(world, world.task),
     seen=lambda world: TargetSearch(world, world.task[0]).in_areas() is not None,
@@ -102,8 +110,22 @@ def _naming_all(world: World, first: Explanation) -> Explanation:
     """The first refusal with all set-points named that cannot be done, by areas and by `reach`."""
     every = naming_each(world, first, _check_areas)
     if any(one.verdict == "no-posture" for one in failures_of(first)):
-        every = naming_each(world, every, _check_postures)
+        every = replace(every, failures=in_order([*failures_of(every), *_unreached(world, every)]))
     return naming_all(every, len(world.task))
+
+
+def _unreached(world: World, found: Explanation) -> Iterator[SetpointFailure]:
+    """Other set-points that `reach` does not reach, of those that the plan did not get to; none of many."""
+    known, buried = {one.setpoint for one in failures_of(found)}, arm_failures.target_in_solid(world)
+    if buried is None and world.rules.order == "given":
+        known |= set(range(found.setpoint or 0))
+    rest = [i for i in range(len(world.task)) if i not in known]
+    if not rest or len(rest) > ASKED:
+        return
+    answer = reach(world, [world.task[i] for i in rest])
+    for k in np.flatnonzero(~answer.reachable).tolist():
+        verdict: Verdict = "unreachable" if answer.verdict[k] == "unreachable" else "undecided"
+        yield SetpointFailure(rest[k], verdict, as_setpoint(answer.reason[k], rest[k], len(world.task)))
 
 
 def _check_areas(world: World) -> None:
@@ -113,17 +135,6 @@ def _check_areas(world: World) -> None:
         park(world)
     elif not can_track(world):
         whole_path(world)
-
-
-def _check_postures(world: World) -> None:
-    """Raise `NoPlanFound` where set-points are not reached with a clear posture, as `reach` says."""
-    answer = reach(world, world.task)
-    found = [
-        Explanation(_VERDICTS[str(answer.verdict[i])], i, as_setpoint(answer.reason[i], i, len(world.task)))
-        for i in np.flatnonzero(~answer.reachable).tolist()
-    ]
-    if found:
-        raise NoPlanFound(together(found))
 
 
 def _timed_where_asked(found: Plan) -> Plan:

@@ -16,7 +16,7 @@ from regionik.worlds.scene import Target, World
 
 SAME = 1e-9  # by which numbers may differ, as where another machine rounds otherwise
 PARTS = ("robot", "floor", "obstacles", "start", "rules")
-DRAWN = ("visuals",)  # what is drawn of a robot, and never touches anything
+PASSED_OVER = ("visuals", "skip_unreachable")  # what is only drawn; what was left out is told by itself
 _MISSING = object()
 
 
@@ -46,7 +46,7 @@ def _differences(place: str, ours: Any, theirs: Any) -> Iterator[str]:
             yield f"{place}: only in the {'world' if ours is _MISSING else 'plan'}"
     elif isinstance(ours, Mapping) and isinstance(theirs, Mapping):
         for key in [*ours, *(key for key in theirs if key not in ours)]:
-            if key not in DRAWN:
+            if key not in PASSED_OVER:
                 yield from _differences(f"{place}.{key}", ours.get(key, _MISSING), theirs.get(key, _MISSING))
     elif _are_named(ours) and _are_named(theirs):
         yield from _differences(place, *({one["name"]: one for one in some} for some in (ours, theirs)))
