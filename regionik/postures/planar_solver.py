@@ -137,7 +137,7 @@ class PlanarSolver:
         Half of the cone is left for the way between two states where that can be.
         """
         r, plane_yaw = self._seen(target.position, axis)
-        for cone in (CONE_SHARE * target.cone, within_cone(target.cone)):
+        for cone in (CONE_SHARE * target.cone, within_cone(target.cone), target.cone):
             pitches = self._pitches(target, cone, plane_yaw)
             if pitches is None:
                 continue
