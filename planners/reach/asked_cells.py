@@ -39,7 +39,7 @@ def asked_cells(chain: Chain, aim: Aim, within: Polish, cells: PolarCells, met: 
     """
     found, middles = cells.found, cells.middles[2]
     edges = np.concatenate([_cut(found[:-1], found[1:], 0), _cut(found, np.roll(found, -1, axis=1), 1)])
-    sides = [cells.outward.copy(), cells.onward.copy()]
+    sides = cells.outward.copy(), cells.onward.copy()
     cuts = np.array([sides[side][i, j] for side, i, j in edges.tolist()])
     inside = found[edges[:, 1], edges[:, 2]]
     shares = cuts + np.where(inside, 1.0, -1.0) * np.array(BEYOND)[:, None]

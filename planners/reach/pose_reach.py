@@ -4,8 +4,8 @@ The grid lies about the target. Samples of the arm's postures are moved to it (`
 each that meets it, and from each grid point found, damped least squares leads on to the neighbours, so that
 the postures of one area are connected as far as they can be. Where a grid point is found and its neighbour is
 not, the edge is halved a few times. A cell, cut at these points, counts where a posture was found at its
-corners and in its middle: this is sampled, not proven. Where damped least squares finds none, the closed form of
-an arm that has one is asked for other branches (`asked_cells`).
+corners and in its middle: this is sampled, not proven. Where damped least squares finds none, the closed form
+of an arm that has one is asked for other branches (`asked_cells`).
 """
 
 from __future__ import annotations

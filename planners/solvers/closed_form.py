@@ -52,7 +52,7 @@ class Decomposition:
 
 
 class Polish(NamedTuple):
-    """Accuracy of a posture on its pose, and the steps of damped least squares that it may take to come to it."""
+    """Accuracy of a posture on its pose, and the steps of damped least squares that may lead to it."""
 
     error: float  # [m]
     angle: float  # [rad]
