@@ -19,6 +19,7 @@ from regionik.explain.why import Say, explained, explained_target, target_name, 
 from regionik.mfabrik import configurations
 from regionik.motion import connect_configurations
 from regionik.moving.path_search import JoinedMotion
+from regionik.moving.whole_turns import brought_to_the_middle
 from regionik.parking.fewest_stops import park
 from regionik.parking.standing_runs import standing_runs
 from regionik.parking.stop_motion import connect_stops
@@ -375,7 +376,8 @@ def _finished(
     stops: tuple[Stop, ...] = (),
     more: Mapping[str, Any] | None = None,
 ) -> Plan:
-    """Assemble the results of the stages."""
+    """Assemble the results of the stages, joints in the middle of their turns."""
+    joined = brought_to_the_middle(world, joined)
     known = motion_stats(world.robot.drive, joined.setpoints, joined.motion, joined.methods)
     stats = {**known, **(more or {})}
     return Plan(world, seed, joined.setpoints, joined.motion, areas, lift_offs(joined.motion), stops, stats)
