@@ -16,7 +16,8 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import united
 from regionik.areas.standing import PathAreas, Standing, into_span, into_spans
-from regionik.explain.failures import cut_off, no_places, too_many_lifts
+from regionik.explain.cut_off import cut_off, poses_in
+from regionik.explain.failures import no_places, too_many_lifts
 from regionik.ladder import Ladder, Mask, build_ladder
 from regionik.mfabrik import Solver, solver_for
 from regionik.planners.geometry.polygons import FlatPolygon, clamp_each
@@ -118,8 +119,16 @@ def _cut_off(world: World, standing: Standing, pruned: Pruned, gap: int) -> Expl
     ladder = pruned.ladder
     kept = ladder.floor[pruned.keep]
     piece = int(kept[0] if len(kept) else _start_pieces(world, standing, ladder)[0])
-    there = shapely.union_all(ladder.component[ladder.rungs[gap] : ladder.rungs[gap + 1]])
-    return cut_off(world, gap, shapely.union_all(standing.whole(piece)), there)
+    return cut_off_from(world, gap, piece, ladder, standing)
+
+
+def cut_off_from(world: World, i: int, piece: int, ladder: Ladder, standing: Standing) -> Explanation:
+    """Explain why the base does not get from the floor it works on to any component of set-point i."""
+    span, own = slice(*ladder.rungs[i : i + 2].tolist()), ladder.floor == piece
+    start, areas = start_place(world), ladder.component[span]
+    here = poses_in(standing, ladder.component[own], ladder.side[own])[0] if start is None else start
+    there, floor = poses_in(standing, areas, ladder.side[span]), shapely.union_all(standing.whole(piece))
+    return cut_off(world, i, here, there, floor, shapely.union_all(areas))
 
 
 def _start_pieces(world: World, standing: Standing, ladder: Ladder) -> list[int]:

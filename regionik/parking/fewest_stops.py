@@ -17,7 +17,7 @@ import shapely
 from regionik.areas.ground import Geometries
 from regionik.areas.standing import Index
 from regionik.explain.constraints import no_way_to, rounded_down, setpoint_at
-from regionik.explain.failures import cut_off, no_place
+from regionik.explain.failures import no_place
 from regionik.parking.parking_areas import (
     Parking,
     ParkingAreas,
@@ -36,6 +36,7 @@ from regionik.planners.coverage.set_cover import (
     stride,
 )
 from regionik.planners.geometry.offsets import shrunk
+from regionik.pruning import cut_off_from
 from regionik.regions import outer_areas, ways_to_stand
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 from regionik.worlds.scene import Target, World
@@ -60,19 +61,19 @@ def park_in_order(world: World) -> Parking:
     Ways to stand and to face come in one after the other until the bound from outer areas is met.
     """
     best: Parking | None = None
-    refused: NoPlanFound | None = None
+    refused: tuple[int, ParkingAreas] | None = None
     for standing, facings in ways_to_stand(world):
         for parking_areas in parking_areas_on(world, standing(world), facings):
             groups = parking_areas.groups()
             done = groups[-1].setpoints[-1] + 1 if groups else 0
             if done < len(world.task):
-                refused = refused or NoPlanFound(no_room(world, done, parking_areas))
+                refused = _fuller(refused, done, parking_areas)
             elif best is None or len(groups) < len(best.groups):
                 best = Parking(parking_areas, tuple(groups), 1)
         if best is not None and (len(best.groups) == 1 or len(best.groups) <= _fewest_outer_runs(world)):
             break
     if best is None:
-        raise refused or NoPlanFound(no_place(world, 0))
+        raise _refusal(world, refused)
     lower = 1 if len(best.groups) == 1 else _fewest_outer_runs(world)
     known: dict[str, int | bool | str] = {"lower_bound": lower, "bound": "outer areas"}
     return Parking(best.parking_areas, best.groups, lower, known)
@@ -83,7 +84,7 @@ def park_in_any_order(world: World) -> Parking:
 
     Headings by slab come in only where a set-point has no place at every heading.
     """
-    refused: NoPlanFound | None = None
+    refused: tuple[int, ParkingAreas] | None = None
     for standing, facings in list(ways_to_stand(world))[1::2]:
         found: list[Parking] = []
         for parking_areas in parking_areas_on(world, standing(world), facings):
@@ -91,12 +92,22 @@ def park_in_any_order(world: World) -> Parking:
             held = set(ladder.target[shapely.area(parking_areas.narrow) > 0].tolist())
             empty = [i for i in range(ladder.count) if i not in held]
             if empty:
-                refused = refused or NoPlanFound(no_room(world, empty[0], parking_areas))
+                refused = _fuller(refused, empty[0], parking_areas)
             else:
                 found.append(_covered(world, parking_areas))
         if found:
             return min(found, key=lambda one: len(one.groups))
-    raise refused or NoPlanFound(no_place(world, 0))
+    raise _refusal(world, refused)
+
+
+def _fuller(known: tuple[int, ParkingAreas] | None, i: int, areas: ParkingAreas) -> tuple[int, ParkingAreas]:
+    """Set-point without a place to park and its areas: those known, or others that go as far or farther."""
+    return (i, areas) if known is None or i >= known[0] else known
+
+
+def _refusal(world: World, refused: tuple[int, ParkingAreas] | None) -> NoPlanFound:
+    """The refusal of the set-point that the farthest areas end before."""
+    return NoPlanFound(no_place(world, 0) if refused is None else no_room(world, *refused))
 
 
 def _covered(world: World, parking_areas: ParkingAreas) -> Parking:
@@ -156,9 +167,7 @@ def no_room(world: World, i: int, parking_areas: ParkingAreas) -> Explanation:
     if not len(every):
         return no_place(world, i)
     if not parking_areas.usable[span].any():
-        pieces = np.append(ladder.floor[parking_areas.usable], ladder.floor[span])
-        floor = shapely.union_all(parking_areas.standing.whole(int(pieces[0])))
-        return cut_off(world, i, floor, shapely.union_all(every))
+        return cut_off_from(world, i, parking_areas.piece, ladder, parking_areas.standing)
     widest = max(radius(area) for area in every[parking_areas.usable[span]])
     wanted = world.rules.stop_tolerance
     who = setpoint_at(world.task, i)
