@@ -19,7 +19,7 @@ from scipy.sparse.csgraph import connected_components
 from shapely.geometry import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import EVERY, Side, ground_of
+from regionik.areas.ground import EVERY, Ground, Side, ground_of
 from regionik.areas.layers import GUARD, BodyLayer, Geometries, disjoint
 from regionik.planners.driving.footprint import fits
 from regionik.planners.driving.footprint_scene import FootprintScene, footprint_scene
@@ -206,13 +206,14 @@ def outer_by_heading(world: World) -> Standing:
 @lru_cache(maxsize=8)
 def room_for(world: World) -> FootprintScene:
     """Outlines of the base in its frame and all they must keep clear of, with a guard against rounding."""
-    return _scene(world, world.robot.footprint)
+    return scene_on(world, ground_of(world))
 
 
-def _scene(world: World, footprint: Array) -> FootprintScene:
-    ground = ground_of(world)
+def scene_on(world: World, ground: Ground, footprint: Array | None = None) -> FootprintScene:
+    """Outlines of the base in its frame, or with another footprint (n, 2), on a ground; see `room_for`."""
     upper = ground.upper(world.robot.mount[:2])
-    return footprint_scene(footprint, ground.floor, ground.shadows, ground.clearance + GUARD, upper)
+    outline = world.robot.footprint if footprint is None else footprint
+    return footprint_scene(outline, ground.floor, ground.shadows, ground.clearance + GUARD, upper)
 
 
 def stands_about(world: World, base: Array, by: float) -> bool:
@@ -221,7 +222,7 @@ def stands_about(world: World, base: Array, by: float) -> bool:
     if by > 0:  # of a point, too
         whole = grown(shapely.convex_hull(shapely.multipoints(outline)), by, outside=True)
         outline = shapely.get_coordinates(shapely.convex_hull(whole).exterior)[:-1]
-    scene = _scene(world, outline)
+    scene = scene_on(world, ground_of(world), outline)
     upper = scene.upper._replace(clearance=scene.upper.clearance + by)
     return bool(fits(scene._replace(upper=upper), *base.tolist()))
 
