@@ -21,7 +21,7 @@ from regionik.worlds.execution import ParkingAccuracy
 from regionik.worlds.obstacles import Cylinder
 from regionik.worlds.scene import Floor, Rules, Target, World
 from tests.opinion.parkings import good_parkings
-from tests.soak import machine_of
+from tests.retold import machine_of
 
 ROBOTS = ("youbot", "youbot-real", "hinge5")
 NEAR = 0.02  # of the truth that a bound is to be

@@ -30,23 +30,25 @@ from regionik.values import Plan
 from regionik.worlds.bundled import world_names
 from regionik.worlds.documents.world_file import world_to_document
 from regionik.worlds.errors import InputError, NoPlanFound
-from regionik.worlds.links import LinkHull
-from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Target, World
 from tests import random_arms
 from tests.bounded import Ended, bounded_calls
+from tests.doors import Doors
+from tests.furnished import furnished_world
 from tests.opinion.course import Course
 from tests.opinion.judge import detours, objections, posture_objections
 from tests.opinion.machine import Facts, Machine
 from tests.opinion.moment import Moment
 from tests.opinion.search import find, find_clear
 from tests.plans import plan_to_document
+from tests.retold import facts_of, machine_of
 from tests.soaked import GROUND, KINDS, STOPS, soaked_world
 from tests.witnesses import traits_of, witness
 
-DRAWN = (*KINDS, *KINDS, STOPS, GROUND, GROUND)  # kinds in turn, of which some are rarer
+FURNISHED = "furnished"  # rooms in which every door is asked: see `tests.doors`
+DRAWN = (*KINDS, *KINDS, STOPS, GROUND, GROUND, FURNISHED, FURNISHED)  # in turn, some of them rarer
 WITNESSED = random_arms.KINDS
-KNOWN = ("bundled", *KINDS, STOPS, GROUND, *WITNESSED)
+KNOWN = ("bundled", *KINDS, STOPS, GROUND, FURNISHED, *WITNESSED)
 GIVEN_UP = "given up"  # in place of a verdict
 LONGEST = 60.0  # processor time for a world, twice at the most [s]
 PROVEN = ("unreachable", "start-blocked", "plan-invalid")  # verdicts that a witness contradicts
@@ -68,6 +70,7 @@ class Judged:
     asked: tuple[str, ...] = ()  # rules beyond the usual ones that the world has
     reach: tuple[str, ...] = ()  # verdicts on single targets
     traits: tuple[str, ...] = ()  # of a world with a witness
+    doors: tuple[str, ...] = ()  # what was looked at through every door, a word for each
 
 
 def _asked(world: World) -> tuple[str, ...]:
@@ -75,15 +78,6 @@ def _asked(world: World) -> tuple[str, ...]:
     named = {} if world.rules.criteria is None else vars(world.rules.criteria)
     more = {"speeds": world.speeds, "face_target": world.rules.heading == "face_target"}
     return tuple(key for key, value in {**named, **more}.items() if value)
-
-
-def facts_of(robot: Robot) -> Facts:
-    """What the second opinion is told besides the URDF."""
-    unchecked = frozenset(frozenset(pair) for pair in robot.unchecked)
-    loads = tuple((one.link, one.mass, tuple(one.center.tolist())) for one in robot.loads)
-    shape = (robot.base, robot.footprint, robot.body_height, robot.turning_radius)
-    hulls = {solid.name: solid.corners for solid in robot.all_solids if isinstance(solid, LinkHull)}
-    return Facts(*shape, unchecked, robot.gauge, loads, hulls)
 
 
 def told(made: Plan) -> tuple[dict[str, Any], str, Facts]:
@@ -104,11 +98,6 @@ def track_of(made: Plan) -> np.ndarray | None:
         return None
     sample = sample_plan(made, min(RATE, LONG / max(float(made.motion.time[-1]), 1.0))).sample
     return np.column_stack([sample.time, sample.base, sample.joints])
-
-
-def machine_of(world: World) -> Machine:
-    """The robot of a world as the second opinion sees it."""
-    return Machine(robot_to_urdf(world.robot, world.floor.polygon), facts_of(world.robot))
 
 
 def counterexample(world: World, setpoint: int) -> np.ndarray | None:
@@ -173,12 +162,26 @@ def judged(kind: str, seed: int) -> Judged:
 def _judged(kind: str, seed: int) -> Judged:
     if kind in WITNESSED:
         return _against_witness(witness(kind, seed), kind, seed)
+    if kind == FURNISHED:
+        return _through_every_door(furnished_world(seed), seed)
     world = soaked_world(kind, seed)
     one = replace(_planned(world, kind, seed), asked=_asked(world))
     if kind not in SEARCHED or seed % EVERY:
         return one
     verdicts, wrong = against_reach(world, hard_targets(world, np.random.default_rng([seed, 2])))
     return replace(one, reach=verdicts, wrong=one.wrong + wrong)
+
+
+def _through_every_door(world: World, seed: int) -> Judged:
+    """Plan a room, and ask for its stops, areas, field and reach."""
+    one, doors = _planned(world, FURNISHED, seed), Doors(world)
+    doors.areas()
+    doors.field()
+    doors.stops(planned=False)
+    wrong = one.wrong + tuple(doors.wrong)
+    if doors.seen["confirmed"] and not doors.seen["unconfirmed"] and one.verdict != "planned":
+        wrong += (f"every stop is confirmed, and there is no plan: {one.verdict}",)
+    return replace(one, wrong=wrong, doors=tuple(doors.seen.elements()))
 
 
 def _against_witness(known: Plan, kind: str, seed: int) -> Judged:
@@ -236,6 +239,7 @@ def report(found: list[Judged]) -> str:
         f"On {date.today()} `make soak` planned {len(found) - len(seeds)} bundled worlds and {drawn}.",
         "Pinocchio and coal judged every plan and every blocked start, brute force every proven",
         "`unreachable` of a set-point: those are the claims tested.",
+        "In furnished rooms they judge stops, reach from them, areas and fields, too.",
         "What dense samples do not show is not proven.",
         f"A world that takes more than {LONGEST:g} s of processor time, twice, is given up.",
         "See `tests/soak.py` and `tests/opinion`.",
@@ -305,9 +309,11 @@ def _figures(found: list[Judged]) -> list[str]:
     """Sentences on what was asked besides, and how long drives are."""
     asked = Counter(key for one in found if one.verdict == "planned" for key in one.asked)
     verdicts = Counter(verdict for one in found for verdict in one.reach)
+    doors = Counter(word for one in found for word in one.doors)
     return [
         f"Plans under rules that not every world has: {_counted(asked)}.",
         f"Single targets, judged by brute force that sees obstacles: {_counted(verdicts)}.",
+        f"Set-points of stops, and places of areas and fields in furnished rooms: {_counted(doors)}.",
         "Drives are those with the tool lifted, as parts of the shortest way of the largest disc inside the",
         "footprint, or of a car's shortest curve, which no base can beat: median, worst.",
     ]

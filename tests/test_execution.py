@@ -30,7 +30,8 @@ from tests import examples
 from tests.opinion.judge import objections
 from tests.planned import planned
 from tests.plans import FOOTPRINT, plan_to_document, youbot
-from tests.soak import against, facts_of
+from tests.retold import facts_of
+from tests.soak import against
 
 ERRORS = Execution(base_error=0.02, heading_error=0.03, tool_error=0.004, arm_error=0.03)
 

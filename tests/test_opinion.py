@@ -36,7 +36,8 @@ from tests.opinion.shortest import Ground, drives, least_turned
 from tests.opinion.things import distance_of, placed
 from tests.planned import planned
 from tests.plans import plan_to_document
-from tests.soak import against, against_reach, counterexample, facts_of, judged, machine_of
+from tests.retold import facts_of, machine_of
+from tests.soak import against, against_reach, counterexample, judged
 from tests.soaked import GROUND, KINDS, soaked_world
 
 

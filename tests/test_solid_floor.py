@@ -29,7 +29,7 @@ from regionik.worlds.self_collision import off_floor, postures_off_floor
 from tests import examples
 from tests.opinion.judge import posture_objections
 from tests.plans import plan_to_document
-from tests.soak import facts_of
+from tests.retold import facts_of
 from tests.test_verify import motion_of, plan_of, world_of
 
 HALL = Floor(shapely.box(-3, -3, 3, 3))

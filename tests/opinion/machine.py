@@ -150,7 +150,7 @@ class Machine:
     def frames(self) -> Array:
         """The frame of each part (n, 4, 4), after `place`."""
         links = {link: self.frame(link) for link in range(-1, self.links)}
-        return np.array([links[part.link] @ part.shape.where for part in self.parts])
+        return np.array([links[part.link] @ part.shape.where for part in self.parts]).reshape(-1, 4, 4)
 
     @property
     def mount(self) -> Array:

@@ -18,6 +18,7 @@ from tests.opinion.things import things_of
 PLACES = 4000  # of the base that are drawn
 TURNS = 36  # of the base that are tried at one place
 TRIED = 300  # free ones at which the arm is bent, each from a posture of its own
+BENT = 80  # postures tried from one pose of the base
 ROUNDS = 3  # of all that, where the arm must keep off things
 STEPS = 25
 INSIDE = 0.9  # of the cone that a turn aims for
@@ -42,6 +43,21 @@ def find_clear(
     states = [{"base": one[:3], "joints": one[3:], "kind": "transit"} for one in found]
     moment = Moment(Course({"world": {**world, "task": asked}, "states": states}, machine), BERTH)
     return next((one for k, one in enumerate(found) if not any(moment.look(k, 0.0))), None)
+
+
+def find_clear_at(
+    world: dict[str, Any], machine: Machine, target: dict[str, Any], base: Array, seed: int = 0
+) -> Array | None:
+    """Joint values with the tool on a target from one pose of the base (3,), the arm as in `find_clear`."""
+    asked = [{**{key: target[key] for key in target if key != "point"}, "points": [target["point"]]}]
+    rng, locked = np.random.default_rng(seed), 1 if world["rules"]["heading"] == "face_target" else 0
+    bent = (_bend(machine, base, target, locked, rng) for _ in range(BENT))
+    found = [q for q in bent if q is not None and not any(shortfalls(machine, world["rules"], base, q))]
+    states = [{"base": base, "joints": q, "kind": "transit"} for q in found]
+    if not states:
+        return None
+    moment = Moment(Course({"world": {**world, "task": asked}, "states": states}, machine), BERTH)
+    return next((q for k, q in enumerate(found) if not any(moment.look(k, 0.0))), None)
 
 
 def _about(world: dict[str, Any], machine: Machine, target: dict[str, Any], seed: int) -> Iterator[Array]:

@@ -1,0 +1,36 @@
+"""What stops print holds: `reach` confirms it from there, `plan` plans it, the second opinion agrees."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.doors import Doors
+from tests.furnished import BODIES, furnished_world
+
+DAILY = (1, 3)
+ALL = 300
+
+
+@pytest.mark.parametrize(
+    "seed",
+    [pytest.param(seed, marks=() if seed in DAILY else pytest.mark.slow) for seed in range(ALL)],
+)
+def test_every_door_says_the_same_of_stops(seed: int) -> None:
+    doors = Doors(furnished_world(seed))
+    doors.stops()
+    assert not doors.wrong
+
+
+def test_rooms_are_of_all_sorts() -> None:
+    worlds = [furnished_world(seed) for seed in range(40)]
+    names = {solid.name.split()[0] for world in worlds for solid in world.solids}
+    assert {"table", "board", "column"} <= names
+    assert {world.robot.name for world in worlds} >= set(BODIES) - {"plain"}
+    over = [
+        world
+        for world in worlds
+        for one in world.solids
+        if one.name.startswith("table") and world.robot.body_height < one.z_range[0] < world.robot.mount[2]
+    ]
+    assert len(over) > 10  # the base drives under the top, and what stands on it does not
+    assert {world.rules.order for world in worlds} == {"given", "any"}
