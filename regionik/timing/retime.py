@@ -13,7 +13,8 @@ from regionik.postures.arm import deviation
 from regionik.timing.corner_rounding import HELD, rounded
 from regionik.timing.inserted_states import blended, refined, with_rests
 from regionik.timing.jerk_limited_timing import jerk_limited_motion, stretched
-from regionik.timing.limits import MotionLimits, check_tool_speed, segments_on_path, slowdowns
+from regionik.timing.limit_usage import check_tool_speed, slowdowns
+from regionik.timing.limits import MotionLimits, segments_on_path
 from regionik.timing.parametrization import fastest_times, path_of
 from regionik.timing.smooth_path import CORNER, GENTLE
 from regionik.timing.timing_figures import timing_figures
