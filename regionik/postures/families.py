@@ -166,8 +166,8 @@ def swings(
     """Swings of the plane about ``yaw`` with which the roll joint keeps up, within its limits.
 
     With the tool's axis along ``turn``'s at ``yaw`` and ``pitch``, a swing s of the plane about the vertical
-    and a pitch p' turn the tool about its own axis by w beyond the shortest turn between both axes, tan(w / 2) =
-    tan(s / 2) sin((p + p') / 2) / cos((p - p') / 2), which grows with p'.
+    and a pitch p' turn the tool about its own axis by w beyond the shortest turn between both axes, where
+    tan(w / 2) = tan(s / 2) sin((p + p') / 2) / cos((p - p') / 2), which grows with p'.
     Swings from -half to half at all ``pitches`` of a range are considered, by default at that of the axis,
     and the roll may miss the wanted orientation by ``slack`` [rad].
     Returns whole turns of the roll, the middle of the swing and half its width, one row an interval [rad].

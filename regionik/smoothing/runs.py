@@ -42,7 +42,7 @@ STIFFER = 30.0  # areas are kept where states failed, by their cost
 MOST_STATES = 1500  # smoothed at once
 FAR = 1e6  # beyond every floor [m]
 MISSED = 1e-9  # by the tool of a state that is led off its limits [m]
-FARTHEST = 0.15  # that a coordinate of it changes [m] or [rad]
+FARTHEST = 0.3  # that a coordinate of it changes [m] or [rad]
 OFF_AREA = 1e-6  # of the arm axis in a state as found, from which on no area is kept [m]
 ANYWHERE = shapely.box(-FAR, -FAR, FAR, FAR)
 
@@ -271,18 +271,20 @@ def _off_limits(problem: PathProblem, states: Array) -> tuple[PathProblem, Array
     lower, upper = problem.lower.copy(), problem.upper.copy()
     lower[:, 3:] = np.where(free[:, 3:], np.maximum(lower[:, 3:], chain.lower + chain.spare), lower[:, 3:])
     upper[:, 3:] = np.where(free[:, 3:], np.minimum(upper[:, 3:], chain.upper - chain.spare), upper[:, 3:])
-    inside = bool((lower <= states).all() and (states <= upper).all())
-    if inside or problem.robot.drive.rolls:
+    near = np.flatnonzero(((states < lower) | (states > upper)).any(axis=1))
+    if not len(near) or problem.robot.drive.rolls:
         return problem, states
-    tight = replace(problem, lower=lower, upper=upper)
-    led = on_path(tight, np.clip(states, lower, upper))
-    miss = beyond_cones(problem.aims, missed_by(problem.robot, problem.aims, led)).miss
-    was = beyond_cones(problem.aims, missed_by(problem.robot, problem.aims, states)).miss
-    good = np.abs(miss).max(axis=1) <= np.maximum(np.abs(was).max(axis=1), MISSED)
-    good &= np.abs(led - states).max(axis=1) <= FARTHEST
-    rows = good[:, None]
-    limits = {"lower": np.where(rows, lower, problem.lower), "upper": np.where(rows, upper, problem.upper)}
-    return replace(problem, **limits), np.where(rows, led, states)
+    tight, led = replace(problem, lower=lower, upper=upper), states.copy()
+    for k in near.tolist():
+        rows = slice(k, k + 1)
+        there = on_path(tight.part(rows, problem.keep), np.clip(states[rows], lower[rows], upper[rows]))
+        aims = problem.aims.part(rows)
+        missed = beyond_cones(aims, missed_by(problem.robot, aims, there)).miss
+        if np.abs(missed).max() <= MISSED and np.abs(there - states[rows]).max() <= FARTHEST:
+            led[k] = there[0]
+        else:
+            lower[k], upper[k] = problem.lower[k], problem.upper[k]
+    return replace(problem, lower=lower, upper=upper), led
 
 
 def _ways(robot: Robot, states: Array) -> Array:
