@@ -128,6 +128,7 @@ def test_a_whole_turn_comes_back(tmp_path: Path) -> None:
     ("G1 X1\nG2 X1 I5 P2 M62", "line 2: P: expected G2 without M62"),
     ("G1 X1\nG1 G53 Z0", "line 2: G53: expected G0"),
     ("G1 Z1\nG28 G91 Z0\nG90\nG1 X5", "line 4: Z is not known after G28 in line 2, expected it before G1"),
+    ("", "expected at least one move, G0 to G3"),
     ("G28 Z0\nG0 X5", "Z is not known after G28 in line 1, expected it before G0"),
     ("(nothing)\nM30", "expected at least one move, G0 to G3 with X, Y or Z"),
 ])  # fmt: skip
@@ -189,7 +190,7 @@ def test_a_path_begins_where_it_is_known_after_the_way_home(
 
 def test_a_program_that_returns_ends(tmp_path: Path) -> None:
     with pytest.warns(FileNote, match="M99"):
-        assert len(points_of("O7\nG0 X1\nG1 X2\nM99\n%", tmp_path)) == 2
+        assert len(points_of("O7\nG0 X1\nG1 X2\nM99\n; end\n(of it)\n%", tmp_path)) == 2
 
 
 @pytest.mark.parametrize(("text", "turns", "radius", "rise"), [

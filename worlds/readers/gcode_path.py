@@ -55,27 +55,35 @@ def read_gcode(path: Path, chord: float) -> ToolPath:
     FileNote
         With what was passed over, where it is more than feeds, spindles and tools.
     """
-    lines = read_lines(path, GCODE_LIMIT)
+    program = _run(read_lines(path, GCODE_LIMIT), chord, path)
+    if not program.points:
+        if program.away and program.move:
+            raise InputError(f"{path}: {program.lost()}")
+        raise InputError(f"{path}: expected at least one move, G0 to G3 with X, Y or Z")
+    if program.passed_over:
+        named = join_names((f"{what} (line {k})" for what, k in program.passed_over.items()), _TOLD)
+        warnings.warn(f"{path}: passed over, each from this line on: {named}", FileNote, stacklevel=2)
+    return ToolPath(np.array(program.points))
+
+
+def _run(lines: list[str], chord: float, path: Path) -> _Program:
+    """Return a program that was read to its end."""
     program = _Program(chord)
     for number, line in enumerate(lines, start=1):
         try:
             if program.run(read_block(line), number):
+                if "M99" in program.passed_over:
+                    _check_last(lines[number:])
                 break
         except InputError as error:
             raise InputError(f"{path}: line {number}: {error}") from None
-    if "M99" in program.passed_over and any(line.split("(")[0].strip(" %") for line in lines[number:]):
-        raise InputError(
-            f"{path}: line {number}: M99: expected the end of the file, or M30, after one program"
-        )
-    if not program.points and program.away and program.move:
-        raise InputError(f"{path}: {program.lost()}")
-    if not program.points:
-        raise InputError(f"{path}: expected at least one move, G0 to G3 with X, Y or Z")
-    if program.passed_over:
-        named = join_names((f"{what} (line {k})" for what, k in program.passed_over.items()), _TOLD)
-        note = f"{path}: passed over, each from this line on: {named}"
-        warnings.warn(note, FileNote, stacklevel=2)
-    return ToolPath(np.array(program.points))
+    return program
+
+
+def _check_last(lines: list[str]) -> None:
+    """Refuse a program that returns before others in its file: which is the main one is not known."""
+    if any(line.partition("(")[0].partition(";")[0].strip(" %") for line in lines):
+        raise InputError("M99: expected the end of the file, or M30, after one program")
 
 
 @dataclass
