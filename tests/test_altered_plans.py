@@ -97,6 +97,7 @@ def altered(value: Any) -> Any:
         ("timed", "stats.timing.duration"),
         ("timed", "stats.timing.blend"),
         ("timed", "states.5.time"),
+        ("timed", "states.5.setpoint"),
         ("stops", "stats.stops.count"),
         ("stops", "stats.order.1"),
         ("stops", "stops.0.criterion"),

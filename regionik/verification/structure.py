@@ -106,17 +106,15 @@ def _out_of_order(plan: Plan, names: StateNames) -> Iterator[Violation]:
 
 
 def _misplaced_states(plan: Plan, names: StateNames) -> Iterator[Violation]:
-    """States between set-points that do not belong to the one that the tool has left."""
+    """States between set-points that belong to another one than the tool has left; they need not name it."""
     motion = plan.motion
     last = -1
     for k, (kind, i) in enumerate(zip(motion.kind.tolist(), motion.setpoint.tolist(), strict=True)):
         if kind == "setpoint":
             last = i
-        elif i != last:
-            owner = names.setpoint(i) if i >= 0 else "no set-point"
-            text = f"state {k + 1} is a {kind} that belongs to {owner}, the tool has "
-            text += f"left {names.setpoint(last)}" if last >= 0 else "left none"
-            yield _fault(text, k, max(i, last))
+        elif i not in (-1, last):
+            text = f"state {k + 1} is a {kind} that belongs to {names.setpoint(i)}, the tool has left "
+            yield _fault(text + (names.setpoint(last) if last >= 0 else "none"), k, i)
 
 
 def _wrong_lift_offs(plan: Plan, reached: list[int]) -> Iterator[Violation]:
