@@ -6,13 +6,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from regionik.explain import arm_failures, failures
 from regionik.explain.changes import repaired
 from regionik.explain.questions import ArmQuestion, Oracles, PathQuestion
-from regionik.explain.several import as_setpoint, failures_of, in_order, naming_all, naming_as_given
+from regionik.explain.several import failures_of, in_order, naming_all, naming_as_given
 from regionik.explain.skipping import Explained, leaving_out, naming_each, with_skipped
 from regionik.explain.tried_changes import mended_motion, mended_start
 from regionik.explain.why import Say, explained, explained_target, target_name, unsaid
@@ -31,6 +30,7 @@ from regionik.pruning import choose_chain, solvers_along, spans, start_place, st
 from regionik.reachability.any_base import can_search, search_any_base
 from regionik.reachability.reach import reach
 from regionik.reachability.target_search import TargetSearch
+from regionik.reachability.unreached import unreached
 from regionik.regions import has_no_known_place, planned_areas
 from regionik.smoothing.smooth_motion import smooth_motion
 from regionik.tracker import can_track, plan_tracked
@@ -45,7 +45,6 @@ from regionik.worlds.errors import (
     NoPlanFound,
     Repair,
     SetpointFailure,
-    Verdict,
 )
 from regionik.worlds.scene import Target, World
 
@@ -121,12 +120,7 @@ def _unreached(world: World, found: Explanation) -> Iterator[SetpointFailure]:
     if buried is None and world.rules.order == "given":
         known |= set(range(found.setpoint or 0))
     rest = [i for i in range(len(world.task)) if i not in known]
-    if not rest or len(rest) > ASKED:
-        return
-    answer = reach(world, [world.task[i] for i in rest])
-    for k in np.flatnonzero(~answer.reachable).tolist():
-        verdict: Verdict = "unreachable" if answer.verdict[k] == "unreachable" else "undecided"
-        yield SetpointFailure(rest[k], verdict, as_setpoint(answer.reason[k], rest[k], len(world.task)))
+    yield from unreached(world, rest if len(rest) <= ASKED else [])
 
 
 def _check_areas(world: World) -> None:

@@ -112,6 +112,13 @@ def test_a_set_point_without_a_clear_posture_is_left_out() -> None:
     assert found.skipped[0].reason.startswith("Set-point 2 of 2 at")
 
 
+def test_stops_leave_out_what_has_no_clear_posture() -> None:
+    forward, back = Target(np.array([0.7, 0.0, 0.3])), level(0.05, 0.7)
+    world = skipping(replace(kept_heading(), task=(back, forward)))
+    (stop,) = stops(world)
+    assert (stop.setpoints, stop.unconfirmed) == ((1,), ())
+
+
 @pytest.mark.slow
 def test_all_set_points_without_a_clear_posture_are_named() -> None:
     forward, back, beside = Target(np.array([0.7, 0.0, 0.3])), level(0.05, 0.7), level(0.05, 0.72)

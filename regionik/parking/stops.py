@@ -21,8 +21,9 @@ from regionik.parking.sampled_poses import PoseCover
 from regionik.parking.stop_sequence import StopSequence, stop_sequence
 from regionik.planners.coverage.set_cover import least_cover, undominated
 from regionik.reachability.reach import reach
+from regionik.reachability.unreached import unreached
 from regionik.values import Skipped, Stop
-from regionik.worlds.errors import InputError, NoPlanFound
+from regionik.worlds.errors import Cause, Explanation, InputError, NoPlanFound
 from regionik.worlds.scene import World
 
 PLACES = 1500  # all over the areas of a side that are looked at where a pivot splits stops
@@ -76,10 +77,26 @@ def find_served(world: World) -> tuple[tuple[Stop, ...], Parking, tuple[Skipped,
             every = naming_each(world, no.explanation, park)
             raise NoPlanFound(naming_all(every, len(world.task))) from None
         return _confirmed(world, found), parking, ()
-    (found, parking), skipped = leaving_out(world, find, lambda _, quick: quick)
+    (found, parking), skipped = leaving_out(world, _find_reached, lambda _, quick: quick)
     kept = as_given(len(world.task), skipped)
-    named = (replace(stop, setpoints=tuple(kept[i] for i in stop.setpoints)) for stop in found)
-    return _confirmed(world, named), parking, skipped
+    return tuple(_renumbered(stop, kept) for stop in found), parking, skipped
+
+
+def _renumbered(stop: Stop, kept: Sequence[int]) -> Stop:
+    """The stop with the numbers as given of its set-points."""
+    setpoints, doubts = (tuple(kept[i] for i in some) for some in (stop.setpoints, stop.unconfirmed))
+    return replace(stop, setpoints=setpoints, unconfirmed=doubts)
+
+
+def _find_reached(world: World) -> tuple[tuple[Stop, ...], Parking]:
+    """Return `find` with its doubts; raise NoPlanFound for set-points that have no clear posture at all."""
+    found, parking = find(world)
+    told = _confirmed(world, found)
+    failures = tuple(unreached(world, sorted(i for stop in told for i in stop.unconfirmed)))
+    if failures:
+        first, cause = failures[0], Cause("limits", world.robot.name)
+        raise NoPlanFound(Explanation(first.verdict, first.setpoint, first.reason, (cause,), (), failures))
+    return told, parking
 
 
 def _confirmed(world: World, found: Iterable[Stop]) -> tuple[Stop, ...]:
