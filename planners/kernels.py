@@ -104,7 +104,7 @@ class _Kept(FunctionCache):
         """Machine code that there is; an index that is damaged, or of types that are gone, is given up."""
         with suppress(OSError):
             try:
-                return self._cache_file._load_index()
+                return self._cache_file._load_index()  # type: ignore[no-untyped-call]
             except OSError:
                 raise
             except Exception:

@@ -39,6 +39,7 @@ from regionik.worlds.scene import Heading, Target, World
 
 NOWHERE = FlatPolygon(np.empty((0, 2)), np.zeros(1, dtype=np.int64))
 _NONE_KNOWN: Mapping[int, Configuration] = {}
+LED = np.pi / 2  # a joint that changes by more is not led on from where it was [rad]
 HEADINGS: dict[Heading, int] = {"free": FREE, "face_target": FACE_TARGET, "fixed": FIXED}
 
 
@@ -171,12 +172,15 @@ class Solver:
     def self_motion(
         self, target: Target | ArrayLike, base: Array, joints: Array, tries: int
     ) -> list[Configuration]:
-        """Return postures on target of many kinds, the arm axis held, the least changed first."""
+        """Return postures on target of many kinds, the arm axis held, the least changed first.
+
+        Those that stand at a limit come last.
+        """
         axis, asked = axis_of(self.robot, base), _asked(target)
         q = self._behind(joints)
         reached = self._arm_for(asked).self_motion(asked, axis, self._yaw(base), q, tries)
         found = [self._headed(one, base, joints) for one in reached]
-        found.sort(key=lambda one: float(np.abs(one.joints - joints).max()))
+        found.sort(key=lambda one: (self._at_limits(one.joints), float(np.abs(one.joints - joints).max())))
         return [one for one in found if one.converged]
 
     def batch(self, targets: ArrayLike | Sequence[Target], bases: ArrayLike, joints: ArrayLike) -> Batch:
@@ -256,8 +260,16 @@ class Solver:
         """Joints of the chain from its pivot on, within the limits that are kept."""
         return pivot_joints(self._kept.chain, self._within(joints))
 
+    def _at_limits(self, joints: Array) -> bool:
+        """True where a joint stands at one of its limits, or nearly so."""
+        chain = self._kept.chain
+        return bool((np.minimum(joints - chain.lower, chain.upper - joints) < chain.spare).any())
+
     def _headed(self, reached: Reached, base: Array, joints: Array) -> Configuration:
-        """SetBaseOrientation of Algorithm 1: the pivot's turn shared between joint and base."""
+        """SetBaseOrientation of Algorithm 1: the pivot's turn shared between joint and base.
+
+        Of joints that turn more than once those that are not led on take the turn nearest to their middle.
+        """
         chain, joints = with_pivot(self._kept.chain), pivot_joints(self.robot.chain, joints)
         k = pivot_index(chain)
         q = np.array(reached.joints)
@@ -265,6 +277,8 @@ class Solver:
         q[k], yaw, fits = share_turn(plane, float(base[2]), float(joints[k]), self._turning)
         pose = pose_of(self.robot, reached.axis, float(yaw))
         good = reached.error <= self.tolerance and reached.angle <= ANGLE_SLACK and fits and reached.meets
+        wound = chain.winding & (np.abs(q - joints) > LED) & (np.arange(chain.dof) != k)
+        q = np.where(wound, chain.unwound(q), q) if wound.any() else q
         q = q[chain.dof - self.robot.chain.dof :]
         return Configuration(pose, q, reached.error, reached.iterations, bool(good))
 

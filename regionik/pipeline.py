@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -10,13 +10,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from regionik.explain import arm_failures, failures
+from regionik.explain.changes import repaired
 from regionik.explain.questions import ArmQuestion, Oracles, PathQuestion
-from regionik.explain.several import as_setpoint, failures_of, naming_all, naming_as_given, together
+from regionik.explain.several import as_setpoint, failures_of, in_order, naming_all, naming_as_given
 from regionik.explain.skipping import Explained, leaving_out, naming_each, with_skipped
+from regionik.explain.tried_changes import mended_motion, mended_start
 from regionik.explain.why import Say, explained, explained_target, target_name, unsaid
 from regionik.mfabrik import configurations
 from regionik.motion import connect_configurations
 from regionik.moving.path_search import JoinedMotion
+from regionik.moving.whole_turns import brought_to_the_middle
 from regionik.parking.fewest_stops import park
 from regionik.parking.standing_runs import standing_runs
 from regionik.parking.stop_motion import connect_stops
@@ -35,10 +38,18 @@ from regionik.values import Plan, PlannedArea, Stop
 from regionik.verification.verifier import verify
 from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import frozen
-from regionik.worlds.errors import Cause, Explanation, InputError, NoPlanFound, Verdict
+from regionik.worlds.errors import (
+    Cause,
+    Explanation,
+    InputError,
+    NoPlanFound,
+    Repair,
+    SetpointFailure,
+    Verdict,
+)
 from regionik.worlds.scene import Target, World
 
-_VERDICTS: dict[str, Verdict] = {"unreachable": "unreachable", "undecided": "undecided"}
+ASKED = 60  # set-points, up to which `reach` is asked for all that may lack a clear posture besides one
 ORACLES = Oracles(
     reach=lambda world: reach(world, world.task),
     seen=lambda world: TargetSearch(world, world.task[0]).in_areas() is not None,
@@ -100,8 +111,22 @@ def _naming_all(world: World, first: Explanation) -> Explanation:
     """The first refusal with all set-points named that cannot be done, by areas and by `reach`."""
     every = naming_each(world, first, _check_areas)
     if any(one.verdict == "no-posture" for one in failures_of(first)):
-        every = naming_each(world, every, _check_postures)
+        every = replace(every, failures=in_order([*failures_of(every), *_unreached(world, every)]))
     return naming_all(every, len(world.task))
+
+
+def _unreached(world: World, found: Explanation) -> Iterator[SetpointFailure]:
+    """Other set-points that `reach` does not reach, of those that the plan did not get to; none of many."""
+    known, buried = {one.setpoint for one in failures_of(found)}, arm_failures.target_in_solid(world)
+    if buried is None and world.rules.order == "given":
+        known |= set(range(found.setpoint or 0))
+    rest = [i for i in range(len(world.task)) if i not in known]
+    if not rest or len(rest) > ASKED:
+        return
+    answer = reach(world, [world.task[i] for i in rest])
+    for k in np.flatnonzero(~answer.reachable).tolist():
+        verdict: Verdict = "unreachable" if answer.verdict[k] == "unreachable" else "undecided"
+        yield SetpointFailure(rest[k], verdict, as_setpoint(answer.reason[k], rest[k], len(world.task)))
 
 
 def _check_areas(world: World) -> None:
@@ -111,17 +136,6 @@ def _check_areas(world: World) -> None:
         park(world)
     elif not can_track(world):
         whole_path(world)
-
-
-def _check_postures(world: World) -> None:
-    """Raise `NoPlanFound` where set-points are not reached with a clear posture, as `reach` says."""
-    answer = reach(world, world.task)
-    found = [
-        Explanation(_VERDICTS[str(answer.verdict[i])], i, as_setpoint(answer.reason[i], i, len(world.task)))
-        for i in np.flatnonzero(~answer.reachable).tolist()
-    ]
-    if found:
-        raise NoPlanFound(together(found))
 
 
 def _timed_where_asked(found: Plan) -> Plan:
@@ -157,9 +171,9 @@ def why(
     ----------
     world : World
     target : Target or (3,) array_like, optional
-        A bare point leaves the tool direction free [m]. By default the world's whole path is explained: its
-        start, the first set-point with an empty area, floor cut off, or more lift-offs than are allowed.
-        Motion is left to `plan`: what only obstacles of the arm or wheels of the base forbid.
+        A bare point leaves the tool direction free [m]. By default the world's whole path is explained, as
+        `plan` explains what it refuses: nothing stands in the way only of what it plans. What the rules let
+        plans leave out is explained too.
     say : callable, optional
         Called with each sentence as soon as it is known: what failed, its causes, every repair.
     progress : callable, optional
@@ -184,7 +198,7 @@ def why(
     """
     with listening(progress):
         if target is None:
-            return _why_path(world, say or unsaid)
+            return _why_path(world, 0, say or unsaid)
         return _why_target(world, target, say or unsaid)
 
 
@@ -205,27 +219,60 @@ def _why_target(world: World, target: Target | ArrayLike, say: Say) -> Explanati
     return _explained_arm(asked, 0, Explanation("unreachable", 0, reason, causes), say)
 
 
-def _why_path(world: World, say: Say) -> Explanation | None:
+def _why_path(world: World, seed: int, say: Say) -> Explanation | None:
+    """The explanation of `plan`, or of what it leaves out."""
     try:
-        check_world(world)
-        whole_path(world)
+        found = _planned(world, seed, lambda left, quick: _explained(left, quick, seed, say))
     except NoPlanFound as no:
-        return _explained(world, no.explanation, 0, say)
-    return None
+        return no.explanation
+    if not found.skipped:
+        return None
+    return _why_path(replace(world, rules=replace(world.rules, skip_unreachable=False)), seed, say)
 
 
 def _explained(world: World, quick: Explanation, seed: int, say: Say) -> Explanation:
-    """Return an explanation with irreducible causes and repairs, where areas allow no plan."""
+    """Return an explanation with causes and repairs, by areas where they allow no plan, else by plans."""
+
+    def plans(changed: World) -> bool:
+        return _can_be_planned(changed, seed)
+
     i = quick.setpoint
-    if i is None or can_track(world):
+    if can_track(world):
         return quick
-    if quick.verdict == "ladder-broken" and not spans(world):
-        question = PathQuestion(world, i, spans, lambda changed: _can_be_planned(changed, seed))
-        return explained(question, quick, say)
-    alone = replace(world, task=(world.task[i],))
-    if quick.verdict in ("unreachable", "undecided") and has_no_known_place(alone):
-        return explained_target(world, i, quick, ORACLES, say)  # otherwise there is no room to park
-    return _explained_arm(world, i, quick, say) if quick.verdict == "no-posture" else quick
+    if quick.verdict == "start-blocked" and failures.blocked_start(world) is not None:
+        return _said(
+            mended_start(world, quick, lambda left: failures.blocked_start(left) is not None, plans), say
+        )
+    if quick.verdict == "ladder-broken" and i is not None and not spans(world):
+        return explained(PathQuestion(world, i, spans, plans), quick, say)
+    if quick.verdict in ("unreachable", "undecided") and i is not None:
+        if has_no_known_place(replace(world, task=(world.task[i],))):
+            return explained_target(world, i, quick, ORACLES, say)
+        return _said(_with_what_helps(world, quick, i), say)  # there is no room to park
+    if quick.verdict == "no-posture" and i is not None:
+        found = _explained_arm(world, i, quick, say)
+        if found is not quick:
+            return found
+    return _said(mended_motion(world, quick, plans), say)
+
+
+def _said(found: Explanation, say: Say) -> Explanation:
+    """Say an explanation, and return it."""
+    say(found.reason)
+    return found
+
+
+def _with_what_helps(world: World, quick: Explanation, i: int) -> Explanation:
+    """The explanation with those of its repairs after which areas leave set-point i a place."""
+
+    def helps(repair: Repair) -> bool:
+        try:
+            _check_areas(repaired(world, repair, i))
+        except NoPlanFound as no:
+            return all(one.setpoint != i for one in failures_of(no.explanation))
+        return True
+
+    return replace(quick, repairs=tuple(repair for repair in quick.repairs if helps(repair)))
 
 
 def _explained_arm(world: World, i: int, quick: Explanation, say: Say) -> Explanation:
@@ -329,7 +376,8 @@ def _finished(
     stops: tuple[Stop, ...] = (),
     more: Mapping[str, Any] | None = None,
 ) -> Plan:
-    """Assemble the results of the stages."""
+    """Assemble the results of the stages, joints in the middle of their turns."""
+    joined = brought_to_the_middle(world, joined)
     known = motion_stats(world.robot.drive, joined.setpoints, joined.motion, joined.methods)
     stats = {**known, **(more or {})}
     return Plan(world, seed, joined.setpoints, joined.motion, areas, lift_offs(joined.motion), stops, stats)

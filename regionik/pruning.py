@@ -17,7 +17,8 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import united
 from regionik.areas.standing import PathAreas, Standing, into_span, into_spans
-from regionik.explain.failures import beyond, cut_off, no_place, too_many_lifts
+from regionik.explain.cut_off import beyond, cut_off, poses_in
+from regionik.explain.failures import no_place, too_many_lifts
 from regionik.explain.several import together
 from regionik.ladder import Ladder, Mask, build_ladder
 from regionik.mfabrik import Solver, solver_for
@@ -26,7 +27,7 @@ from regionik.planners.progress import track
 from regionik.postures.poses import axis_of
 from regionik.regions import path_areas, ways_to_stand
 from regionik.worlds.arrays import Array
-from regionik.worlds.errors import Explanation, NoPlanFound
+from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 from regionik.worlds.scene import World
 
 TURN_WEIGHT = 0.1  # cost of a turn of the base against driving [m/rad]
@@ -120,14 +121,14 @@ def _unserved(world: World, standing: Standing, ladder: Ladder) -> Explanation:
     """Explain all set-points without a place for the base, or with none that it gets to."""
     found = [no_place(world, i) for i in track("reasons", ladder.empty)]
     piece = _widest_piece(world, standing, ladder)
-    here = Polygon() if piece is None else shapely.union_all(standing.whole(piece))
     for i in ladder.off(piece):
-        there = shapely.union_all(ladder.component[ladder.rungs[i] : ladder.rungs[i + 1]])
-        if found or here.is_empty:
-            failure = beyond(world, i, here, there)
-            found.append(Explanation("ladder-broken", i, failure.reason, failures=(failure,)))
+        if piece is None or found:
+            here = Polygon() if piece is None else shapely.union_all(standing.whole(piece))
+            failure = beyond(world, i, here, shapely.union_all(ladder.component[_rung(ladder, i)]))
+            cause = Cause("base", world.robot.name)
+            found.append(Explanation("ladder-broken", i, failure.reason, (cause,), failures=(failure,)))
         else:
-            found.append(cut_off(world, i, here, there))
+            found.append(cut_off_from(world, i, piece, ladder, standing))
     return together(found)
 
 
@@ -137,6 +138,20 @@ def _widest_piece(world: World, standing: Standing, ladder: Ladder) -> int | Non
         return next(iter(_start_pieces(world, standing, ladder)), None)
     pieces = sorted(set(ladder.floor.tolist()) - {-1})
     return min(pieces, key=lambda piece: len(ladder.off(piece)), default=None)
+
+
+def cut_off_from(world: World, i: int, piece: int, ladder: Ladder, standing: Standing) -> Explanation:
+    """Explain why the base does not get from the floor it works on to any component of set-point i."""
+    span, own = _rung(ladder, i), ladder.floor == piece
+    start, areas = start_place(world), ladder.component[span]
+    here = poses_in(standing, ladder.component[own], ladder.side[own])[0] if start is None else start
+    there, floor = poses_in(standing, areas, ladder.side[span]), shapely.union_all(standing.whole(piece))
+    return cut_off(world, i, here, there, floor, shapely.union_all(areas))
+
+
+def _rung(ladder: Ladder, i: int) -> slice:
+    """Components of a set-point."""
+    return slice(*ladder.rungs[i : i + 2].tolist())
 
 
 def _start_pieces(world: World, standing: Standing, ladder: Ladder) -> list[int]:

@@ -18,7 +18,7 @@ from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import ground_of
-from regionik.areas.standing import room_for
+from regionik.areas.touching import room_between
 from regionik.explain.constraints import no_way_to, setpoint_at
 from regionik.explain.failures import invalid_plan
 from regionik.planners.driving.pitch_arm import HeightError, arm_share, pitch_arm
@@ -121,7 +121,7 @@ def _lifted(world: World, seed: int, here: Pose, there: Pose) -> list[Pose]:
     if same(here.base, here.joints, there.base, there.joints):
         return []
     carry = world.robot.carry
-    way = drive_wheeled(room_for(world), here.base, there.base, seed=seed)
+    way = drive_wheeled(room_between(world, here.base, there.base), here.base, there.base, seed=seed)
     driven = [Pose(base, carry) for base in way.sample(world.rules.step * 0.999)]
     folded = Pose(there.base, carry)
     return [*arm_states(here, driven[0]), *driven[:-1], folded, *arm_states(folded, there)]

@@ -223,14 +223,15 @@ class Plan:
         All states, from the start (if any) to the last set-point; iterate over it for one `State` at a time.
     areas : tuple of PlannedArea
         One for each set-point. Files of very long paths have none, see
-        `regionik.storage.plan_document.CORNERS_LIMIT`.
+        `regionik.storage.plan_document.VALUES_LIMIT`.
     lift_offs : int
         Times that the tool leaves the path after the first set-point.
     stops : tuple of Stop
         In mode ``stops``; empty otherwise.
     stats : dict
         Plain numbers about the plan, the same for the same world and seed. ``order`` has the index in the
-        task as given of each set-point, where that is not its own.
+        task as given of each set-point, where that is not its own. Files keep those figures that
+        `regionik.verify` computes again, see `regionik.storage.plan_document.FIGURES`.
     skipped : tuple of Skipped
         Set-points of the world as given that are left out; together with ``world.task`` they are its task.
     """
@@ -262,7 +263,12 @@ class Plan:
         Raises
         ------
         InputError
-            When the file cannot be written.
+            When the file cannot be written, or is too large to be read back.
+
+        Warns
+        -----
+        FileNote
+            When areas are left out, as the file could not be read back with them.
         """
         from regionik.storage.files import write_atomic  # values know no files until one is asked for
         from regionik.storage.plan_document import plan_to_text

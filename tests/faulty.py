@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 SOON = 0.05  # after a stage has begun [s]
+LONGEST = 120.0  # a command that has not ended by then is taken for one that hangs [s]
 
 
 class Case(NamedTuple):
@@ -77,7 +78,6 @@ def _asked_at_once(original: Callable[..., Any], number: int) -> Callable[..., A
 
 
 def _ask(number: int) -> None:
-    Path("asked").write_text(repr(time.monotonic()))
     os.kill(os.getpid(), number)
 
 
@@ -169,7 +169,7 @@ def swallowed(_: Callable[..., Any]) -> Callable[..., Any]:
         _asked_soon()
         while True:
             try:
-                time.sleep(60)
+                time.sleep(2 * LONGEST)
             except KeyboardInterrupt:
                 continue
 
@@ -181,14 +181,13 @@ def cramped(original: Callable[..., Any]) -> Callable[..., Any]:
 
     def stage(*arguments: Any, **options: Any) -> Any:
         resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
-        Path("asked").write_text(repr(time.monotonic()))
         return original(*arguments, **options)
 
     return stage
 
 
 def outcome(case: Case, folder: Path, names: dict[str, str]) -> dict[str, Any]:
-    """Run a command in a fork, in a folder of its own: exit code, seconds, stderr, files."""
+    """Run a command in a fork, in a folder of its own: exit code, None where it hung, stderr, files."""
     folder.mkdir()
     child = os.fork()
     if not child:
@@ -201,13 +200,23 @@ def outcome(case: Case, folder: Path, names: dict[str, str]) -> dict[str, Any]:
         sys.argv = ["regionik", *case.command.format(**names).split()]
         import_module("regionik.__main__").main()
         os._exit(99)
-    status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-    ended = time.monotonic()
-    asked = folder / "asked"
-    seconds = ended - float(asked.read_text()) if asked.exists() else None
+    code = _ended(child)
     err = (folder / "err").read_text()
-    files = sorted(path.name for path in folder.iterdir() if path.name not in ("asked", "out", "err"))
-    return {"code": status, "seconds": seconds, "err": err, "files": files}
+    files = sorted(path.name for path in folder.iterdir() if path.name not in ("out", "err"))
+    return {"code": code, "err": err, "files": files}
+
+
+def _ended(child: int) -> int | None:
+    """Exit code of a process; None where it hung and was killed for it."""
+    until = time.monotonic() + LONGEST
+    while time.monotonic() < until:
+        done, status = os.waitpid(child, os.WNOHANG)
+        if done:
+            return os.waitstatus_to_exitcode(status)
+        time.sleep(0.01)
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    return None
 
 
 def main() -> None:

@@ -265,7 +265,7 @@ NASTY = (
     Nasty(
         "a stop that turns",
         broken("step: 0.1", "mode: stops, heading: face_target"),
-        ("rules.heading", "face_target", "free, fixed"),
+        ("rules.heading", "face_target", "free or fixed"),
     ),
     Nasty(
         "best by luck",

@@ -10,6 +10,7 @@ import re
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,6 +20,7 @@ import pytest
 
 from regionik import __version__
 from regionik.cli import app, console
+from regionik.storage.plan_document import kept_figures
 from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
 from regionik.worlds.errors import EngineError
 from tests.nasty import NASTY, Nasty
@@ -36,6 +38,7 @@ HEAVY = (
     "shapely",
     "yaml",
 )
+HANGS = 300.0  # a command that has not ended by then is taken for one that hangs [s]
 LIGHT = ("pydantic_core", "rich")  # typer itself may bring these
 
 
@@ -297,7 +300,7 @@ def test_plan_as_json_and_files(run: Run, tmp_path: Path) -> None:
     document = json.loads(done.out)
     plan = json.loads(path.read_bytes())
     assert document["ok"] is True
-    assert document["stats"] == plan["stats"]
+    assert kept_figures(document["stats"]) == plan["stats"]
     assert document["setpoints"] == len(plan["setpoints"]) == 21
     assert document["files"] == [str(path), str(page)]
     assert page.read_text().lstrip().lower().startswith("<!doctype html>")
@@ -367,7 +370,7 @@ def test_same_seed_same_bytes_in_two_processes(tmp_path: Path) -> None:
     for salt, file in zip("12", files, strict=True):
         environment = {**os.environ, "PYTHONHASHSEED": salt}
         with spawned("plan", "slab", "--seed", 3, "-o", file, env=environment) as process:
-            _, err = process.communicate(timeout=120)
+            _, err = process.communicate(timeout=HANGS)
             assert process.returncode == 0, err
     assert files[0].read_bytes() == files[1].read_bytes()
 
@@ -483,10 +486,11 @@ def test_what_stops_a_plan(
 
 def test_ctrl_c_leaves_nothing(tmp_path: Path) -> None:
     with spawned("plan", "depot", "-o", "plan.json", "--html", "plan.html", cwd=tmp_path) as process:
-        with pytest.raises(subprocess.TimeoutExpired):
-            process.wait(timeout=2.0)  # it is at work now
+        while "libgeos" not in Path(f"/proc/{process.pid}/maps").read_text():  # it is at work then
+            assert process.poll() is None
+            time.sleep(0.01)
         process.send_signal(signal.SIGINT)
-        out, err = process.communicate(timeout=5.0)
+        out, err = process.communicate(timeout=HANGS)
         assert process.returncode == 130
     assert out == ""
     assert "Traceback" not in err
@@ -520,7 +524,7 @@ def test_show_ends_with_ctrl_c(planned: Path) -> None:
         first = process.stderr.readline()
         assert "Ctrl-C" in first
         process.send_signal(signal.SIGINT)
-        out, err = process.communicate(timeout=10.0)
+        out, err = process.communicate(timeout=HANGS)
         assert process.returncode == 0
     assert "http://" in out
     assert err == ""
@@ -533,7 +537,7 @@ def test_a_watched_file_is_shown_until_ctrl_c(tmp_path: Path) -> None:
         assert process.stderr is not None
         assert "All 40 set-points can be reached" in process.stderr.readline()
         process.send_signal(signal.SIGINT)
-        _, err = process.communicate(timeout=10.0)
+        _, err = process.communicate(timeout=HANGS)
         assert process.returncode == 0
     assert err == ""
 
@@ -566,7 +570,7 @@ def test_a_reader_that_leaves_is_no_error() -> None:
     os.close(reading)
     with spawned("worlds", stdout=writing) as process:
         os.close(writing)
-        _, err = process.communicate(timeout=30)
+        _, err = process.communicate(timeout=HANGS)
         assert process.returncode == 0
     assert err == ""
 

@@ -79,7 +79,7 @@ def test_swings_and_pitches_lie_in_the_cone_and_about_it() -> None:
 
 @pytest.mark.parametrize("goal", ["direction", "orientation"])
 def test_areas_hold_places_that_work_and_outer_ones_all_of_them(goal: Goal) -> None:
-    """Inner places have a posture within the cone that the solver finds; places of postures are in outer ones."""
+    """Inner places have a posture in the cone that the solver finds; outer ones hold those of postures."""
     rng, arm = np.random.default_rng(2), reach_model(YOUBOT, goal)
     held, seen, wider = 0, 0, 0
     for _ in range(examples(40)):

@@ -113,12 +113,12 @@ def test_a_place_offers_the_postures_that_change_least() -> None:
 def test_evidence_counts_what_was_looked_at_and_keeps_the_best() -> None:
     seen, off = Evidence(), np.zeros(3)
     for distance, kind in ((-0.2, "obstacle"), (0.01, "obstacle"), (-0.1, "obstacle")):
-        seen.add(Touch(distance, 0, kind, 0, off, off), distance)  # type: ignore[arg-type]
-    seen.add(Touch(np.inf, -1, "none", -1, off, off), np.inf)
+        seen.add(off, Touch(distance, 0, kind, 0, off, off), distance)  # type: ignore[arg-type]
+    seen.add(off, Touch(np.inf, -1, "none", -1, off, off), np.inf)
     assert (seen.postures, seen.clear) == (4, 1)
     seen = Evidence()
-    seen.add(Touch(-0.2, 0, "obstacle", 0, off, off), -0.2)
-    seen.add(Touch(-0.1, 1, "obstacle", 0, off, off), -0.1)
+    seen.add(off, Touch(-0.2, 0, "obstacle", 0, off, off), -0.2)
+    seen.add(off, Touch(-0.1, 1, "obstacle", 0, off, off), -0.1)
     assert seen.best is not None
     assert seen.best.solid == 1
 
@@ -149,8 +149,8 @@ def search_without_start(name: str, **rules: Any) -> PathSearch:
 def test_postures_that_are_clear_are_not_said_to_touch_nothing_at_best() -> None:
     search, off = search_without_start("shelf", mode="stops", stop_tolerance=0.01), np.zeros(3)
     seen = search.sampler.evidence[0] = Evidence()
-    seen.add(Touch(-0.2, 0, "obstacle", 0, off, off), -0.2)
-    seen.add(Touch(np.inf, -1, "none", -1, off, off), np.inf)
+    seen.add(off, Touch(-0.2, 0, "obstacle", 0, off, off), -0.2)
+    seen.add(off, Touch(np.inf, -1, "none", -1, off, off), np.inf)
     reason = search.why_not(0, None).reason
     assert "touches nothing in 1 of 2 postures that were looked at" in reason
     assert "all round the circle of 0.01 m to park in" in reason

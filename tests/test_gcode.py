@@ -128,6 +128,7 @@ def test_a_whole_turn_comes_back(tmp_path: Path) -> None:
     ("G1 X1\nG2 X1 I5 P2 M62", "line 2: P: expected G2 without M62"),
     ("G1 X1\nG1 G53 Z0", "line 2: G53: expected G0"),
     ("G1 Z1\nG28 G91 Z0\nG90\nG1 X5", "line 4: Z is not known after G28 in line 2, expected it before G1"),
+    ("G28 Z0\nG0 X5", "Z is not known after G28 in line 1, expected it before G0"),
     ("(nothing)\nM30", "expected at least one move, G0 to G3 with X, Y or Z"),
 ])  # fmt: skip
 def test_lines_that_do_not_fit_are_told(text: str, told: str, tmp_path: Path) -> None:
@@ -140,7 +141,9 @@ def test_lines_that_do_not_fit_are_told(text: str, told: str, tmp_path: Path) ->
     ("G4 X1.5", ""), ("G04 U2", ""), ("G4 X200", ""), ("N9 G4 P500", ""), ("M5 M9", ""), ("T3 M6", ""),
     ("M205 X8 Y8", "M205"), ("M201 X500 Y500 Z100 E5000", "M201"), ("M600 X10 Y10 Z5", "M600"),
     ("M84 X Y E", "M84"), ("G43 H3", "G43"), ("G92 E0", "G92"), ("G69", "G69"), ("M117 Layer 2 of 9", "M117"),
-    ("G5.1 Q1", "G5.1"), ("G10", "G10"), ("M104 S210", "M104"), ("/G1 X99", "blocks that begin with /"),
+    ("G5.1 Q1", "G5.1"), ("G10", "G10"), ("M104 S210", "M104"), ("M150 R9 U2 B9", "M150"),
+    ("M115 U3.11.0", "M115"), ("M862.3 P \"MK3S\"", "M862.3"), ("M555 X80 Y80 W100 H100", "M555"),
+    ("/G1 X99", "blocks that begin with /"),
     ("G28 X Y", "G28"), ("G91 G28 U0 W0\nG90", "G28"), ("G0 G53 X0 Y0", "G53"),
 ])  # fmt: skip
 def test_words_of_blocks_that_are_no_move_leave_the_path_as_it_is(
@@ -172,6 +175,18 @@ def test_the_way_home_and_back_is_left_out(tmp_path: Path) -> None:
     assert np.allclose(found, wanted)
 
 
+@pytest.mark.parametrize(("text", "first"), [
+    ("G28 G91 Z0\nG90\nG0 X10 Y5\nG43 Z15 H1\nG1 Z-2", [10, 5, 15]),
+    ("G28\nG1 Z15\nG0 X10 Y5 Z1", [0, 0, 15]),
+    ("G0 G53 Z0\nG0 X10 Y5\nZ2", [10, 5, 2]),
+])  # fmt: skip
+def test_a_path_begins_where_it_is_known_after_the_way_home(
+    text: str, first: list[float], tmp_path: Path
+) -> None:
+    with pytest.warns(FileNote):
+        assert np.allclose(1000 * points_of(text, tmp_path)[0], first)
+
+
 def test_a_program_that_returns_ends(tmp_path: Path) -> None:
     with pytest.warns(FileNote, match="M99"):
         assert len(points_of("O7\nG0 X1\nG1 X2\nM99\n%", tmp_path)) == 2
@@ -201,7 +216,7 @@ def test_a_full_circle_is_not_lost_by_rounding(
     unit: str, plane: str, clockwise: bool,
 ) -> None:  # fmt: skip
     """Its start comes from relative steps of tenths, whose sum in binary is off by a last digit."""
-    (u, v), (i, j) = {"G17": ("XY", "IJ"), "G18": ("ZX", "KI"), "G19": ("YZ", "JK")}[plane]
+    u, v, i, j = {"G17": tuple("XYIJ"), "G18": tuple("ZXKI"), "G19": tuple("YZJK")}[plane]
     text = f"{unit} {plane} G91\nG1 {u}0 {v}0\n"
     text += "".join(f"{u}{a / 10} {v}{b / 10}\n" for a, b in steps)
     end = [sum(step[k] for step in steps) / 10 for k in (0, 1)]

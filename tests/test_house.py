@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import re
 import tomllib
+from collections import Counter
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -78,6 +79,12 @@ def test_design_names_every_folder() -> None:
     design = (ROOT / "docs" / "design.md").read_text()
     folders = {path.parent.name for path in SOURCES} - set(ROOMS)
     assert not [name for name in sorted(folders) if f"`{name}/`" not in design]
+
+
+def test_no_two_classes_have_one_name() -> None:
+    trees = [ast.parse(path.read_text()) for path in SOURCES]
+    names = Counter(node.name for tree in trees for node in ast.walk(tree) if isinstance(node, ast.ClassDef))
+    assert not [name for name, count in names.items() if count > 1]
 
 
 def test_readme_names_every_bundled_world() -> None:

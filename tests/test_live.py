@@ -115,6 +115,13 @@ def test_a_save_is_seen_in_place_and_by_replacement(path: Path) -> None:
     later(away)
 
 
+def test_a_save_before_the_first_picture_is_drawn_is_seen(path: Path) -> None:
+    """The first areas take seconds; what is saved meanwhile was not looked at until the next save."""
+    seen = live.file_changes(path)
+    path.write_text(path.read_text() + "\n")
+    next(seen)
+
+
 def test_the_command_needs_a_file(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["show", "pillar", "--live"]) == 2
     assert "--live watches a world file" in capsys.readouterr().err

@@ -16,7 +16,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely.geometry import GeometryCollection, LineString, MultiPolygon, Point, Polygon, box
 
-from regionik.cli.console import plan_summary
 from regionik.output import plan_file
 from regionik.output.export import plan_to_geojson
 from regionik.output.plan_file import load_plan, plan_schema
@@ -29,7 +28,8 @@ from regionik.verification.verifier import verify
 from regionik.view.figures import plot
 from regionik.view.page import to_html
 from regionik.worlds.documents.world_file import load_world
-from regionik.worlds.errors import InputError
+from regionik.worlds.errors import FileNote, InputError
+from regionik.worlds.readers.text import count_values
 from tests.plans import every_solid, l_shape, plan_to_document, synthetic_plan
 
 SCHEMA = Path(__file__).parents[1] / "docs" / "plan.schema.json"
@@ -77,7 +77,7 @@ def test_times_are_kept_and_nan_is_null(plan: Plan, tmp_path: Path) -> None:
     timed = dataclasses.replace(
         plan,
         motion=Motion(m.base, m.joints, m.kind, m.setpoint, time),
-        stats={"worst": np.inf, "n": np.int64(3)},
+        stats={"largest_error": np.inf, "states": np.int64(3), "base_moves": {"ompl": 1}},
     )
     timed.save(tmp_path / "plan.json")
     text = (tmp_path / "plan.json").read_text()
@@ -85,29 +85,55 @@ def test_times_are_kept_and_nan_is_null(plan: Plan, tmp_path: Path) -> None:
     assert "Infinity" not in text
     assert json.loads(text)["states"][2]["time"] is None
     assert np.array_equal(load_plan(tmp_path / "plan.json").motion.time, time, equal_nan=True)
-    assert load_plan(tmp_path / "plan.json").stats == {"worst": None, "n": 3}
+    assert load_plan(tmp_path / "plan.json").stats == {"largest_error": None, "states": 3}
 
 
 def test_the_document_is_what_the_schema_says(document: dict[str, Any], plan: Plan) -> None:
     jsonschema.Draft202012Validator.check_schema(plan_schema())
     jsonschema.validate(json.loads(plan_to_text(plan)), plan_schema())
     assert json.loads(plan_to_text(plan)) == document
-    assert set(plan_schema()["required"]) == set(document)
+    assert {*plan_schema()["required"], "skipped"} == set(document)
 
 
 def test_areas_too_many_to_be_read_back_are_left_out(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     made = search(load_world("slab"))
-    monkeypatch.setattr(plan_document, "CORNERS_LIMIT", 100)
     made.save(tmp_path / "plan.json")
-    assert "areas are left out" in plan_summary(made, 1.0, ())
+    whole = count_values((tmp_path / "plan.json").read_bytes())
+    for module in (plan_document, plan_file):
+        monkeypatch.setattr(module, "VALUES_LIMIT", whole - 1)
+    with pytest.warns(FileNote, match="areas are left out"):
+        made.save(tmp_path / "plan.json")
     back = load_plan(tmp_path / "plan.json")
     assert back.areas == ()
     assert verify(back).ok
-    assert plan_to_document(made)["areas"]["features"] == []
     assert json.loads(plan_to_geojson(back))["features"]
     to_html(back, tmp_path / "page.html")
     plot(back, tmp_path / "plan.png")
     assert [path.stat().st_size > 1000 for path in sorted(tmp_path.iterdir())] == [True] * 3
+
+
+@pytest.mark.parametrize(("limit", "told"), [
+    ("VALUES_LIMIT", r"values could not be read back, at most \d+ can, expected a task in parts"),
+    ("SIZE_LIMIT", r"MB could not be read back, at most \S+ MB can, expected a task in parts"),
+])  # fmt: skip
+def test_what_is_written_can_be_read(
+    limit: str, told: str, plan: Plan, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """A file at the limit of its reader is read; one beyond is not written."""
+    path, bare = tmp_path / "plan.json", dataclasses.replace(plan, areas=())
+    bare.save(path)
+    data = path.read_bytes()
+    least = count_values(data) if limit == "VALUES_LIMIT" else len(data)
+    for module in (plan_document, plan_file):
+        monkeypatch.setattr(module, limit, least + 20)
+    bare.save(path)
+    assert load_plan(path).areas == ()
+    path.unlink()
+    for module in (plan_document, plan_file):
+        monkeypatch.setattr(module, limit, least - 20)
+    with pytest.raises(InputError, match=told):
+        bare.save(path)
+    assert not path.exists()
 
 
 def test_the_committed_schema_is_this_one() -> None:
@@ -224,7 +250,7 @@ def test_missing_and_too_large_files(tmp_path: Path, monkeypatch: pytest.MonkeyP
         load_plan(tmp_path)
     huge = tmp_path / "huge.json"
     huge.touch()
-    os.truncate(huge, plan_file.SIZE_LIMIT + 1)
+    os.truncate(huge, plan_document.SIZE_LIMIT + 1)
     with pytest.raises(InputError, match=r"expected at most 256 MB"):
         load_plan(huge)
 

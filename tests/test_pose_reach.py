@@ -17,10 +17,11 @@ from regionik.parking.stop_motion import connect_stops
 from regionik.parking.stops import in_sequence
 from regionik.pipeline import plan
 from regionik.planners.reach import pose_reach as sampled
+from regionik.planners.reach.asked_cells import asked_cells
 from regionik.planners.reach.inverse_reachability import Tolerances, aim_at, posture_samples, posture_seeds
 from regionik.planners.reach.polar_cells import PolarCells
 from regionik.planners.reach.pose_reach import pose_reach
-from regionik.planners.solvers.closed_form import postures_at
+from regionik.planners.solvers.closed_form import Polish, postures_at
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, Aim
 from regionik.planners.solvers.mfabrik_serial import in_arm_frame
 from regionik.postures.arm import aim_of as goal_aim
@@ -63,11 +64,47 @@ def test_every_place_has_a_posture_that_meets_the_aim(name: str, kind: int) -> N
 @pytest.mark.parametrize("name", ["ur", "panda", "puma"])
 def test_the_place_of_a_posture_lies_in_the_reach_of_its_pose(name: str) -> None:
     chain, missed = ARMS[name], 0
-    for seed in range(20):
+    for seed in range(60):
         aim, _ = aim_of_posture(chain, seed, ORIENTATION, 1e-3)
         area = pose_reach(chain, HEIGHT, aim).area
         missed += area.distance(shapely.Point(0.0, 0.0)) > 0.02
     assert missed <= 1  # sampled
+
+
+@pytest.mark.parametrize("name", ["ur", "puma"])
+def test_cells_are_asked_for_branches_that_were_not_led_to(name: str) -> None:
+    """Cuts only move outwards, and cells only come back; both are where a closed form has postures."""
+    chain, more = ARMS[name], 0
+    first, *others = chain.joints
+    endless = Chain((replace(first, lower=-np.inf, upper=np.inf), *others), chain.T_last_tool)
+    distances, bearings = np.linspace(0.0, 1.2, 13), np.linspace(0.0, 2 * np.pi, 24, endpoint=False)
+    r, b = (part.ravel() for part in np.meshgrid(distances, bearings, indexing="ij"))
+    for seed in range(3):
+        aim = aim_of_posture(endless, seed, ORIENTATION, 1e-3)[0]
+        aim = aim._replace(position=np.array([0.0, 0.0, aim.position[2] - HEIGHT]))
+        found = reached_from(endless, aim, r, b).reshape(13, 24)
+        outward = np.where(found[:-1] != found[1:], np.where(found[:-1], 0.0, 1.0), 0.0)
+        onward = np.where(found != np.roll(found, -1, axis=1), np.where(found, 0.0, 1.0), 0.0)
+        tight = PolarCells(distances, bearings, found, outward, onward)
+        none = np.zeros(len(tight.middles[0]), dtype=bool)
+        asked = asked_cells(endless, aim, Polish(1e-4, 1e-4, 8), tight, none)
+        moved = np.abs(asked.outward - tight.outward)
+        assert set(np.round(np.unique(moved), 3)) <= {0.0, 0.125, 0.375}
+        i, j = np.nonzero(moved)
+        assert reached_from(endless, aim, distances[i] + 0.1 * asked.outward[i, j], bearings[j]).all()
+        assert reached_from(endless, aim, *tight.kept(asked.counted[tight.cells]).middles[2].T).all()
+        more += len(i)
+    assert more > 10
+
+
+def reached_from(chain: Chain, aim: Aim, distance: Array, bearing: Array) -> NDArray[np.bool_]:
+    """Mask of places, by distance and bearing from the target, from which a closed form meets an aim."""
+    tools = np.tile(np.eye(4), (len(distance), 1, 1))
+    tools[:, :3, :3], tools[:, 2, 3] = aim.turn, aim.position[2]
+    tools[:, 0, 3], tools[:, 1, 3] = -distance * np.cos(bearing), -distance * np.sin(bearing)
+    met = np.zeros(len(distance), dtype=bool)
+    met[postures_at(chain, tools, Polish(1e-4, 1e-4, 8))[1]] = True
+    return met
 
 
 def test_samples_meet_poses_though_few_places_do() -> None:

@@ -99,7 +99,7 @@ def test_bundled_values_print_on_one_short_line(name: str) -> None:
         (lambda: rik.Rules(step=0.0), "step: must be above 0, got 0"),
         (lambda: rik.Rules(step=math.nan), "step: must be above 0, got nan"),
         (lambda: rik.Rules(mode="parking"), "mode: expected one of continuous, stops, got 'parking'"),
-        (lambda: rik.Rules(order="any"), "order: any goes with rules.mode: stops"),
+        (lambda: rik.Rules(order="any"), "order: any needs rules.mode: stops"),
         (lambda: rik.Box("b", [1, 1], [0, 0, 0]), "b: size: expected 3 numbers, got shape (2,)"),
         (lambda: rik.Start([0, 0], [0]), "start: base: expected 3 numbers, got shape (2,)"),
         (lambda: rik.Target("here"), "target: position: expected numbers, got 'here'"),

@@ -10,6 +10,7 @@ import shapely
 
 from regionik.area_verification import verify_areas
 from regionik.cli.app import run
+from regionik.explain.arm_failures import target_in_solid
 from regionik.explain.several import naming_as_given, numbered
 from regionik.output.plan_file import load_plan
 from regionik.parking.stops import stops
@@ -104,21 +105,29 @@ def test_nothing_that_can_be_done_is_refused_all_the_same() -> None:
 
 
 def test_a_set_point_without_a_clear_posture_is_left_out() -> None:
-    world = kept_heading()
-    assert refused(replace(world, task=(level(0.05, 0.7),))).verdict == "no-posture"
-    both = replace(world, task=(*world.task, level(0.05, 0.7)))
-    assert [one.verdict for one in refused(both).failures] == ["no-posture"]
-    assert refused(both).reason.count("of 2") >= 1
-    found = plan(skipping(both))
+    forward = Target(np.array([0.7, 0.0, 0.3]))
+    found = plan(skipping(replace(kept_heading(), task=(forward, level(0.05, 0.7)))))
     assert left_out(found) == [1]
     assert found.skipped[0].verdict == "no-posture"
+    assert found.skipped[0].reason.startswith("Set-point 2 of 2 at")
+
+
+@pytest.mark.slow
+def test_all_set_points_without_a_clear_posture_are_named() -> None:
+    forward, back, beside = Target(np.array([0.7, 0.0, 0.3])), level(0.05, 0.7), level(0.05, 0.72)
+    found = refused(replace(kept_heading(), task=(forward, back, forward, beside)))
+    assert found.verdict == "no-posture"
+    assert [one.setpoint for one in found.failures] == [1, 3]
+    assert found.reason.startswith("Set-point")
+    assert found.failures[1].reason.startswith("Set-point 4 of 4 at")
 
 
 def test_targets_in_solids_are_all_named_and_left_out() -> None:
     crate = Box("crate", np.array([0.6, 0.6, 0.8]), np.array([1.3, 0.0, 0.4]))
     spots = (SPOTS[0], (1.3, 0.1, 0.4), (1.3, -0.1, 0.4), (2.5, 0.0, 0.3))
     world = replace(hall(*spots), obstacles=(crate,))
-    found = refused(world)
+    found = target_in_solid(world)
+    assert found is not None
     assert [one.setpoint for one in found.failures] == [1, 2]
     assert all("crate" in one.reason for one in found.failures)
     assert left_out(plan(skipping(world))) == [1, 2]
@@ -204,6 +213,8 @@ def test_commands_say_what_is_left_out(tmp_path: Path, capsys: pytest.CaptureFix
     told = capsys.readouterr()
     assert [one["setpoint"] for one in json.loads(told.out)["skipped"]] == OUT
     assert "the plan holds for 4 of 6 set-points" in told.err
+    assert run(["verify", str(made), "--world", str(path)]) == 0
+    assert "left out: set-points 2 and 5 of 6" in capsys.readouterr().err
     assert run(["stops", str(path), "--skip", "--json"]) == 0
     told = capsys.readouterr()
     assert [one["setpoint"] for one in json.loads(told.out)["skipped"]] == OUT

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import socket
-import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -507,10 +506,8 @@ def test_broken_files_are_one_clear_line(
     path = crane(tmp_path)
     path.write_bytes(case.text if isinstance(case.text, bytes) else case.text.encode())
     monkeypatch.setattr(socket.socket, "connect", refuse)
-    begun = time.perf_counter()
     with pytest.raises(InputError) as caught:
         load_robot(path, tip="tool" if CRANE[:300] in str(case.text) else None)
-    assert time.perf_counter() - begun < 5
     message = str(caught.value)
     assert message.startswith(str(path))
     assert case.expected in message

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
+from regionik.cli import console
+from regionik.output.urdf import robot_to_urdf
 from regionik.timing.limits import MotionLimits
 from regionik.worlds.documents.robots import robot_to_document
 from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
@@ -55,6 +58,7 @@ SEEN = '<visual><origin rot="0 0 1"/><geometry><box size="9 9 9"/></geometry></v
     (ELBOW_ORIGIN, 'quat_xyzw="0 0 1"', "origin quat_xyzw: expected 4 finite numbers"),
     ('<axis xyz="0 1 1"/>', '<axis xyz="0 1 1" rpy="1 0 0"/>', "joint elbow: axis: unknown attribute 'rpy'"),
     ('radius="0.05" length="0.6"', 'radius="0.05" length="0.6" axis="x"', "unknown attribute 'axis'"),
+    ('multiplier="1"', 'multiplyer="1"', "joint grip_too: mimic: unknown attribute 'multiplyer'"),
     ('scale="0.001 0.001 0.001"', 'unit="mm"', "link upper: mesh: unknown attribute 'unit'"),
 ])  # fmt: skip
 def test_what_may_place_or_size_things_otherwise_is_refused(
@@ -128,13 +132,23 @@ def test_accelerations_of_limits_are_kept_by_timing(tmp_path: Path) -> None:
     assert Speeds().joint_limits(plain.chain)[1].tolist() == [0.14, 4.0, 2.0]
 
 
-def test_worlds_keep_accelerations(tmp_path: Path) -> None:
+def test_a_joint_keeps_the_acceleration_of_what_follows_it(tmp_path: Path) -> None:
+    limit = ELBOW_LIMIT.replace("/>", ' acceleration="0.2"/><mimic joint="lift" multiplier="-4"/>')
+    chain = load_robot(crane(tmp_path, (ELBOW_LIMIT, limit)), tip="tool").chain
+    assert chain.names == ("lift", "pivot")
+    assert Speeds().joint_limits(chain)[1].tolist() == [0.05, 4.0]
+
+
+def test_worlds_and_exports_keep_accelerations(tmp_path: Path) -> None:
     document = {
         "version": 1, "robot": robot_to_document(accelerating(tmp_path)), "task": [{"points": [[0.5, 0, 1]]}],
         "floor": {"polygon": [[-2, -2], [2, -2], [2, 2], [-2, 2]]},
     }  # fmt: skip
     again = world_from_document(world_to_document(world_from_document(document)))
     assert [joint.acceleration for joint in again.robot.chain.joints] == [np.inf, np.inf, 0.2]
+    (tmp_path / "again.urdf").write_text(robot_to_urdf(again.robot, again.floor.polygon))
+    exported = load_robot(tmp_path / "again.urdf", root="base", tip="tool")
+    assert [joint.acceleration for joint in exported.chain.joints] == [np.inf, np.inf, 0.2]
 
 
 def test_limits_of_jerk_are_told(tmp_path: Path) -> None:
@@ -155,7 +169,7 @@ def bracket(folder: Path, suffix: str, more: str = "") -> Path:
     """A crane whose upper arm is an L of two boxes [mm]."""
     parts = [trimesh.creation.box((300.0, 40.0, 40.0)), trimesh.creation.box((40.0, 40.0, 300.0))]
     parts[1].apply_translation((170.0, 0.0, 130.0))
-    mesh = trimesh.util.concatenate(parts)
+    mesh: Any = trimesh.util.concatenate(parts)
     scale = "1 1 1" if suffix == ".dae" else "0.001 0.001 0.001"  # COLLADA files know their unit
     path = crane(folder, ("upper.stl", f"l{suffix}"), ("0.001 0.001 0.001", scale))
     if suffix == ".dae":
@@ -195,6 +209,18 @@ SCALE = 'scale="0.001 0.001 0.001"'
 def test_links_in_millimetres_are_told(tmp_path: Path) -> None:
     with pytest.warns(FileNote, match=r"crane.urdf: link upper is 400 m in size: perhaps in millimetres"):
         load_robot(crane(tmp_path, (SCALE, "")), tip="tool")
+
+
+def test_every_command_tells_odd_sizes(tmp_path: Path) -> None:
+    """What else is left out of a robot is told by ``plan`` alone."""
+    crane(tmp_path, (SCALE, ""))
+    (tmp_path / "w.yaml").write_text(
+        "version: 1\nrobot: {urdf: crane/crane.urdf, tip: tool}\n"
+        "floor: {polygon: [[-2, -2], [2, -2], [2, 2], [-2, 2]]}\ntask: [{points: [[0.5, 0, 1]]}]\n"
+    )
+    with pytest.warns(FileNote, match="upper is 400 m in size") as told:
+        console.read_world(str(tmp_path / "w.yaml"), console.DelayedProgress())
+    assert not any(issubclass(note.category, RobotNote) for note in told)
 
 
 def test_obstacles_in_millimetres_are_told(tmp_path: Path) -> None:

@@ -1,15 +1,19 @@
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+import shapely
 
 from regionik.reachability.reach import reach
 from regionik.values import Answer
 from regionik.verification.verifier import verify_answers
+from regionik.worlds.arrays import FARTHEST
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError
-from regionik.worlds.obstacles import Sphere
-from regionik.worlds.scene import Target, World
+from regionik.worlds.execution import Execution
+from regionik.worlds.obstacles import Box, Sphere
+from regionik.worlds.scene import Floor, Target, World
 
 WORLD = load_world("l_shape")
 POINTS = np.array([[0.3, 0.65, 0.25], [0.5, 0.2, 0.3], [1.2, 0.3, 0.2], [0.0, 0.0, 3.0]])
@@ -73,6 +77,42 @@ def test_a_direction_is_held() -> None:
     assert found.reachable.all()
     assert verify_answers(WORLD, found, ahead).ok
     assert "direction" in {one.kind for one in verify_answers(WORLD, found, across).violations}
+
+
+@pytest.mark.parametrize(
+    "rules",
+    [
+        {"path_tolerance": 1e-5},
+        {"tolerance": 0.05},
+        {"path_tolerance": 0.002, "execution": Execution(tool_error=0.0015)},
+        {"mode": "stops", "stop_tolerance": 0.05},
+        {"heading": "face_target"},
+    ],
+    ids=str,
+)
+def test_an_answer_is_held_to_the_tolerance_of_targets_not_to_that_of_paths(rules: dict[str, Any]) -> None:
+    asked = replace(WORLD, rules=replace(WORLD.rules, **rules))
+    found = reach(asked, POINTS[:2])
+    report = verify_answers(asked, found)
+    assert found.reachable.any()
+    assert report.ok, report
+    assert "path" not in report.margins
+    off = replace(found, base=found.base + [2 * asked.rules.tolerance, 0, 0])
+    assert "setpoint" in kinds(asked, off)
+
+
+def test_answers_hold_as_far_from_the_origin_as_worlds_may_lie() -> None:
+    away = FARTHEST - 10.0
+    world = World(
+        "far",
+        WORLD.robot,
+        Floor(shapely.box(away, -away, away + 3, -away + 3)),
+        (Box("crate", np.array([0.2, 0.2, 0.6]), np.array([away + 1.2, -away + 1.8, 0.3])),),
+        tuple(Target(np.array([away + 1 + 0.2 * k, -away + 1.5, 0.3])) for k in range(3)),
+    )
+    found = reach(world, world.task)
+    assert found.reachable.all()
+    assert verify_answers(world, found).ok
 
 
 def test_bad_questions_are_refused(answer: Answer) -> None:

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from regionik.cli.app import run
 from regionik.explain.arm_failures import target_in_solid
+from regionik.explain.causes import irreducible
 from regionik.explain.changes import move_obstacle, repaired, share
 from regionik.explain.constraints import Constraint, constraints_of
 from regionik.explain.minimal_change import (
@@ -23,7 +24,6 @@ from regionik.explain.minimal_change import (
     shortest_step,
     sphere,
 )
-from regionik.explain.why import irreducible
 from regionik.pipeline import plan, why
 from regionik.reachability.reach import reach
 from regionik.view.picture import Color

@@ -27,7 +27,7 @@ from regionik.worlds.documents.world_file import (
     world_from_document,
     world_to_document,
 )
-from regionik.worlds.errors import InputError
+from regionik.worlds.errors import FileNote, InputError
 from regionik.worlds.joints import Joint
 from regionik.worlds.links import LinkBox, LinkCapsule, capsules_along
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
@@ -441,6 +441,29 @@ def test_whatever_stands_anywhere_is_read_or_refused_in_one_line(data: st.DataOb
     assert str(caught.value).startswith("here: ")
 
 
+FAR = 1e5 + 1.0
+
+
+@pytest.mark.parametrize(
+    ("change", "where"),
+    [
+        ({"floor": {"polygon": [[FAR, 0], [FAR + 4, 0], [FAR, 4]]}}, "floor.polygon"),
+        ({"task": [{"points": [[0, 0, FAR]]}]}, "task[0]"),
+        ({"start": {"base": [0, -FAR, 0], "joints": [0, 1.0, -1.0, 0.5, 0]}}, "start"),
+        ({"obstacles": [{"name": "a", "sphere": {"center": [FAR, 0, 0], "radius": 1}}]}, "obstacles[0]"),
+        ({"obstacles": [{"name": "a", "cylinder": {"center": [0, FAR, 0], "radius": 1, "height": 1}}]}, "a"),
+        ({"obstacles": [{"name": "a", "box": {"center": [0, FAR, 0], "size": [1, 1, 1]}}]}, "a"),
+        ({"obstacles": [{"name": "a", "prism": {"polygon": [[0, 0], [1, 0], [0, 1]], "z": [0, FAR]}}]}, "a"),
+        ({"obstacles": [{"name": "a", "prism": {"polygon": [[0, 0], [FAR, 0], [0, 1]], "z": [0, 1]}}]}, "a"),
+    ],
+)
+def test_places_beyond_what_is_computed_are_refused_in_one_line(change: dict[str, Any], where: str) -> None:
+    with pytest.raises(InputError, match="expected coordinates of at most 100000 m") as refused:
+        world_from_document({**good(), **change})
+    assert where in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
 def test_criteria_and_masses_go_both_ways(tmp_path: Path) -> None:
     text = GOOD.replace(
         "robot: youbot",
@@ -466,3 +489,36 @@ def test_every_key_of_a_world_file_is_described() -> None:
     ]
     rules = schema["$defs"]["RulesPart"]["properties"]
     assert rules["clearance"]["description"].startswith("least distance of the base from every solid")
+
+
+SEAM = """version: 1
+robot: youbot
+floor: {polygon: [[-1, -1], [3, -1], [3, 2], [-1, 2]]}
+task:
+  - {line: {from: [0.3, 0, 0.3], to: [1.0, 0, 0.3], count: 8}AIM}
+  - {arc: {center: [1.0, 0.5, 0.3], radius: 0.5, from: -1.5707963267948966, to: 0, count: 12}AIM}
+  - {points: [[1.5, 0.5, 0.3], [1.5, 0.6, 0.3], [1.5, 0.6000004, 0.3], [1.5, 0.7, 0.3], [1.5, 0.6, 0.3]]OTHER}
+"""
+
+
+@pytest.mark.parametrize(("aim", "other", "again"), [
+    ("", "", "9, 21, 23"), (", direction: [0, 0, -1]", ", direction: [0, 0, -1]", "9, 21, 23"),
+    ("", ", direction: [0, 0, -1]", "9, 23"),
+    (", orientation: [1, 0, 0, 0]", ", orientation: [1, 0, 0, 0]", "9, 21, 23"),
+    (", orientation: [1, 0, 0, 0]", ", orientation: [0, 1, 0, 0]", "9, 23"),
+    (", direction: [0, 0, -1], cone: 0.1", ", direction: [0, 0, -1], cone: 0.2", "9, 23"),
+])  # fmt: skip
+def test_a_set_point_given_twice_in_a_row_is_taken_once(
+    aim: str, other: str, again: str, tmp_path: Path
+) -> None:
+    """Where pieces meet, and within one; not where the tool turns, nor where the path comes back."""
+    path = tmp_path / "seam.world.yaml"
+    path.write_text(SEAM.replace("AIM", aim).replace("OTHER", other))
+    with pytest.warns(FileNote, match=rf"seam.world.yaml: set-points {again} are those before given again"):
+        world = load_world(path)
+    removed = again.count(",") + 1
+    assert len(world.task) == 25 - removed
+    again_read = world_from_document(through_json(world_to_document(world)))
+    assert len(again_read.task) == 25 - removed
+    path.write_text(f"{path.read_text()}rules: {{mode: stops}}\n")
+    assert len(load_world(path).task) == 25  # an arm may be asked to come twice

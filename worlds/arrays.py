@@ -16,6 +16,7 @@ Index = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 _YZX, _ZXY = [1, 2, 0], [2, 0, 1]
+FARTHEST = 1e5  # of coordinates: numbers there are 1e-11 m apart, plans are proven to 1e-9 m [m]
 _SHOWN = 6  # numbers of an array, or items of a tuple, that fit on a line
 
 
@@ -41,6 +42,16 @@ def frozen(values: ArrayLike, shape: Sequence[int | None], what: str) -> Array:
         raise InputError(f"{what}: every number must be finite, got {array.tolist()}")
     array.flags.writeable = False
     return array
+
+
+def check_near_origin(coordinates: ArrayLike, what: str) -> None:
+    """Refuse coordinates of places in the world that are too far from its origin to compute with."""
+    far = float(np.abs(coordinates).max(initial=0.0))
+    if far > FARTHEST:
+        text = (
+            f"expected coordinates of at most {FARTHEST:g} m, so that what is proven holds, got {far:.9g} m"
+        )
+        raise InputError(f"{what}: {text}: put the origin of the world nearer")
 
 
 def frozen_faces(faces: ArrayLike, vertices: int, what: str) -> Index:

@@ -16,6 +16,8 @@ from regionik.worlds.arrays import Array, Mask, cross, frozen, one_line
 from regionik.worlds.errors import InputError, located
 from regionik.worlds.joints import Joint
 
+JOINT_SPARE = np.radians(2)  # that joints keep of their limits where they can [rad] or [m]
+SPARE_SHARE = 0.1  # of a joint's range, where that is less
 _RIGID = 1e-6  # of a rotation matrix that a file gives
 
 
@@ -167,6 +169,29 @@ class Chain:
         """Mask (dof,) of active joints whose whole turns change nothing: revolute ones that none mimics."""
         led = {joint.mimic.joint for joint in self.joints if joint.mimic}
         return np.array([j.kind == "revolute" and j.name not in led for j in self.active_joints])
+
+    @cached_property
+    def winding(self) -> Mask:
+        """Mask (dof,) of joints that may turn more than once between their limits, and alone."""
+        span = self.upper - self.lower
+        found: Mask = self.turning & np.isfinite(span) & (span > 2 * np.pi)
+        return found
+
+    def unwound(self, joints: Array) -> Array:
+        """Return joint values (..., dof), of those that wind the whole turn nearest to their middle.
+
+        The robot stands the same. Joints that others mimic and those that turn once at most keep theirs.
+        """
+        found, some = np.array(joints), self.winding
+        middle = (self.lower[some] + self.upper[some]) / 2
+        found[..., some] = middle + np.remainder(found[..., some] - middle + np.pi, 2 * np.pi) - np.pi
+        return found
+
+    @cached_property
+    def spare(self) -> Array:
+        """Distance from their limits that joints (dof,) keep where they can [rad] or [m]."""
+        found: Array = np.minimum(JOINT_SPARE, SPARE_SHARE * (self.upper - self.lower))
+        return found
 
     def joint_values(self, joints: ArrayLike) -> Array:
         """Return the values of all joints (..., n) in postures (..., dof)."""
@@ -348,12 +373,15 @@ def pose(position: Sequence[float], rpy: Sequence[float]) -> Array:
 
 
 def spread_postures(chain: Chain, reach: float, count: int, seed: int) -> Array:
-    """Return postures (count, dof) drawn evenly within the limits; without any, within a turn or a reach."""
+    """Return postures (count, dof) drawn evenly within the limits; without any, within a turn or a reach.
+
+    Of joints that turn more than once, by the turn that is nearest to the middle.
+    """
     width = np.array([2 * np.pi if joint.kind == "revolute" else reach for joint in chain.active_joints])
     lower = np.where(np.isfinite(chain.lower), chain.lower, chain.upper - width)
     lower = np.where(np.isfinite(lower), lower, -0.5 * width)
     upper = np.where(np.isfinite(chain.upper), chain.upper, lower + width)
-    return np.random.default_rng(seed).uniform(lower, upper, (count, chain.dof))
+    return chain.unwound(np.random.default_rng(seed).uniform(lower, upper, (count, chain.dof)))
 
 
 def within_half_turns(lower: Array, upper: Array) -> tuple[Array, Array]:

@@ -22,7 +22,9 @@ CauseKind = Literal[
     "criteria",
     "execution",
 ]
-RepairKind = Literal["clearance", "move-target", "move-obstacle", "cone", "raise", "lift-off"]
+RepairKind = Literal[
+    "clearance", "move-target", "move-obstacle", "move-start", "cone", "raise", "lift-off", "stop-tolerance"
+]
 Unit = Literal["m", "rad", "1"]
 
 
@@ -45,13 +47,15 @@ class Repair:
     name : str
         The thing that is changed.
     amount : float
-        New clearance or cone; way that a target, an obstacle or the arm's mount is moved; number of
-        lift-offs allowed besides.
+        New clearance, cone or stop tolerance; way that a target, an obstacle, the start or the arm's mount is
+        moved; number of lift-offs allowed besides.
     text : str
     unit : {"m", "rad", "1"}
         Of ``amount``.
     vector : tuple of float
-        Of a target (x, y, z) or an obstacle (x, y) that is moved [m]; else empty.
+        Of a target (x, y, z), an obstacle or the start (x, y) that is moved [m]; else empty.
+    also : tuple of Repair
+        What has to be changed besides; ``text`` tells it too.
     """
 
     kind: RepairKind
@@ -60,6 +64,7 @@ class Repair:
     text: str
     unit: Unit = "m"
     vector: tuple[float, ...] = ()
+    also: tuple[Repair, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -101,7 +106,7 @@ class RegionikError(Exception):
 
 
 class FileNote(UserWarning):
-    """What the reading of a file passed over, or found odd."""
+    """What the reading of a file passed over or found odd, or its writing left out."""
 
 
 class RobotNote(FileNote):

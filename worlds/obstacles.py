@@ -17,15 +17,21 @@ from shapely.affinity import affine_transform
 from shapely.geometry import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.worlds.arrays import Array, Index, freeze, frozen, frozen_faces, one_line, transform_points
+from regionik.worlds.arrays import (
+    Array,
+    Index,
+    check_near_origin,
+    freeze,
+    frozen,
+    frozen_faces,
+    one_line,
+    transform_points,
+)
 from regionik.worlds.errors import InputError
+from regionik.worlds.mesh_shadows import mesh_shadow
 
 if TYPE_CHECKING:
     import trimesh  # takes long to load: imported by the functions that need it
-
-GRID = 1e-9  # to which corners of a mesh's shadow are rounded [m]
-SECTION = 0.4142  # share of a band of heights at which it is cut, as few meshes have corners there
-SHEET = 1e-6  # that a shadow of a sheet is wider than nothing, to either side [m]
 
 
 @dataclass(frozen=True)
@@ -112,6 +118,7 @@ class Box(Obstacle):
 
     def __post_init__(self) -> None:
         freeze(self, self.name, size=(3,), center=(3,))
+        check_near_origin(self.center, f"{self.name}: center")
         _check_positive(self.name, "size", *self.size)
         object.__setattr__(self, "yaw", float(frozen(self.yaw, (), f"{self.name}: yaw")))
 
@@ -161,6 +168,7 @@ class Cylinder(Obstacle):
 
     def __post_init__(self) -> None:
         freeze(self, self.name, center=(3,))
+        check_near_origin(self.center, f"{self.name}: center")
         _check_positive(self.name, "radius and height", self.radius, self.height)
 
     @property
@@ -203,6 +211,7 @@ class Sphere(Obstacle):
 
     def __post_init__(self) -> None:
         freeze(self, self.name, center=(3,))
+        check_near_origin(self.center, f"{self.name}: center")
         _check_positive(self.name, "radius", self.radius)
 
     @property
@@ -248,6 +257,7 @@ class Prism(Obstacle):
         if not isinstance(self.polygon, Polygon):
             parts = shapely.get_num_geometries(self.polygon)
             raise InputError(f"{self.name}: polygon: expected one polygon, got {parts}: a prism for each")
+        check_near_origin([self.bottom, self.top], f"{self.name}: z")
         _check_positive(self.name, "height (z from low to high)", self.top - self.bottom)
 
     @property
@@ -300,6 +310,7 @@ class Mesh(Obstacle):
 
     def __post_init__(self) -> None:
         freeze(self, self.name, vertices=(None, 3))
+        check_near_origin(self.vertices, f"{self.name}: vertices")
         faces = frozen_faces(self.faces, len(self.vertices), f"{self.name}: mesh")
         if not len(faces):
             raise InputError(f"{self.name}: mesh: expected triangles, got none")
@@ -315,32 +326,7 @@ class Mesh(Obstacle):
         return bool(self._trimesh.is_watertight)
 
     def _shadow(self, below: float, above: float) -> Shadow:
-        part = self._trimesh
-        for height, up in ((below, -1.0), (above, 1.0)):
-            part = _sliced(part, height, up)
-        triangles = shapely.polygons(part.vertices[part.faces][:, :, :2])
-        valid = shapely.is_valid(triangles)
-        # Without a grid GEOS silently loses faces of one mesh in fifty: slivers throw its overlay off.
-        whole = shapely.union_all(triangles[valid], grid_size=GRID)
-        lines = shapely.convex_hull(triangles[~valid])  # of upright faces; those of a sheet bound nothing
-        sheets = lines[~shapely.covers(shapely.buffer(whole, 2 * GRID), lines)]
-        return Shadow(shapely.union_all([whole, *shapely.buffer(sheets, SHEET), *self._inside(below, above)]))
-
-    def _inside(self, below: float, above: float) -> list[BaseGeometry]:
-        """Return the parts of a level section that lie in the solid, of which some have no surface."""
-        import trimesh
-
-        low, high = self.z_range
-        if above <= low or below >= high:
-            return []
-        z = above + SECTION * (below - above)
-        lines = trimesh.intersections.mesh_plane(  # type: ignore[no-untyped-call]
-            self._trimesh, plane_normal=[0, 0, 1], plane_origin=[0, 0, z]
-        )
-        edges = shapely.union_all(shapely.linestrings(lines[:, :, :2]), grid_size=GRID)
-        faces = shapely.get_parts(shapely.polygonize(shapely.get_parts(edges)))
-        spots = shapely.get_coordinates(shapely.point_on_surface(faces))
-        return [one for one, at in zip(faces, spots, strict=True) if self.contains(np.append(at, z))]
+        return Shadow(mesh_shadow(self._trimesh, self.contains, below, above))
 
     def distance(self, point: Array) -> float:
         import trimesh
@@ -372,17 +358,6 @@ class Mesh(Obstacle):
 Solid = Box | Cylinder | Sphere | Prism | Mesh
 
 
-def _sliced(mesh: trimesh.Trimesh, height: float, up: float) -> trimesh.Trimesh:
-    """Return the surface of a mesh above a height, or below it where ``up`` is -1 [m]."""
-    import trimesh
-
-    if not np.isfinite(height):
-        return mesh
-    return trimesh.intersections.slice_mesh_plane(  # type: ignore[no-untyped-call]
-        mesh, plane_normal=[0, 0, up], plane_origin=[0, 0, height]
-    )
-
-
 def as_polygon(outline: Polygon | ArrayLike, what: str) -> Any:
     """Return a floor area itself, or the polygon of corners (n, 2).
 
@@ -397,6 +372,7 @@ def as_polygon(outline: Polygon | ArrayLike, what: str) -> Any:
     if not polygon.is_valid or polygon.is_empty or polygon.area <= 0:
         why = "its area is zero" if polygon.is_valid else shapely.is_valid_reason(polygon)
         raise InputError(f"{what}: expected an outline that does not cross or touch itself: {why}")
+    check_near_origin(polygon.bounds, what)
     return polygon
 
 

@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from shapely.geometry import MultiPolygon, Polygon
 
-from regionik.worlds.arrays import Array, freeze, frozen, one_line, unit_vector
+from regionik.worlds.arrays import Array, check_near_origin, freeze, frozen, one_line, unit_vector
 from regionik.worlds.criteria import Criteria
 from regionik.worlds.errors import InputError
 from regionik.worlds.execution import Execution, ParkingAccuracy
@@ -55,6 +55,7 @@ class Target:
 
     def __post_init__(self) -> None:
         freeze(self, "target", position=(3,))
+        check_near_origin(self.position, "target: position")
         if self.orientation is not None:
             R = frozen(self.orientation, (3, 3), "target: orientation")
             object.__setattr__(self, "orientation", R)
@@ -163,14 +164,14 @@ class Rules:
                 valid = ", ".join(get_args(choices))
                 raise InputError(f"{key}: expected one of {valid}, got {getattr(self, key)!r}")
         if self.order == "any" and self.mode != "stops":
-            raise InputError("order: any goes with rules.mode: stops, expected given")
+            raise InputError("order: any needs rules.mode: stops; in mode continuous it is given")
         if self.parking is not None and self.mode != "stops":
-            raise InputError("parking: goes with rules.mode: stops, expected none")
+            raise InputError("parking: needs rules.mode: stops; in mode continuous there is none")
         if self.parking is None and self.stop_criterion == "probability":
             raise InputError("stop_criterion: probability goes with rules.parking")
         if self.mode == "stops" and self.heading == "face_target":
-            text = "face_target turns the base at every set-point; with rules.mode: stops valid choices"
-            raise InputError(f"heading: {text}: free, fixed")
+            text = "face_target turns the base at every set-point, but at a stop it stands still"
+            raise InputError(f"heading: {text}; expected free or fixed")
         if self.planned_path_tolerance <= 0:
             text = f"must be below path_tolerance, {self.path_tolerance:g} m"
             raise InputError(f"execution: tool_error: {text}, got {self.errors.tool_error:g}")
@@ -247,6 +248,7 @@ class Start:
 
     def __post_init__(self) -> None:
         freeze(self, "start", base=(3,), joints=(None,))
+        check_near_origin(self.base[:2], "start: base")
 
     __repr__ = one_line
 

@@ -52,6 +52,7 @@ CELLS = 100  # of the lattice along the path that is known
 OFFSETS = [(i, j, 0) for i in range(-2, 3) for j in range(-2, 3) if gcd(i, j) == 1]
 MOVES = np.array([*OFFSETS, (0, 0, -1), (0, 0, 1)])  # of the lattice: straight, and turning on the spot
 HALVINGS = 24  # of the bisection for the narrowest passage
+NO_WAY = 1e-3  # a narrower way is rounding of the floor [m]
 MARGIN = 1e-6  # from the edge of a slab's area, so that a path in it can be proven free [m]
 FAR = 1e3  # longer than any leg of a path [m]
 
@@ -225,6 +226,8 @@ def passage_width(free: BaseGeometry, start: BaseGeometry, goal: BaseGeometry) -
     >>> round(passage_width(hourglass, Point(1, 1), Point(4, 1)), 4)
     0.5
     """
+    if free.is_empty:
+        return 0.0
     low, high = 0.0, float(shapely.maximum_inscribed_circle(free).length)
     for _ in range(HALVINGS):
         middle = (low + high) / 2
@@ -243,7 +246,9 @@ def _refusal(
     graph = [polygon_parts(slab.outer) for slab in areas]
     proven = not connected(graph, *(nodes_at(areas, graph, pose) for pose in (start, goal)))
     what = "no way" if proven else "no way was found"
-    if passage < across:
+    if passage <= NO_WAY:
+        why = "the floor that is left there is in parts"
+    elif passage < across:
         why = f"its narrowest place is {passage:.3f} m wide, the footprint nowhere less than {across:.3f} m"
     else:
         why = (

@@ -4,7 +4,8 @@ The grid lies about the target. Samples of the arm's postures are moved to it (`
 each that meets it, and from each grid point found, damped least squares leads on to the neighbours, so that
 the postures of one area are connected as far as they can be. Where a grid point is found and its neighbour is
 not, the edge is halved a few times. A cell, cut at these points, counts where a posture was found at its
-corners and in its middle: this is sampled, not proven.
+corners and in its middle: this is sampled, not proven. Where damped least squares finds none, the closed form
+of an arm that has one is asked for other branches (`asked_cells`).
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from shapely import transform
 from shapely.geometry.base import BaseGeometry
 
 from regionik.planners.kernels import compiled
+from regionik.planners.reach.asked_cells import asked_cells, can_ask
 from regionik.planners.reach.inverse_reachability import (
     MORE,
     NEAREST,
@@ -33,6 +35,7 @@ from regionik.planners.reach.serial_criteria import (
     led_within,
     serial_thresholds,
 )
+from regionik.planners.solvers.closed_form import Polish
 from regionik.planners.solvers.damped_least_squares import ORIENTATION, POSITION, Aim, polish
 from regionik.planners.solvers.rigid_bodies import span
 from regionik.planners.solvers.serial_chain import SerialArm, serial_arm
@@ -45,7 +48,7 @@ FINER = (3, 9)  # times as many cells, while the reach is thin
 SMALL = 0.25  # share of the grid found, below which more samples are tried
 THIN = 0.25  # whole cells for each posture found, below which the reach counts as thin
 STEPS = 8  # of damped least squares from a neighbour
-HALVINGS = 3  # of an edge at the rim
+HALVINGS = 3  # of an edge at the rim, the last of them by a closed form where there is one
 TOLERANCE = 1e-4  # [m]
 ANGLE_SHARE = 0.1  # of the cone, which a posture may miss it by
 TURNED = 0.5  # about the vertical, by which samples may miss a heading that is kept [rad]
@@ -153,13 +156,15 @@ def _sampled(
         _fill(grid, *seeds)
         if np.count_nonzero(grid.found) >= SMALL * grid.found.size:
             break
-    cells = _cells(grid)
+    branches = chain if kept else turning
+    known = branches if demand is None and can_ask(branches, kind) else None
+    cells = _cells(grid, known)
     for finer in FINER if len(seeds[0]) else ():
         if cells.whole >= max(1.0, THIN * np.count_nonzero(grid.found)):
             break
         grid = _grid(arm, asked, aim, within, far, finer, kept)
         _fill(grid, *seeds)
-        cells = _cells(grid)
+        cells = _cells(grid, known)
     r, b = np.nonzero(grid.found)
     places = np.column_stack([grid.distances[r], grid.bearings[b]])
     return _Sampled((places, grid.postures[r, b]), (seeds[1], seeds[0]), cells.area)
@@ -281,36 +286,43 @@ def _come_to(grid: _Grid, distance: float, bearing: float, joints: Array) -> boo
     return led_within(grid.arm, grid.asked, aim, joints, within.reach, within.error, within.angle)
 
 
-def _cells(grid: _Grid) -> PolarCells:
-    """Cells cut where edges leave the reach, each kept if a posture was found in its middle."""
-    cells = PolarCells(grid.distances, grid.bearings, grid.found, *_cut_edges(grid))
+def _cells(grid: _Grid, known: Chain | None) -> PolarCells:
+    """Cells cut where edges leave the reach, each kept if a posture was found in its middle.
+
+    A chain that is ``known`` in closed form is asked about what was not found.
+    """
+    cuts = _cut_edges(grid, HALVINGS if known is None else HALVINGS - 1)
+    cells = PolarCells(grid.distances, grid.bearings, grid.found, *cuts)
     r, b, middles = cells.middles
-    return cells.kept(_found_within(grid, r, b, middles))
+    met = _found_within(grid, r, b, middles)
+    if known is None:
+        return cells.kept(met)
+    return asked_cells(known, grid.aim, Polish(grid.within.error, grid.within.angle, STEPS), cells, met)
 
 
 @compiled
-def _cut_edges(grid: _Grid) -> tuple[Array, Array]:
+def _cut_edges(grid: _Grid, halvings: int) -> tuple[Array, Array]:
     """Where edges leave the reach, as shares of them: outward (r - 1, b) and to the next bearing (r, b)."""
     rows, columns, _ = grid.postures.shape
     outward, onward = np.zeros((rows - 1, columns)), np.zeros((rows, columns))
     for i in range(rows):
         for j in range(columns):
             if i + 1 < rows and grid.found[i, j] != grid.found[i + 1, j]:
-                outward[i, j] = _cut(grid, i, j, i + 1, j)
+                outward[i, j] = _cut(grid, halvings, i, j, i + 1, j)
             after = (j + 1) % columns
             if grid.found[i, j] != grid.found[i, after]:
-                onward[i, j] = _cut(grid, i, j, i, after)
+                onward[i, j] = _cut(grid, halvings, i, j, i, after)
     return outward, onward
 
 
 @compiled
-def _cut(grid: _Grid, i: int, j: int, k: int, m: int) -> float:
+def _cut(grid: _Grid, halvings: int, i: int, j: int, k: int, m: int) -> float:
     """Share of the edge from one grid point to the next at which the reach ends or begins."""
     turn = 2 * np.pi / len(grid.bearings)
     inside = grid.found[i, j]
     joints = (grid.postures[i, j] if inside else grid.postures[k, m]).copy()
     low, high = 0.0, 1.0  # from the end within reach
-    for _ in range(HALVINGS):
+    for _ in range(halvings):
         middle = 0.5 * (low + high)
         share = middle if inside else 1.0 - middle
         distance = grid.distances[i] + share * (grid.distances[k] - grid.distances[i])

@@ -27,6 +27,7 @@ from regionik.planners.solvers.subproblems import (
     nearest_points,
     position_angles,
     rotated_about,
+    row_cross,
     row_dot,
 )
 from regionik.worlds.arrays import Array, Mask
@@ -35,8 +36,6 @@ from regionik.worlds.joints import Joint
 
 SWEEP, FINER = 16, 4  # values of the joint that is swept; so many times as many where none is found
 NEARLY = 2e-3  # by which axes may miss each other [m], or be out of parallel [rad]
-EXACT = 1e-10  # of a posture on its pose, in metres and radians
-STEPS = 40  # of damped least squares: many are needed at a singular posture only
 SWEPT = (2, 4, 6, 5, 3, 1, 0)  # joints of seven, the likeliest to be held first
 
 Which = NDArray[np.intp]
@@ -50,6 +49,17 @@ class Decomposition:
     swept: int | None  # joint that is held at one value after the other
     reverse: bool  # the form is that of the arm seen from its tool
     kind: Kind  # axes 4 to 6 meet, or axes 2 to 4 are parallel and 5 and 6 meet
+
+
+class Polish(NamedTuple):
+    """Accuracy of a posture on its pose, and the steps of damped least squares that may lead to it."""
+
+    error: float  # [m]
+    angle: float  # [rad]
+    steps: int  # many are needed at a singular posture only
+
+
+EXACTLY = Polish(1e-10, 1e-10, 40)
 
 
 class _Lines(NamedTuple):
@@ -86,7 +96,7 @@ def decomposition(chain: Chain) -> Decomposition | None:
     return None
 
 
-def postures_at(chain: Chain, tools: Array) -> tuple[Array, Which]:
+def postures_at(chain: Chain, tools: Array, within: Polish = EXACTLY) -> tuple[Array, Which]:
     """All postures within limits at tool poses; of arms with seven joints those of a sweep.
 
     Parameters
@@ -95,6 +105,8 @@ def postures_at(chain: Chain, tools: Array) -> tuple[Array, Which]:
         With a `decomposition`.
     tools : (m, 4, 4) array
         Tool frames in the arm's base frame.
+    within : Polish
+        To which each posture is brought; others are left out.
 
     Returns
     -------
@@ -106,13 +118,13 @@ def postures_at(chain: Chain, tools: Array) -> tuple[Array, Which]:
     form = decomposition(chain)
     assert form is not None
     if form.swept is None:
-        return _solved(chain, form, tools, np.arange(len(tools)), np.zeros(len(tools)))
+        return _solved(chain, form, tools, np.arange(len(tools)), np.zeros(len(tools)), within)
     low, high = _sweep(chain.joints[form.swept])
     found = np.empty((0, chain.dof)), np.empty(0, dtype=np.intp)
     missing = np.arange(len(tools))
     for count in (SWEEP, FINER * SWEEP):
         values = np.tile(low + (np.arange(count) + 0.5) / count * (high - low), len(missing))
-        joints, which = _solved(chain, form, tools, np.repeat(missing, count), values)
+        joints, which = _solved(chain, form, tools, np.repeat(missing, count), values, within)
         found = np.concatenate([found[0], joints]), np.concatenate([found[1], which])
         missing = np.setdiff1d(missing, which)
         if not len(missing):
@@ -131,7 +143,7 @@ def _sweep(joint: Joint) -> tuple[float, float]:
 
 
 def _solved(
-    chain: Chain, form: Decomposition, tools: Array, which: Which, values: Array
+    chain: Chain, form: Decomposition, tools: Array, which: Which, values: Array, within: Polish
 ) -> tuple[Array, Which]:
     """Postures (k, dof) at some of the poses, the swept joint at a value for each, then polished."""
     lines = _lines(chain, tools[which], form.swept, values)
@@ -144,7 +156,7 @@ def _solved(
     near = np.isfinite(joints).all(axis=1)
     joints, which = np.ascontiguousarray(joints[near]), which[near]
     arm = serial_arm(chain)
-    good = _polished(arm, np.ascontiguousarray(tools[which]), span(arm), joints)
+    good = _polished(arm, np.ascontiguousarray(tools[which]), span(arm), within, joints)
     return joints[good], which[good]
 
 
@@ -160,13 +172,13 @@ def _within_limits(chain: Chain, angles: Array) -> Array:
 
 
 @compiled
-def _polished(arm: SerialArm, tools: Array, reach: float, joints: Array) -> Mask:
+def _polished(arm: SerialArm, tools: Array, reach: float, within: Polish, joints: Array) -> Mask:
     """Mask (k,) of the postures (k, n) that damped least squares brings to their poses; overwritten."""
     met = np.zeros(len(joints), dtype=np.bool_)
     for k in range(len(joints)):
         aim = Aim(tools[k, :3, 3].copy(), ORIENTATION, tools[k, :3, :3].copy(), 0.0)
-        error, angle, _ = polish(arm, aim, joints[k], reach, EXACT, EXACT, STEPS)
-        met[k] = error <= EXACT and angle <= EXACT
+        error, angle, _ = polish(arm, aim, joints[k], reach, within.error, within.angle, within.steps)
+        met[k] = error <= within.error and angle <= within.angle
     return met
 
 
@@ -242,7 +254,7 @@ def _parallel(lines: _Lines) -> tuple[Array, Which]:
         for x5 in angles_onto_plane(same, h[:, 4], h[:, 5], row_dot(same, _times(M, h[:, 5]))):
             bent = rotated_about(h[:, 4], -x5, same)
             x6 = angle_to(h[:, 5], _times(M.transpose(0, 2, 1), same), bent)
-            across = np.cross(same, h[:, 4])
+            across = row_cross(same, h[:, 4])
             # R2 R3 R4 takes what stands across them, seen through joints 5 and 6, to where M takes it.
             seen = rotated_about(h[:, 5], -x6, rotated_about(h[:, 4], -x5, across))
             total = angle_to(same, across, _times(M, seen))
@@ -274,5 +286,5 @@ def _back(axis: Array, angle: Array, M: Array) -> Array:
 
 def _last_turn(axis: Array, M: Array) -> Array:
     """Angle of a turn (m, 3, 3) about its axis, or of the one nearest to it."""
-    across = np.cross(axis, np.where(np.abs(axis[:, :1]) < 0.7, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]]))
+    across = row_cross(axis, np.where(np.abs(axis[:, :1]) < 0.7, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]]))
     return angle_to(axis, across, _times(M, across))

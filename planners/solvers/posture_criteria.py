@@ -151,8 +151,8 @@ def posture_within_thresholds(
     """Fill in bends (3,) of the posture on (r, z) nearest to ``near`` that meets the thresholds by `COMFORT`.
 
     `PITCHES` of a range are looked at, of the full turn where it is infinite, or the one where both ends are
-    the same. Where none will do, pitches ever closer to the best are tried for one that just meets them. False
-    where no posture was found.
+    the same. Where none will do, pitches ever closer to the best are tried for one that just meets them.
+    False where no posture was found.
     """
     low, wide = pitches[0], pitches[1] - pitches[0]
     if not np.isfinite(wide):

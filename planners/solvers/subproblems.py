@@ -18,7 +18,15 @@ SHIFT = 0.7  # of the unknown angle, so that half a turn, which no polynomial ha
 
 def row_dot(a: Array, b: Array) -> Array:
     """Inner products (..., ) of vectors (..., 3)."""
-    found: Array = (a * b).sum(axis=-1)
+    found: Array = a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
+    return found
+
+
+def row_cross(a: Array, b: Array) -> Array:
+    """Vector products (..., 3), several times as fast as numpy's for few vectors."""
+    found = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    for k, i, j in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        found[..., k] = a[..., i] * b[..., j] - a[..., j] * b[..., i]
     return found
 
 
@@ -26,14 +34,14 @@ def rotated_about(axis: Array, angle: Array, vector: Array) -> Array:
     """Vectors (..., 3) turned about unit axes: Rodrigues' formula."""
     c, s = np.cos(angle)[..., None], np.sin(angle)[..., None]
     along = row_dot(axis, vector)[..., None] * axis
-    found: Array = along + c * (vector - along) + s * np.cross(axis, vector)
+    found: Array = along + c * (vector - along) + s * row_cross(axis, vector)
     return found
 
 
 def angle_to(axis: Array, vector: Array, wanted: Array) -> Array:
     """Angles (...,) that turn vectors about axes to others, or nearest to them (subproblem 1)."""
     flat = row_dot(vector, wanted) - row_dot(axis, vector) * row_dot(axis, wanted)
-    return np.arctan2(row_dot(axis, np.cross(vector, wanted)), flat)
+    return np.arctan2(row_dot(axis, row_cross(vector, wanted)), flat)
 
 
 def angles_onto_plane(normal: Array, axis: Array, vector: Array, height: Array) -> Array:
@@ -42,7 +50,7 @@ def angles_onto_plane(normal: Array, axis: Array, vector: Array, height: Array) 
     normal . R(axis, angle) vector = height.
     """
     still = row_dot(normal, axis) * row_dot(axis, vector)
-    cosine, sine = row_dot(normal, vector) - still, row_dot(normal, np.cross(axis, vector))
+    cosine, sine = row_dot(normal, vector) - still, row_dot(normal, row_cross(axis, vector))
     return linear_roots(cosine, sine, still - height)
 
 
@@ -94,7 +102,7 @@ def position_angles(axes: Array, points: Array, end: Array, goal: Array) -> tupl
     h1, h2, h3 = axes[:, 0], axes[:, 1], axes[:, 2]
     o1, o2 = nearest_points(points[:, 0], h1, points[:, 1], h2)
     a, b, d, p = o2 - o1, points[:, 2] - o2, end - points[:, 2], goal - o1
-    s = np.linalg.norm(np.cross(h1, h2), axis=1)
+    s = np.linalg.norm(row_cross(h1, h2), axis=1)
     far = np.linalg.norm(a, axis=1)
     third = _third_angles(a, b, d, p, (h1, h2, h3), s, far)
     row, which = np.nonzero(np.isfinite(third))
@@ -105,9 +113,9 @@ def position_angles(axes: Array, points: Array, end: Array, goal: Array) -> tupl
     across = row_dot(p, p) - row_dot(a, a) - row_dot(v, v)
     ahead = row_dot(h1, p) - row_dot(h1, h2) * row_dot(h2, v)
     flat = row_dot(v, v) - row_dot(h2, v) ** 2
-    lead = np.where((s > MEETING)[:, None], h1 - row_dot(h1, h2)[:, None] * h2, np.cross(a, h2))
+    lead = np.where((s > MEETING)[:, None], h1 - row_dot(h1, h2)[:, None] * h2, row_cross(a, h2))
     lead /= np.maximum(np.linalg.norm(lead, axis=1), 1e-300)[:, None]
-    side = np.cross(h2, lead)
+    side = row_cross(h2, lead)
     with np.errstate(invalid="ignore", divide="ignore"):
         by_side = across / (2 * row_dot(a, side))
         by_lead = ahead / s
@@ -133,7 +141,7 @@ def _third_angles(
     """Angles (4, m) about the third line at which the other two can do the rest; NaN for none."""
     h1, h2, h3 = axes
     still = row_dot(h3, d)[:, None] * h3
-    basis = np.stack([d - still, np.cross(h3, d), still + b], axis=2)  # v as a form of (cos x, sin x, 1)
+    basis = np.stack([d - still, row_cross(h3, d), still + b], axis=2)  # v as a form of (cos x, sin x, 1)
     one = np.zeros((len(a), 3))
     one[:, 2] = 1.0
     squared = 2 * np.einsum("mi,mij->mj", b, basis)  # |v|^2 = |b|^2 + |d|^2 + 2 b . R3 d

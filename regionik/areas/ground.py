@@ -18,7 +18,15 @@ from shapely import STRtree
 from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.layers import GUARD, LARGE, Geometries, Layer, all_taken, footprint_layer, upper_layers
+from regionik.areas.layers import (
+    GUARD,
+    LARGE,
+    BodyLayer,
+    Geometries,
+    all_taken,
+    footprint_layer,
+    upper_layers,
+)
 from regionik.planners.driving.footprint_scene import Outline
 from regionik.planners.geometry.offsets import grown, shrunk
 from regionik.worlds.arrays import Array
@@ -88,9 +96,9 @@ class Ground:
     """Floor of a world and layers of its base, and what they leave of it."""
 
     floor: Polygon | MultiPolygon
-    base: Layer  # of the footprint
-    around: tuple[Layer, ...] = ()  # of what stands above it, from outside
-    inside: tuple[Layer, ...] = ()  # from within
+    base: BodyLayer  # of the footprint
+    around: tuple[BodyLayer, ...] = ()  # of what stands above it, from outside
+    inside: tuple[BodyLayer, ...] = ()  # from within
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -153,6 +161,15 @@ class Ground:
             for layer, distance in keep.items()
             for name, taken in layer.grown_about(shape, distance)
         ]
+
+    def surely_taken(self, name: str) -> tuple[tuple[Shadow, float], ...]:
+        """Return a solid's shadows, and how far to grow each for what it rejects at every heading [m]."""
+        return tuple(
+            (shadow, layer.clearance + layer.near)
+            for layer in (self.base, *self.inside)
+            for one, shadow in zip(layer.names, layer.shadows, strict=True)
+            if one == name
+        )
 
     def upper(self, offset: Array, guard: float = GUARD) -> list[Outline]:
         """Outlines above the footprint about another point, (2,) from there to the arm axis [m]."""

@@ -36,7 +36,7 @@ Geometries = NDArray[np.object_]
 
 
 @dataclass(frozen=True)
-class Layer:
+class BodyLayer:
     """A convex outline of the base at some heights, and the shadows of solids at these heights.
 
     Attributes
@@ -95,7 +95,7 @@ class Layer:
             found.append((self.names[k], grow(shadow, by, inner=True)))
         return found
 
-    def cut_to(self, region: BaseGeometry) -> Layer:
+    def cut_to(self, region: BaseGeometry) -> BodyLayer:
         """Return the layer cut to what matters to an outline within a region."""
         shadows, names = [], []
         for k in self.within(region, self.clearance):
@@ -108,9 +108,10 @@ class Layer:
                 names.append(self.names[k])
         return replace(self, outline=replace(self.outline, shadows=tuple(shadows)), names=tuple(names))
 
-    def keeping(self, which: Sequence[int]) -> Layer:
+    def keeping(self, which: Sequence[int]) -> BodyLayer:
         """Return the layer with some of its shadows."""
-        names, shadows = (tuple(rows[k] for k in which) for rows in (self.names, self.shadows))
+        shadows = tuple(self.shadows[k] for k in which)
+        names = tuple(self.names[k] for k in which)
         return replace(self, outline=replace(self.outline, shadows=shadows), names=names)
 
     @cached_property
@@ -130,24 +131,24 @@ class Layer:
         return replace(self.outline, corners=as_corners(corners), clearance=self.clearance + guard)
 
 
-def footprint_layer(world: World) -> Layer:
+def footprint_layer(world: World) -> BodyLayer:
     """Return the layer of the footprint."""
     robot = world.robot
     found = [(solid.name, shadow_of(solid, robot.body_height, 0.0)) for solid in world.solids]
     met = [(name, shadow) for name, shadow in found if shadow is not None]
     corners = as_corners(robot.footprint - robot.mount[:2])
     outline = Outline(corners, tuple(shadow for _, shadow in met), world.base_clearance)
-    return Layer(base_name(robot), outline, tuple(name for name, _ in met))
+    return BodyLayer(base_name(robot), outline, tuple(name for name, _ in met))
 
 
-def upper_layers(world: World, footprint: Layer, *, inside: bool) -> tuple[Layer, ...]:
+def upper_layers(world: World, footprint: BodyLayer, *, inside: bool) -> tuple[BodyLayer, ...]:
     """Return the layers of what is fixed to the base: around it, or ``inside`` it for what surely rejects."""
     return layers_of(world, fixed_prisms(world.robot, inside=inside), footprint, inside=inside)
 
 
 def layers_of(
-    world: World, prisms: Iterable[BodyPrism], footprint: Layer, *, inside: bool
-) -> tuple[Layer, ...]:
+    world: World, prisms: Iterable[BodyPrism], footprint: BodyLayer, *, inside: bool
+) -> tuple[BodyLayer, ...]:
     """Return layers of prisms, but for those whose shadows the footprint's cover."""
     keep = 0.0 if inside else world.arm_clearance  # above and below, too, what is to be clear is around
     found = []
@@ -162,14 +163,14 @@ def layers_of(
         ]
         if met:
             names, shadows = zip(*met, strict=True)
-            found.append(Layer(prism.part, Outline(corners, shadows, world.arm_clearance), names))
+            found.append(BodyLayer(prism.part, Outline(corners, shadows, world.arm_clearance), names))
     return _without_repeats(found)
 
 
-def _without_repeats(layers: Sequence[Layer]) -> tuple[Layer, ...]:
+def _without_repeats(layers: Sequence[BodyLayer]) -> tuple[BodyLayer, ...]:
     """Return layers without the shadows that a wider one has as well, which rejects more by each."""
     shapes = [shapely.convex_hull(shapely.multipoints(layer.outline.corners)) for layer in layers]
-    kept: list[tuple[BaseGeometry, Layer]] = []
+    kept: list[tuple[BaseGeometry, BodyLayer]] = []
     for k in sorted(range(len(layers)), key=lambda k: -shapes[k].area):
         wider = {one for shape, other in kept if shape.covers(shapes[k]) for one in other.shadows}
         layer = layers[k].keeping([n for n, one in enumerate(layers[k].shadows) if one not in wider])
@@ -177,7 +178,7 @@ def _without_repeats(layers: Sequence[Layer]) -> tuple[Layer, ...]:
     return tuple(layer for _, layer in kept)
 
 
-def _is_covered(corners: Corners, clearance: float, footprint: Layer) -> bool:
+def _is_covered(corners: Corners, clearance: float, footprint: BodyLayer) -> bool:
     """True if an outline grown by its clearance lies within the footprint grown by that of the base."""
     shape = shapely.convex_hull(shapely.multipoints(footprint.outline.corners))
     more = footprint.clearance - clearance
@@ -209,7 +210,7 @@ def grow(shadow: Shadow, by: float, inner: bool) -> BaseGeometry:
     return grown(shadow.core, far, outside=inner) if far >= 0 else shrunk(shadow.core, -far, outside=inner)
 
 
-def all_taken(layers: Sequence[Layer], *, inner: bool) -> Geometries:
+def all_taken(layers: Sequence[BodyLayer], *, inner: bool) -> Geometries:
     """Union of what layers reject, as disjoint polygons."""
     return disjoint(np.array([one for layer in layers for one in layer.taken(inner=inner)], dtype=object))
 

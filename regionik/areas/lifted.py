@@ -14,7 +14,7 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import EVERY, ground_of
-from regionik.areas.layers import GUARD, Layer, all_taken, layers_of
+from regionik.areas.layers import GUARD, BodyLayer, all_taken, layers_of
 from regionik.planners.driving.heading_slabs import ConvexScene, free_at_all, free_at_some, outline_scene
 from regionik.worlds.body import lift_for, lift_range, lifted_prisms
 from regionik.worlds.scene import World
@@ -74,6 +74,6 @@ def _scenes(world: World, lift: tuple[float, float], *, inner: bool) -> list[Con
 
 
 @lru_cache(maxsize=64)
-def _layers(world: World, lift: tuple[float, float], *, inner: bool) -> tuple[Layer, ...]:
+def _layers(world: World, lift: tuple[float, float], *, inner: bool) -> tuple[BodyLayer, ...]:
     prisms = lifted_prisms(world.robot, lift, inside=not inner)
     return layers_of(world, prisms, ground_of(world).base, inside=not inner) if prisms else ()

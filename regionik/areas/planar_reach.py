@@ -95,7 +95,7 @@ class PlanarReach(ReachModel):
     def _rings(
         self, family: Family, heights: Array, query: ReachQuery, criteria: Criteria | None
     ) -> tuple[Index, Geometries]:
-        """Reach of targets above the floor's origin at heights (n,): height, ascending, and shape of each row.
+        """Reach of targets above the floor's origin at heights (n,): height, ascending, and shape of rows.
 
         There is a row for each interval of distance and sector, or for each connected part where a family has
         several bands.
@@ -231,7 +231,7 @@ def _joined(owner: Index, shapes: Geometries, count: int) -> tuple[Index, Geomet
 
 
 def _spread(owner: Index, level: Index, count: int) -> tuple[Index, Index]:
-    """Rows of each of several targets, and the target: those with the target's level for an owner, ascending."""
+    """Rows of each of several targets, and the target: rows are those whose owner is the target's level."""
     first = np.searchsorted(owner, np.arange(count + 1))
     times = np.diff(first)[level]
     member = np.repeat(np.arange(len(level)), times)

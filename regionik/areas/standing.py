@@ -19,8 +19,8 @@ from scipy.sparse.csgraph import connected_components
 from shapely.geometry import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import EVERY, Side, ground_of
-from regionik.areas.layers import GUARD, Geometries, Layer, disjoint
+from regionik.areas.ground import EVERY, Ground, Side, ground_of
+from regionik.areas.layers import GUARD, BodyLayer, Geometries, disjoint
 from regionik.planners.driving.footprint import fits
 from regionik.planners.driving.footprint_scene import FootprintScene, footprint_scene
 from regionik.planners.driving.heading_slabs import (
@@ -206,13 +206,14 @@ def outer_by_heading(world: World) -> Standing:
 @lru_cache(maxsize=8)
 def room_for(world: World) -> FootprintScene:
     """Outlines of the base in its frame and all they must keep clear of, with a guard against rounding."""
-    return _scene(world, world.robot.footprint)
+    return scene_on(world, ground_of(world))
 
 
-def _scene(world: World, footprint: Array) -> FootprintScene:
-    ground = ground_of(world)
+def scene_on(world: World, ground: Ground, footprint: Array | None = None) -> FootprintScene:
+    """Outlines of the base in its frame, or with another footprint (n, 2), on a ground; see `room_for`."""
     upper = ground.upper(world.robot.mount[:2])
-    return footprint_scene(footprint, ground.floor, ground.shadows, ground.clearance + GUARD, upper)
+    outline = world.robot.footprint if footprint is None else footprint
+    return footprint_scene(outline, ground.floor, ground.shadows, ground.clearance + GUARD, upper)
 
 
 def stands_about(world: World, base: Array, by: float) -> bool:
@@ -221,19 +222,19 @@ def stands_about(world: World, base: Array, by: float) -> bool:
     if by > 0:  # of a point, too
         whole = grown(shapely.convex_hull(shapely.multipoints(outline)), by, outside=True)
         outline = shapely.get_coordinates(shapely.convex_hull(whole).exterior)[:-1]
-    scene = _scene(world, outline)
+    scene = scene_on(world, ground_of(world), outline)
     upper = scene.upper._replace(clearance=scene.upper.clearance + by)
     return bool(fits(scene._replace(upper=upper), *base.tolist()))
 
 
 @lru_cache(maxsize=8)
-def _inner_slabs(floor: Polygon, base: Layer, around: tuple[Layer, ...]) -> Standing:
+def _inner_slabs(floor: Polygon, base: BodyLayer, around: tuple[BodyLayer, ...]) -> Standing:
     """Cached by its inputs: worlds that differ in task or height of the mount share it."""
     return Standing(_slab_sides(floor, base, around, _bounds(floor, base, around)))
 
 
 @lru_cache(maxsize=8)
-def _outer_slabs(floor: Polygon, base: Layer, inside: tuple[Layer, ...]) -> Standing:
+def _outer_slabs(floor: Polygon, base: BodyLayer, inside: tuple[BodyLayer, ...]) -> Standing:
     bounds = _bounds(floor, base, inside)
     areas = slab_areas(np.array(base.outline.corners), floor, base.shadows, base.clearance, bounds)
     none = np.empty(0, dtype=object)
@@ -247,7 +248,9 @@ def _outer_slabs(floor: Polygon, base: Layer, inside: tuple[Layer, ...]) -> Stan
     return Standing(tuple(sides))
 
 
-def _slab_sides(floor: Polygon, base: Layer, around: tuple[Layer, ...], bounds: Array) -> tuple[Side, ...]:
+def _slab_sides(
+    floor: Polygon, base: BodyLayer, around: tuple[BodyLayer, ...], bounds: Array
+) -> tuple[Side, ...]:
     upper = [layer.moved(np.zeros(2), GUARD) for layer in around]
     corners, keep = np.array(base.outline.corners), base.clearance + GUARD
     found = slab_rejections(corners, floor, base.shadows, keep, bounds, upper)
@@ -255,7 +258,7 @@ def _slab_sides(floor: Polygon, base: Layer, around: tuple[Layer, ...], bounds: 
     return tuple(Side(one.floor, disjoint(one.taken), span) for one, span in zip(found, spans, strict=True))
 
 
-def _bounds(floor: Polygon, base: Layer, upper: tuple[Layer, ...]) -> Array:
+def _bounds(floor: Polygon, base: BodyLayer, upper: tuple[BodyLayer, ...]) -> Array:
     """Headings of the slabs, those with a side of an outline along a wall among them."""
     corners = np.array(base.outline.corners)
     scene = footprint_scene(corners, floor, base.shadows, base.clearance, [layer.outline for layer in upper])

@@ -314,7 +314,6 @@ def report_document(report: Report, plan: Plan) -> dict[str, Any]:
 
 def plan_summary(plan: Plan, seconds: float, written: Iterable[Path]) -> str:
     """Return a few lines on a plan, for people."""
-    from regionik.storage.plan_document import keeps_areas
     from regionik.view.picture import count_noun
 
     length = plan.world.robot.drive.travel(plan.motion.base)
@@ -335,8 +334,6 @@ def plan_summary(plan: Plan, seconds: float, written: Iterable[Path]) -> str:
     lines += skipped_lines(plan.skipped, count)
     lines.append(f"  planned and verified in {seconds:.1f} s")
     lines += [f"  wrote {path}" for path in written]
-    if not keeps_areas(plan):
-        lines.append("  areas are left out of the plan file: with so many corners it could not be read back")
     return "\n".join(lines)
 
 

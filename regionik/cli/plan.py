@@ -123,17 +123,26 @@ def _write_plan(found: Plan, output: Path | None, html: Path | None, progress: D
     return list(contents)
 
 
-def verify_plan(path: PlanPath, as_json: AsJson = False) -> None:
+def verify_plan(
+    path: PlanPath,
+    world: Annotated[
+        str | None,
+        typer.Option("--world", metavar="WORLD", help="A world that the plan's own must agree with."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
     """Check a plan again, from its world alone.
 
-    The exit code is 1 if the plan does not hold, and its violations are listed.
+    The exit code is 1 if the plan does not hold, and its violations are listed. With --world it is also
+    listed in what the plan's world differs from that one.
     """
     with DelayedProgress("verify") as progress:
         found = read_plan(path, progress)
+        outside = None if world is None else read_world(world, progress)
         from regionik.area_verification import verify_areas
         from regionik.verification.verifier import verify
 
-        checked = verify(found)
+        checked = verify(found, outside)
         areas = verify_areas(found)
         ok, violations = checked.ok and areas.ok, checked.violations + areas.violations
         report = replace(checked, ok=ok, violations=violations)

@@ -28,17 +28,25 @@ class ChangeKind:
 
 
 def repaired(world: World, repair: Repair, i: int = 0) -> World:
-    """Return the world with a repair made; a moved target is set-point i."""
-    return _TABLE[repair.kind].made(world, repair, i)
+    """Return the world with a repair made, and what it has besides; a moved target is set-point i."""
+    made = _TABLE[repair.kind].made(world, repair, i)
+    for other in repair.also:
+        made = repaired(made, other, i)
+    return made
 
 
 def share(world: World, repair: Repair) -> float:
-    """Relative size of a repair.
+    """Relative size of a repair, with what it has besides.
 
     Lengths, and the loss of a clearance, count as parts of the arm's length, the gain of a cone as a part of
     a half turn, a lift-off as one.
     """
-    return _TABLE[repair.kind].share(world, repair)
+    return _TABLE[repair.kind].share(world, repair) + sum(share(world, other) for other in repair.also)
+
+
+def both(one: Repair, other: Repair) -> Repair:
+    """One repair and then another, as one."""
+    return replace(one, text=f"{one.text}, and {other.text}", also=(*one.also, other))
 
 
 def smallest_first(world: World, repairs: Iterable[Repair]) -> tuple[Repair, ...]:
@@ -162,6 +170,16 @@ def move_target(world: World, who: str) -> Move:
     return Move(world, "move-target", who)
 
 
+def move_start(world: World) -> Move:
+    """The start of the base elsewhere on the floor."""
+    return Move(world, "move-start", "the start")
+
+
+def smaller_circle(world: World, radius: float) -> Repair:
+    """A smaller circle to park in at stops."""
+    return _repair(world, "stop-tolerance", "rules.stop_tolerance", radius)
+
+
 def move_obstacle(world: World, name: str) -> Move | None:
     """An obstacle elsewhere on the floor; None for the cells of a map, which cannot be moved."""
     known = any(solid.name == name for solid in world.obstacles)
@@ -204,6 +222,12 @@ def _with_obstacle_moved(world: World, repair: Repair, _: int) -> World:
     T = translation(x, y, 0.0)
     moved = tuple(one.transformed(T) if one.name == repair.name else one for one in world.obstacles)
     return replace(world, obstacles=moved)
+
+
+def _with_start_moved(world: World, repair: Repair, _: int) -> World:
+    if world.start is None:
+        return world
+    return replace(world, start=replace(world.start, base=world.start.base + np.array([*repair.vector, 0.0])))
 
 
 def _with_lift_offs(world: World, repair: Repair, _: int) -> World:
@@ -252,5 +276,13 @@ _TABLE: dict[RepairKind, ChangeKind] = {
     ),
     "move-target": ChangeKind(_with_target_moved, _part_of_arm, _move_text),
     "move-obstacle": ChangeKind(_with_obstacle_moved, _part_of_arm, _move_text),
+    "move-start": ChangeKind(_with_start_moved, _part_of_arm, _move_text),
+    "stop-tolerance": ChangeKind(
+        lambda world, repair, _: with_rules(world, stop_tolerance=repair.amount),
+        lambda world, repair: (world.rules.stop_tolerance - repair.amount) / _arm_length(world),
+        lambda world, repair: (
+            f"lower the stop_tolerance of {world.rules.stop_tolerance:.4f} m to {repair.amount:.4f} m"
+        ),
+    ),
     "lift-off": ChangeKind(_with_lift_offs, lambda _, repair: repair.amount, _lift_off_text, "1"),
 }

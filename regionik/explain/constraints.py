@@ -246,9 +246,10 @@ def _name(world: World, one: Constraint) -> str:
     return words.get(one.name, plain)
 
 
-def mended(repairs: Sequence[Repair]) -> str:
-    """A sentence on the smallest repair, or on there being none."""
+def mended(repairs: Sequence[Repair], tried: Sequence[str] = ()) -> str:
+    """A sentence on the smallest repair; on what was ``tried`` where there is none."""
     if not repairs:
-        return "No single change that was tried mends it."
+        what = f" Tried were, at most: {'; '.join(tried)}." if tried else ""
+        return f"No single change that was tried mends it.{what}"
     more = f" ({len(repairs) - 1} more {'way' if len(repairs) == 2 else 'ways'} found)"
     return f"What would mend it: {repairs[0].text}{more if len(repairs) > 1 else ''}."

@@ -11,14 +11,15 @@ from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import ground_of
-from regionik.areas.layers import grow
 from regionik.areas.reachable import model_of
 from regionik.areas.standing import by_heading, outer_by_heading, turns_matter
+from regionik.areas.touching import TOUCH
 from regionik.explain.changes import one_lift_off
-from regionik.explain.constraints import join, no_way_to, rounded_down, setpoint_at, spot, with_rules
-from regionik.planners.driving.footprint_planner import NarrowPassageError, passage_width
-from regionik.planners.driving.footprint_scene import footprint_width
+from regionik.explain.constraints import join, no_way_to, rounded_down, setpoint_at, with_rules
+from regionik.explain.cut_off import crossed, narrow_floor, narrow_passage
+from regionik.planners.driving.footprint_planner import NarrowPassageError
 from regionik.planners.driving.point_planner import NoPathError
+from regionik.planners.geometry.depths import deepest_inside, farthest_outside
 from regionik.regions import (
     RejectedPart,
     largest_clearance,
@@ -36,7 +37,6 @@ from regionik.worlds.scene import Target, World
 from regionik.worlds.self_collision import base_name
 
 LEAST_AREA = 1e-12  # of a place that counts [m2]
-NO_WAY = 1e-3  # a narrower one is rounding of the floor [m]
 
 
 def no_place(world: World, i: int, targets: Sequence[Target] | None = None) -> Explanation:
@@ -132,7 +132,7 @@ def _out_of_reach(
         room = "room" if proven else "known room"
         reason = (
             f"{lead}: nowhere on the floor is {room} for the base of {world.robot.name}, whose footprint "
-            f"reaches {ground.far:.3f} m from the arm's axis."
+            f"reaches {ground.far:.3f} m from the arm's axis.{narrow_floor(world)}"
         )
         return reason, (Cause("floor", "edge of the floor", None),), ()
     off = places.distance(Point(target.position[:2]))
@@ -193,56 +193,11 @@ def _crowded_out(
     return reason, causes, repairs
 
 
-def cut_off(world: World, i: int, here: BaseGeometry, areas: BaseGeometry) -> Explanation:
-    """Explain why the base cannot get from where it stands, ``here``, to any of the areas of set-point i."""
-    bridge = shapely.shortest_line(here, areas)
-    blockers = _crossed(world, bridge)
-    gap = float(bridge.length)
-    count, where = len(world.task), spot(world.task[i].position)
-    lead = f"to set-point 1 of {count} at {where}: it"
-    if i > 0:
-        lead = f"between set-points {i} and {i + 1} of {count}: the latter at {where}"
-    names = join(blockers) if blockers else "the edge of the floor"
-    reason = (
-        f"No way was found {lead} has known places only on floor that the base cannot get to: {names} cuts "
-        f"it off. The nearest such place is {gap:.3f} m beyond the floor the base can drive on, at a "
-        f"clearance of {world.base_clearance:.3f} m."
-    )
-    reason += narrow_passage(world, here, areas)
-    causes = tuple(Cause("obstacle", name, gap) for name in blockers) or (Cause("floor", names, gap),)
-    return Explanation("ladder-broken", i, reason, causes, failures=(beyond(world, i, here, areas),))
-
-
-def beyond(world: World, i: int, here: BaseGeometry, areas: BaseGeometry) -> SetpointFailure:
-    """The failure of a set-point i whose ``areas`` are all on other floor than the base is on, ``here``."""
-    names = join(_crossed(world, shapely.shortest_line(here, areas))) if not here.is_empty else "nothing"
-    who = setpoint_at(world.task, i)
-    what = "the edge of the floor" if names == "nothing" else names
-    reason = f"{who} has known places only on floor that the base cannot get to: {what} cuts it off."
-    return SetpointFailure(i, "ladder-broken", reason)
-
-
-def narrow_passage(world: World, here: BaseGeometry, there: BaseGeometry) -> str:
-    """A sentence on the narrowest passage between parts of the floor, where the base is too wide for it."""
-    across = footprint_width(world.robot.footprint)
-    if across == 0:
-        return ""
-    ground = ground_of(world)
-    taken = [grow(shadow, ground.clearance, inner=False) for shadow in ground.shadows]
-    passage = passage_width(ground.floor - shapely.union_all(taken), here, there)
-    if passage >= across or passage < NO_WAY:
-        return ""  # where there is no way at all, something else has been said
-    return (
-        f" The widest way there is {passage:.3f} m wide at its narrowest, clearance taken off, and the base "
-        f"nowhere less than {across:.3f} m."
-    )
-
-
 def too_many_lifts(world: World, breaks: Sequence[int], bridges: Sequence[BaseGeometry]) -> Explanation:
     """Explain why the path cannot be done with as few lift-offs as the rules allow."""
     allowed = world.rules.max_lift_offs or 0
     i, bridge = breaks[allowed], bridges[allowed]
-    blockers = _crossed(world, bridge)
+    blockers = crossed(world, bridge)
     names = join(blockers) if blockers else "the arm's reach"
     reason = (
         f"The path breaks between set-points {i} and {i + 1} of {len(world.task)}: no known place of the "
@@ -265,12 +220,13 @@ def blocked_start(world: World) -> Explanation | None:
     corners = robot.footprint @ np.array([[c, s], [-s, c]]) + (x, y)
     outline = Point(corners[0]) if len(corners) == 1 else shapely.Polygon(corners)
     where = f"The start at ({x:z.3f}, {y:z.3f})"
-    if not world.drivable_floor.covers(outline):
-        off = max(float(world.drivable_floor.distance(Point(corner))) for corner in corners)
+    if not shapely.buffer(world.drivable_floor, TOUCH, join_style="mitre").covers(outline):
+        off = farthest_outside(outline, world.drivable_floor)
         reason = f"{where} is off the floor by {off:.3f} m; the base must start on it."
+        reason += narrow_floor(world)
         return Explanation("start-blocked", None, reason, (Cause("floor", "edge of the floor", off),))
     found = ground.nearest(outline)
-    if found is None or found[1] >= ground.clearance - 1e-9:
+    if found is None or found[1] >= ground.clearance - TOUCH:
         return None
     name, gap = found
     shadows = [shadow for n, shadow in zip(ground.names, ground.shadows, strict=True) if n == name]
@@ -296,20 +252,11 @@ def invalid_plan(world: World, violations: Sequence[Violation]) -> Explanation:
     return Explanation("plan-invalid", first.setpoint, reason, (cause,))
 
 
-def _crossed(world: World, bridge: BaseGeometry) -> list[str]:
-    """Obstacles whose grown shadows a line on the floor runs through."""
-    ground = ground_of(world)
-    by = ground.clearance + ground.far
-    shadows = zip(ground.names, ground.shadows, strict=True)
-    names = (name for name, shadow in shadows if grow(shadow, by, inner=True).intersects(bridge))
-    return list(dict.fromkeys(names))[:6]
-
-
 def _depth(shadow: Shadow, outline: BaseGeometry) -> float:
-    """Depth of a base inside a shadow [m]."""
-    if shadow.radius:
-        return shadow.radius - float(shadow.core.distance(outline))
-    return float(shadow.core.boundary.distance(outline)) if shadow.core.covers(outline) else 0.0
+    """Depth of a base's deepest point inside a shadow [m]."""
+    if shadow.core.area and shadow.core.intersects(outline):
+        return shadow.radius + deepest_inside(outline, shadow.core)
+    return shadow.radius - float(shadow.core.distance(outline))
 
 
 def no_drive(world: World, i: int, refusal: NoPathError) -> Explanation:

@@ -12,15 +12,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-import shapely
-from numpy.typing import NDArray
-from shapely.geometry import Point
-from shapely.ops import nearest_points
 
-from regionik.areas.ground import ground_of
-from regionik.areas.layers import GUARD, grow
 from regionik.areas.reachable import model_of
-from regionik.areas.standing import LEAST_AREA, turns_matter
+from regionik.areas.standing import turns_matter
 from regionik.explain.changes import (
     Change,
     Move,
@@ -45,19 +39,19 @@ from regionik.explain.minimal_change import (
     FINE,
     GRID,
     Holds,
-    Opens,
     Scan,
     circle,
     confirmed,
     first_seen,
+    grid_above,
     least_open,
     shortest_step,
     sphere,
 )
+from regionik.explain.steps import AROUND, Steps, obstacle_steps, steps_around, target_steps
 from regionik.planners.search.box_search import Verdict
-from regionik.regions import has_no_known_place, have_known_places, is_ruled_out, path_areas
+from regionik.regions import has_no_known_place, have_known_places, is_ruled_out
 from regionik.worlds.arms import reach_bound
-from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Repair
 from regionik.worlds.scene import World
 
@@ -69,6 +63,8 @@ PROOF, SEARCH = 30_000, 1_500  # cells of postures looked at for a cause, and fo
 LENGTHS = 0.01 * 3.0 ** np.arange(5)  # of moves that are tried with the arm [m]
 FARTHER = 1.05  # than areas have it, from which on other directions are looked at
 SLACK = (1.0, 1.05)  # of what areas ask for, tried in plans
+ASKED = 4  # steps of one length that are asked with the arm
+CLOSE = Scan(1, 1.5 * FINE, 0.05, grid_above)  # for what is asked with the arm
 HALVED = Scan(1, 1e-5, 0.0)
 COARSE = Scan(12, FINE, 0.01)  # for what is dear to ask
 
@@ -107,6 +103,10 @@ class _OneTarget:
             if j != i and has_no_known_place(replace(after, task=(after.task[j],))):
                 return f", with which set-point {j + 1} still has no known place"
         return ""
+
+    def changed(self, repair: Repair) -> World:
+        """Return the world with a repair made to its one target."""
+        return repaired(self.world, repair)
 
     def enters(self, after: World) -> bool:
         """Return True where the target is in a solid that it was not in."""
@@ -148,8 +148,7 @@ class TargetQuestion(_OneTarget):
         if model.exact:  # any other arm needs a search for each height
             height = float(target.position[2] - world.robot.mount[2]) - span.height
             yield raise_arm(world, max(0.0, height) + span.length)
-        if model.is_proven(world.rules):  # other reach is sampled pose by pose
-            yield move_target(world, self.who)
+        yield move_target(world, self.who)
         yield from _obstacles(world, causes)
 
     def least(self, change: Change) -> Repair | None:
@@ -178,12 +177,32 @@ class TargetQuestion(_OneTarget):
     def _seen(self, after: World) -> bool:
         return not self.enters(after) and self.oracles.seen(after)
 
+    def farthest(self, move: Move) -> float:
+        """Length of the longest step that is tried [m]."""
+        if move.kind == "move-target":
+            return AROUND[-1]
+        steps = obstacle_steps(move)
+        return 0.0 if steps is None else steps.most
+
     def shortest(self, move: Move) -> Repair | None:
+        """A short step of the target or an obstacle, confirmed."""
+        if move.kind != "move-target":
+            return self._by_areas(move, obstacle_steps(move))
+        model, found = model_of(self.world, self.world.task[0]), None
+        if model.is_proven(self.world.rules):  # other reach is sampled pose by pose
+            found = self._by_areas(move, target_steps(move))
+        if found is not None and model.exact:  # areas of other arms are those of one height
+            return found
+        return self.around(move, np.inf if found is None else found.amount) or found
+
+    def _holds_at(self, change: Change) -> Holds:
+        return lambda amount: self.holds(change.at(amount))
+
+    def _by_areas(self, move: Move, steps: Steps | None) -> Repair | None:
         """The shortest step found by areas, confirmed.
 
         Where the arm needs a longer one, so as to touch nothing, other directions are tried with the arm.
         """
-        steps = target_steps(move) if move.kind == "move-target" else obstacle_steps(move)
         step = None if steps is None else shortest_step(steps.opens, steps.directions, steps.most)
         if steps is None or step is None:
             return None
@@ -195,6 +214,18 @@ class TargetQuestion(_OneTarget):
         aside = first_seen(steps.opens, lambda by: self._seen(move.at(by)), steps.directions, length, longest)
         second = None if aside is None else self._confirmed(move.along(aside[1], longest), aside[0])
         return second or first
+
+    def around(self, move: Move, longest: float) -> Repair | None:
+        """A step of the target in space: of a few lengths the first at which one helps, then less of it."""
+        steps, lengths = steps_around(move)
+        low = 0.0
+        for length in (one for one in lengths if one < longest):
+            for way in steps.directions[steps.opens(length * steps.directions)][:ASKED]:
+                change = move.along(way, length)
+                if self.holds(change.at(length)):
+                    return change.repair(CLOSE.narrowed(self._holds_at(change), low, length))
+            low = length
+        return None
 
 
 # The arm -----------------------------------------------------------------------------------------------
@@ -232,6 +263,10 @@ class ArmQuestion(_OneTarget):
         if amount is not None:
             amount = confirmed(lambda one: self.holds(change.at(one)), amount, most)
         return None if amount is None else change.repair(amount)
+
+    def farthest(self, move: Move) -> float:
+        """Length of the longest step that is tried [m]."""
+        return float(LENGTHS[-1])
 
     def shortest(self, move: Move) -> Repair | None:
         """A short step: of a few lengths the first at which some direction helps, then less of it."""
@@ -297,12 +332,16 @@ class PathQuestion:
         tried = [change.repair(amount * slack) for slack in (SLACK if not change.counted else (1.0,))]
         return next((one for one in tried if self.plans(repaired(self.world, one))), None)
 
+    def farthest(self, move: Move) -> float:
+        """Length of the longest step that is tried: half the floor's diagonal [m]."""
+        x0, y0, x1, y1 = self.world.floor.polygon.bounds
+        return float(np.hypot(x1 - x0, y1 - y0)) / 2
+
     def shortest(self, move: Move) -> Repair | None:
         """An obstacle moved in the direction in which that helps first."""
         if not self.spans(without_obstacle(self.world, move.name)):
             return None
-        x0, y0, x1, y1 = self.world.floor.polygon.bounds
-        best, first = float(np.hypot(x1 - x0, y1 - y0)) / 2, None
+        best, first = self.farthest(move), None
         for way in circle(8):
             change = move.along(way, best)
             found = COARSE.first(self._spans_at(change), best)
@@ -312,72 +351,3 @@ class PathQuestion:
 
 
 Question = TargetQuestion | ArmQuestion | PathQuestion
-
-
-@dataclass(frozen=True)
-class Steps:
-    """Steps tested by areas: their directions, the longest, and the test whether each helps."""
-
-    directions: Array
-    most: float
-    opens: Opens
-
-
-def target_steps(move: Move) -> Steps:
-    """Steps of a target: in space where areas are exact, else over the floor."""
-    world, target = move.world, move.world.task[0]
-    exact = model_of(world, target).exact
-
-    def opens(steps: Array) -> NDArray[np.bool_]:
-        places = target.position + (steps if exact else steps * [1.0, 1.0, 0.0])
-        found = have_known_places(world, [replace(target, position=place) for place in places])
-        found[places[:, 2] < 0] = False
-        for k in np.flatnonzero(found):
-            found[k] = all(solid.distance(places[k]) >= 0 for solid in world.solids)
-        return found
-
-    around = np.column_stack([circle(32), np.zeros(32)])
-    directions = [_inwards(world), around, sphere(48)] if exact else [_inwards(world), around]
-    return Steps(np.vstack(directions), _farthest(world), opens)
-
-
-def _farthest(world: World) -> float:
-    """Length of a move that brings the target next to the arm, wherever that may stand [m]."""
-    span, target = reach_bound(world.robot.chain), world.task[0].position
-    off = float(world.floor.polygon.distance(Point(target[:2])))
-    height = abs(float(target[2] - world.robot.mount[2]) - span.height)
-    return off + height + 2 * (span.radius + span.length)
-
-
-def _inwards(world: World) -> Array:
-    """Direction straight to the free floor, (0 or 1, 3)."""
-    free, target = ground_of(world).inner.free, world.task[0].position
-    if free.is_empty:
-        return np.empty((0, 3))
-    there = np.array(nearest_points(free, Point(target[:2]))[0].coords[0])
-    way = np.array([*(there - target[:2]), 0.0])
-    length = float(np.linalg.norm(way))
-    return way[None] / length if length > FINE else np.empty((0, 3))
-
-
-def obstacle_steps(move: Move) -> Steps | None:
-    """Steps of an obstacle over the floor, off the places there would be without it; None without any."""
-    world, ground = move.world, ground_of(move.world)
-    solid = next(solid for solid in world.obstacles if solid.name == move.name)
-    shadow = solid.shadow(world.robot.body_height, above=0.0)
-    areas = path_areas(without_obstacle(world, move.name), world.task)
-    room = shapely.union_all(areas.inner[shapely.area(areas.inner) > LEAST_AREA])
-    if shadow is None or room.is_empty:
-        return None
-    taken = grow(shadow, ground.clearance + ground.far + GUARD, inner=True)
-    spot = world.task[0].position
-
-    def opens(steps: Array) -> NDArray[np.bool_]:
-        moved = np.array([shapely.transform(taken, lambda xy, by=by: xy + by) for by in steps], dtype=object)
-        found: NDArray[np.bool_] = shapely.area(shapely.difference(room, moved)) > LEAST_AREA
-        for k in np.flatnonzero(found):
-            found[k] = solid.distance(spot - [*steps[k], 0.0]) >= 0
-        return found
-
-    low_x, low_y, high_x, high_y = room.union(taken).bounds
-    return Steps(circle(32), float(np.hypot(high_x - low_x, high_y - low_y)), opens)

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from regionik.explain.causes import irreducible
 from regionik.explain.changes import Move, smallest_first
 from regionik.explain.constraints import Constraint, joint_causes, mended, places_open, setpoint
+from regionik.explain.pairs import pair
 from regionik.explain.questions import Oracles, Question, TargetQuestion
+from regionik.explain.several import failures_of, in_order, naming_all
 from regionik.planners.progress import track
-from regionik.worlds.errors import Cause, Explanation, Repair
+from regionik.worlds.errors import Cause, Explanation, Repair, SetpointFailure
 from regionik.worlds.scene import World
 
-Closed = Callable[[World], bool]
 Say = Callable[[str], None]
 
 if TYPE_CHECKING:
@@ -37,7 +39,8 @@ def explained(question: Question, quick: Explanation, say: Say = unsaid) -> Expl
     say(why)
     repairs = _repairs(question, kept, say)
     causes = tuple(cause_of(one, quick) for one in kept) or (arm_too_short(world, quick),)
-    reason = " ".join(part for part in (quick.reason, why, mended(repairs)) if part)
+    told = mended(repairs, () if repairs else tried(question, kept))
+    reason = " ".join(part for part in (quick.reason, why, told) if part)
     return replace(quick, reason=reason, causes=causes, repairs=repairs)
 
 
@@ -52,9 +55,26 @@ def _repairs(question: Question, causes: Sequence[Constraint], say: Say) -> tupl
             found = replace(found, text=found.text + left)
             (partial if left else whole).append(found)
             say(f"This would mend it: {found.text}.")
+    if not whole and not partial and isinstance(question, TargetQuestion):
+        found = pair(question, causes)
+        if found is not None:
+            found = replace(found, text=found.text + question.leaves(found))
+            say(f"This would mend it: {found.text}.")
+            return (found,)
     if not whole and not partial:
-        say(mended(()))
+        say(mended((), tried(question, causes)))
     return smallest_first(question.world, whole) + smallest_first(question.world, partial)
+
+
+def tried(question: Question, causes: Sequence[Constraint]) -> tuple[str, ...]:
+    """Words on the changes that a question tries, each with the most of it."""
+    return tuple(
+        f"move {change.name} by up to {question.farthest(change):.4g} m"
+        if isinstance(change, Move)
+        else change.repair(change.most).text
+        for change in question.changes(causes)
+        if change is not None
+    )
 
 
 def explained_target(
@@ -63,7 +83,7 @@ def explained_target(
     """Return `explained` for a set-point whose inner area is empty; if undecided, `reach` is asked first."""
     asked = replace(world, task=(world.task[i],))
     if quick.verdict == "undecided":
-        quick = _by_itself(quick, oracles.reach(asked), setpoint(i, len(world.task)))
+        quick = _by_itself(quick, oracles.reach(asked), i, len(world.task))
     return explained(TargetQuestion(asked, target_name(world, i), oracles, (world, i)), quick, say)
 
 
@@ -72,11 +92,13 @@ def target_name(world: World, i: int) -> str:
     return f"set-point {i + 1}" if len(world.task) > 1 else "the target"
 
 
-def _by_itself(quick: Explanation, answer: Answer, who: str) -> Explanation:
-    """The explanation of a set-point without a known place, with what `reach` says of it alone."""
+def _by_itself(quick: Explanation, answer: Answer, i: int, count: int) -> Explanation:
+    """The explanation of set-point i of several without a known place, with what `reach` says of it alone."""
     if answer.verdict[0] == "unreachable":
-        told = f"{who}{answer.reason[0].removeprefix('The target').rstrip('.')}."
-        return replace(quick, verdict="unreachable", reason=told)
+        told = f"{setpoint(i, count)}{answer.reason[0].removeprefix('The target').rstrip('.')}."
+        others = [one for one in failures_of(quick) if one.setpoint != i]
+        failures = in_order([*others, SetpointFailure(i, "unreachable", told)])
+        return naming_all(replace(quick, verdict="unreachable", reason=told, failures=failures), count)
     if answer.reachable[0]:
         x, y, yaw = answer.base[0]
         told = (
@@ -86,36 +108,6 @@ def _by_itself(quick: Explanation, answer: Answer, who: str) -> Explanation:
     else:
         told = f"{places_open(answer.gap[0])}: a posture from one of them would decide it."
     return replace(quick, reason=f"{quick.reason} {told}")
-
-
-def irreducible(world: World, constraints: Iterable[Constraint], closed: Closed) -> tuple[Constraint, ...]:
-    """Constraints that rule a world's task out, and of which none can be left out; none where all can be.
-
-    A deletion filter: constraints are dropped one by one, in their order, where the rest still rules the task
-    out (``closed`` is True), all obstacles at once first. It is repeated until nothing more is dropped, as
-    areas are rounded.
-    """
-    every = tuple(constraints)
-    kept = tuple(one for one in every if one.kind != "obstacle")
-    if not closed(relaxed(world, every, kept)):
-        kept = every
-    before = None
-    while kept != before:
-        before = kept
-        for one in track("causes", before):
-            rest = tuple(other for other in kept if other is not one)
-            if closed(relaxed(world, every, rest)):
-                kept = rest
-    return kept
-
-
-def relaxed(world: World, constraints: Iterable[Constraint], kept: Iterable[Constraint]) -> World:
-    """A world without the constraints that are not kept."""
-    names = {(one.kind, one.name) for one in kept}
-    for one in constraints:
-        if (one.kind, one.name) not in names:
-            world = one.relax(world)
-    return world
 
 
 def cause_of(one: Constraint, quick: Explanation) -> Cause:

@@ -10,6 +10,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from regionik.areas.standing import Index, Standing, room_for
+from regionik.areas.touching import room_between
 from regionik.ladder import Ladder
 from regionik.planners.collision.robot_motion import bases_between
 from regionik.planners.driving.footprint import fits
@@ -145,7 +146,7 @@ class Driver(ABC):
 
     def inside(self, at: Pose, label: int) -> bool:
         """True if the base may stand there."""
-        return bool(fits(self.room, *at.base))
+        return bool(fits(room_between(self.world, at.base), *at.base))
 
     def extent(self, label: int) -> Array:
         """Least and greatest x and y of the arm axis on a piece of floor, (2, 2) [m]."""

@@ -71,11 +71,15 @@ class Evidence:
     proven: int = 0  # places at which there is proven to be no clear posture
     best: Touch | None = None  # of the posture that came nearest to being clear
     room: float = -np.inf  # by how much that one keeps its distance; negative where it does not [m]
+    stood: list[Array] = field(default_factory=list)  # poses (3,) of the base in clear postures
 
-    def add(self, touch: Touch, room: float) -> None:
-        """Note a posture that was tried."""
+    def add(self, base: Array, touch: Touch, room: float) -> None:
+        """Note a posture that was tried on a pose of the base (3,)."""
         self.postures += 1
-        self.clear += touch.kind == "none"
+        if touch.kind == "none":
+            self.clear += 1
+            if not self.stood or not np.array_equal(base, self.stood[-1]):
+                self.stood.append(base)
         if room > self.room:
             self.best, self.room = touch, room
 
@@ -265,7 +269,7 @@ class ConfigurationSampler:
         """Margin of the arm's distance, infinite where it is clear; kept as evidence [m]."""
         touch = self.guard.touch(at)
         room = self.guard.room(touch)
-        self._seen(i, at.base).add(touch, room)
+        self._seen(i, at.base).add(at.base, touch, room)
         return room
 
     def _seen(self, i: int, base: Array) -> Evidence:

@@ -22,10 +22,11 @@ from shapely.geometry.base import BaseGeometry
 from regionik.areas.ground import EVERY, ground_of
 from regionik.areas.layers import GUARD, Geometries
 from regionik.areas.standing import Standing, into_span, into_spans
+from regionik.areas.touching import ground_between, room_between
 from regionik.ladder import Ladder
 from regionik.moving.base_motion import TURN_STRIDE, BasePath, Driver, halting, simultaneous
 from regionik.planners.driving.arcs import WheeledPath, arc_end
-from regionik.planners.driving.footprint import arc_is_free, slide_is_free
+from regionik.planners.driving.footprint import arc_is_free, fits, slide_is_free
 from regionik.planners.driving.footprint_planner import drive_footprint, path_through_slabs
 from regionik.planners.driving.footprint_scene import FootprintScene, footprint_scene
 from regionik.planners.driving.heading_slabs import Slab
@@ -40,6 +41,7 @@ from regionik.worlds.scene import World
 
 INSET = 0.002  # kept from the edge of what two areas share, where there is room [m]
 ROUNDING = 1e-6  # by which ends of a way may lie off the floor [m]
+LEADS = [sign * 0.01 * 1.5**k for k in range(16) for sign in (1, -1)]  # straight ahead and back [m]
 TURN_PART = 0.1  # of a turn about the arm axis, which a base frame elsewhere does by short slides [rad]
 
 
@@ -64,6 +66,9 @@ class AnyHeadingDriver(Driver):
         if spot is axis:
             return [here]
         there = Pose(pose_of(self.world.robot, spot, here.base[2]), here.joints)
+        bases = np.stack([here.base, there.base])
+        if slide_is_free(room_between(self.world, *bases), *bases):
+            return [here, *super().states(here, there, bases), there]
         shaped = self.shaped()
         return [here, *shaped.states(here, there, shaped.route(here, there, label)), there]
 
@@ -126,7 +131,7 @@ class AnyHeadingDriver(Driver):
     def direct(self, here: Pose, there: Pose, label: int) -> list[Pose] | None:
         """The base goes straight and turns evenly; the axis does where the footprint has no room for that."""
         bases = np.stack([here.base, there.base])
-        if slide_is_free(self.room, *bases):
+        if slide_is_free(room_between(self.world, *bases), *bases):
             return super().states(here, there, bases)
         a, b = (axis_of(self.world.robot, pose.base) for pose in (here, there))
         return self.states(here, there, np.array([a, b])) if self._flat(label).sees(a, b) else None
@@ -162,7 +167,7 @@ class ByHeadingDriver(Driver):
 
     def route(self, here: Pose, there: Pose, label: int, berth: float = 0.0) -> Array:
         """Of the base, (n, 3)."""
-        ground, robot = ground_of(self.world), self.world.robot
+        ground, robot = ground_between(self.world, here.base, there.base), self.world.robot
         clearance = ground.clearance + GUARD + berth
         found = drive_footprint(
             robot.footprint, ground.floor, here.base, there.base,
@@ -175,7 +180,8 @@ class ByHeadingDriver(Driver):
     def direct(self, here: Pose, there: Pose, label: int) -> list[Pose] | None:
         """The base goes straight and turns evenly."""
         bases = np.stack([here.base, there.base])
-        return self.states(here, there, bases) if slide_is_free(self.room, *bases) else None
+        free = slide_is_free(room_between(self.world, *bases), *bases)
+        return self.states(here, there, bases) if free else None
 
     def paths(self, ladder: Ladder) -> ByHeadingPaths:
         return ByHeadingPaths(ladder, self)
@@ -190,9 +196,21 @@ class WheeledDriver(Driver):
         radius = self.world.robot.drive.turning_radius
         return drive_wheeled(room, a, b, turning_radius=radius, seed=self.seed)
 
+    def onto(self, here: Pose, label: int) -> list[Pose]:
+        """Straight on or back to where a base that touches its bounds may turn, if that leads there."""
+        if fits(self.room, *here.base):
+            return [here]
+        for length in LEADS:
+            there = replace(here, base=np.array(arc_end(*here.base, length, 0.0)))
+            room = room_between(self.world, here.base, there.base)
+            if fits(self.room, *there.base) and arc_is_free(room, here.base, length, 0.0):
+                return [here, *self.states(here, there, np.stack([here.base, there.base])), there]
+        return [here]
+
     def route(self, here: Pose, there: Pose, label: int, berth: float = 0.0) -> Array:
         """Of the base, (n, 3), each hop a line, an arc or a turn on the spot."""
-        room = self.room.with_berth(berth) if berth else self.room
+        room = room_between(self.world, here.base, there.base)
+        room = room.with_berth(berth) if berth else room
         path = self.path(room, here.base, there.base)
         self.count(path.method)
         return path.sample(self.world.rules.step)
@@ -206,7 +224,7 @@ class WheeledDriver(Driver):
         """Straight back and straight ahead."""
         x, y, yaw = at.base
         for length in (-far, far) if far else (0.0,):
-            if arc_is_free(self.room, at.base, length, 0.0):
+            if arc_is_free(room_between(self.world, at.base), at.base, length, 0.0):
                 back = replace(at, base=np.array(arc_end(x, y, yaw, length, 0.0)))
                 yield [*self.states(at, back, np.stack([at.base, back.base])), back]
 

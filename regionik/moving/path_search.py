@@ -15,6 +15,7 @@ import numpy as np
 
 from regionik.areas.standing import Standing
 from regionik.explain import arm_failures, failures
+from regionik.explain.cut_off import Barrier, barrier, poses_in, walled_off
 from regionik.ladder import Ladder
 from regionik.moving.base_motion import Candidate, StandingPaths
 from regionik.moving.configuration_sampling import ConfigurationSampler, Evidence
@@ -156,7 +157,11 @@ class PathSearch:
             return arm_failures.no_posture(self.world, i)
         if here is None and seen.clear:
             return arm_failures.no_fitting_posture(self.world, i, seen.clear, seen.postures)
-        touch, cut_off = seen.best, seen.clear > 0
+        touch, cut_off = seen.best, here is not None and seen.clear > 0
+        walls = None if here is None else self._walls(i, here, seen)
+        if walls is not None:
+            closest = "" if touch is None or touch.kind == "none" else guard.words(touch)
+            return walled_off(self.world, i, walls, closest)
         if cut_off and self.transits.refusals:
             return failures.no_drive(self.world, i, self.transits.refusals[0])
         if here is not None and cut_off and goal is not None:
@@ -170,6 +175,22 @@ class PathSearch:
             closest, cause = guard.words(touch), guard.cause(touch)
         looked = len(seen.places), seen.postures, seen.proven
         return arm_failures.no_clear_posture(self.world, i, looked, closest, cause, cut_off=cut_off)
+
+    def _walls(self, i: int, here: Pose, seen: Evidence) -> Barrier | None:
+        """What cuts off the floor from which alone the arm may be clear at set-point i; None where not so."""
+        ladder, standing, robot = self.sampler.ladder, self.sampler.standing, self.world.robot
+
+        def piece(base: Array) -> int | None:
+            return standing.piece_at(axis_of(robot, base), float(base[2]))
+
+        own = piece(here.base)
+        if any(piece(base) == own for base in seen.stood):
+            return None
+        beyond = (ladder.target == i) & (ladder.floor != own)
+        if not beyond.any():
+            return None
+        at = np.array([*axis_of(robot, here.base), here.base[2]])
+        return barrier(self.world, at, poses_in(standing, ladder.component[beyond], ladder.side[beyond]))
 
 
 @dataclass(eq=False)

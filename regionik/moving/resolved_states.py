@@ -37,8 +37,8 @@ TO_SPARE = 0.002  # of what is near, left for the way between states [m]
 NEAREST = 0.999  # share of the way from the middle of a joint's range to its end that weighs most
 
 
-class _Row(NamedTuple):
-    """A half-space of motions: their ``change`` (m,) of a distance is at least so much."""
+class _HalfSpace(NamedTuple):
+    """Motions whose ``change`` (m,) of a distance is at least so much."""
 
     change: Array
     least: float
@@ -104,32 +104,32 @@ class ResolvedStates:
             motion = np.clip(motion + step, low, high)
         return None
 
-    def _arc_rows(self, motion: Array) -> list[_Row]:
+    def _arc_rows(self, motion: Array) -> list[_HalfSpace]:
         """A car turns no more than its steering allows, going on as it goes."""
         radius, ways = self.world.robot.drive.turning_radius, np.zeros((2, len(motion)))
         if not radius or not motion.any():
             return []
         ways[:, :2] = [[math.copysign(1.0, motion[0]), side * radius] for side in (-1.0, 1.0)]
-        return [_Row(way, 0.0) for way in ways]
+        return [_HalfSpace(way, 0.0) for way in ways]
 
     def _by_motion(self, J: Array, start: Pose, motion: Array) -> Array:
         """How the motion changes what states do, (k, m)."""
         by_base = J[:, :3] @ _rolling(start, motion) if self.world.robot.drive.rolls else J[:, :3]
         return np.column_stack([by_base, J[:, 3:]])
 
-    def _floor_rows(self, start: Pose) -> list[_Row]:
+    def _floor_rows(self, start: Pose) -> list[_HalfSpace]:
         """How the footprint may go on towards what it is near to."""
         spaces = self._keeper.on_floor(np.concatenate([start.base, start.joints])[None])
         ways = self._by_motion(spaces.normal, start, np.zeros(len(self._speeds)))
-        return [_Row(*one) for one in zip(ways, np.minimum(spaces.least, 0.0), strict=True)]
+        return [_HalfSpace(*one) for one in zip(ways, np.minimum(spaces.least, 0.0), strict=True)]
 
-    def _near_rows(self, near: NearPairs, here: Array, start: Pose, motion: Array) -> list[_Row]:
+    def _near_rows(self, near: NearPairs, here: Array, start: Pose, motion: Array) -> list[_HalfSpace]:
         """How the arm may go on towards what it is near to; most of the way where there is much."""
         room = near.room - self.guard.spare - TO_SPARE
         changes = self._by_motion(self._keeper.approach(near, here), start, motion)
         most = np.maximum(np.maximum(room / 2, room - ARM_MARGIN), 0.0)
         least = np.where(room > -TO_SPARE, -most, -room)
-        return [_Row(*one) for one in zip(changes, (changes @ motion + least).tolist(), strict=True)]
+        return [_HalfSpace(*one) for one in zip(changes, (changes @ motion + least).tolist(), strict=True)]
 
     @cached_property
     def _keeper(self) -> StateKeeper:
@@ -168,13 +168,13 @@ class ResolvedStates:
         return 2 if self.world.robot.drive.rolls else 3
 
 
-def _cone_rows(miss: Array, J: Array, motion: Array, cone: float, first: bool) -> list[_Row]:
+def _cone_rows(miss: Array, J: Array, motion: Array, cone: float, first: bool) -> list[_HalfSpace]:
     """The tool's turn stays within a cone: on this side of its edge, and at ``first`` in a box about it."""
     if cone == 0:
         return []
     ways = [*np.eye(3), *-np.eye(3)] if first else []
     ways.append(miss / max(float(np.linalg.norm(miss)), 1e-300))
-    return [_Row(way @ J, float(way @ (J @ motion + miss)) - cone) for way in ways]
+    return [_HalfSpace(way @ J, float(way @ (J @ motion + miss)) - cone) for way in ways]
 
 
 def _rolling(here: Pose, motion: Array) -> Array:

@@ -13,16 +13,13 @@ import shapely
 from pydantic import Field
 from shapely.geometry import MultiPolygon, Polygon
 
-from regionik.storage.plan_document import PARTS, VERSION
+from regionik.storage.plan_document import PARTS, SIZE_LIMIT, VALUES_LIMIT, VERSION, kept_figures
 from regionik.values import Configuration, Motion, Plan, PlannedArea, Skipped, Stop
 from regionik.worlds.documents.world_file import world_from_document
 from regionik.worlds.errors import InputError, Verdict, located
 from regionik.worlds.readers.text import LARGEST, check_count, reading
 from regionik.worlds.readers.validation import Many, Strict, validated
 from regionik.worlds.scene import StopCriterion, Target, World
-
-SIZE_LIMIT = 256 * 2**20  # [bytes]
-VALUES_LIMIT = 12_000_000  # depot has a thousand for each set-point, most of them corners of areas
 
 Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 Index = Annotated[int, Field(ge=0)]
@@ -134,9 +131,7 @@ class PlanRecord(Strict):
     areas: AreasRecord
     lift_offs: Index = Field(description="runs of transits after the first set-point")
     stops: Many[StopRecord] = Field(description="base stops in mode stops; empty otherwise")
-    stats: dict[str, Any] = Field(
-        description="plain numbers; order: index in the task as given of each set-point, where not its own"
-    )
+    stats: dict[str, Any] = Field(description="figures that verify computes again; others are not read")
     skipped: Many[SkippedRecord] = Field(
         default=[], description="set-points of the task as given that rules.skip_unreachable leaves out"
     )
@@ -175,7 +170,7 @@ def load_plan(path: str | os.PathLike[str]) -> Plan:
         areas=tuple(_area(a, f"{where}: areas.features[{k}]") for k, a in enumerate(record.areas.features)),
         lift_offs=record.lift_offs,
         stops=tuple(_stop(s) for s in record.stops),
-        stats=record.stats,
+        stats=kept_figures(record.stats),
         skipped=tuple(_skipped(s, f"{where}: skipped[{k}]") for k, s in enumerate(record.skipped)),
     )
 

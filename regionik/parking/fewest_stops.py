@@ -16,8 +16,9 @@ import shapely
 
 from regionik.areas.layers import Geometries
 from regionik.areas.standing import Index
+from regionik.explain.changes import smaller_circle
 from regionik.explain.constraints import no_way_to, rounded_down, setpoint_at
-from regionik.explain.failures import cut_off, no_place
+from regionik.explain.failures import no_place
 from regionik.explain.several import together
 from regionik.parking.parking_areas import (
     Parking,
@@ -38,6 +39,7 @@ from regionik.planners.coverage.set_cover import (
 )
 from regionik.planners.geometry.offsets import shrunk
 from regionik.planners.progress import track
+from regionik.pruning import cut_off_from
 from regionik.regions import outer_areas, ways_to_stand
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 from regionik.worlds.scene import Target, World
@@ -161,7 +163,8 @@ def _no_rooms(world: World, refused: Sequence[Unserved]) -> Explanation:
     """Explanation of all set-points without a place to park, on the floor where they are fewest."""
     if not refused:
         return together([no_place(world, i) for i in range(len(world.task))])
-    empty, parking_areas = min(refused, key=lambda one: len(one[0]))
+    # Of as few the last, whose floor is the fullest.
+    empty, parking_areas = min(reversed(refused), key=lambda one: len(one[0]))
     return together([no_room(world, i, parking_areas) for i in track("reasons", empty)])
 
 
@@ -173,9 +176,7 @@ def no_room(world: World, i: int, parking_areas: ParkingAreas) -> Explanation:
     if not len(every):
         return no_place(world, i)
     if not parking_areas.usable[span].any():
-        pieces = np.append(ladder.floor[parking_areas.usable], ladder.floor[span])
-        floor = shapely.union_all(parking_areas.standing.whole(int(pieces[0])))
-        return cut_off(world, i, floor, shapely.union_all(every))
+        return cut_off_from(world, i, parking_areas.piece, ladder, parking_areas.standing)
     widest = max(radius(area) for area in every[parking_areas.usable[span]])
     wanted = world.rules.stop_tolerance
     who = setpoint_at(world.task, i)
@@ -185,6 +186,7 @@ def no_room(world: World, i: int, parking_areas: ParkingAreas) -> Explanation:
     if not proven:
         reason = f"{no_way_to(who)} from a {circle}; the largest known has {widest:.4f} m, and outer areas "
         reason += "leave room for one."
-    reason += f" A stop_tolerance of at most {rounded_down(SURE * widest, 4):.4f} m would do."
-    cause = Cause("floor", "room to park", wanted - widest)
-    return Explanation("unreachable" if proven else "undecided", i, reason, (cause,))
+    left = rounded_down(SURE * widest, 4)
+    reason += f" A stop_tolerance of at most {left:.4f} m would do."
+    causes, repairs = (Cause("floor", "room to park", wanted - widest),), (smaller_circle(world, left),)
+    return Explanation("unreachable" if proven else "undecided", i, reason, causes, repairs)

@@ -70,8 +70,9 @@ def replan_stop(plan: Plan, stop: int, measured_pose: ArrayLike) -> Plan:
     """
     base = frozen(measured_pose, (3,), "measured_pose")
     if not 0 <= stop < len(plan.stops):
-        choices = f"0 to {len(plan.stops) - 1}" if plan.stops else "none, as the plan has no stops"
-        raise InputError(f"stop: expected one of the plan's stops, {choices}, got {stop}")
+        if not plan.stops:
+            raise InputError("stop: the plan has no stops, expected one made with rules.mode: stops")
+        raise InputError(f"stop: expected one of the plan's stops, 0 to {len(plan.stops) - 1}, got {stop}")
     known = plan.stops[stop]
     first, last = _states(plan.motion, known)
     rows = list(_solved(plan, known, base, range(first, last + 1)))

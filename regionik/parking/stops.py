@@ -110,7 +110,7 @@ def check(world: World) -> None:
     if world.rules.heading == "face_target":
         raise InputError(
             f"{world.name}: rules.heading: face_target turns the base at every set-point, "
-            "with stops valid choices: free, fixed"
+            "but at a stop it stands still; expected free or fixed"
         )
 
 

@@ -51,7 +51,8 @@ def families(
 
     A given tool direction sets the last link's pitch: with the plane along the direction seen from above,
     or against it. Bands of swings and pitches are those within the cone: inner ones lie in it, outer ones
-    about it. Where the cone holds the vertical one family has both, as the last link goes from one to the other.
+    about it. Where the cone holds the vertical one family has both, as the last link leads from one to the
+    other.
     """
     if direction is None:
         return tuple(Family(facing) for facing in facings)
@@ -164,11 +165,11 @@ def swings(
 ) -> tuple[tuple[int, float, float], ...]:
     """Swings of the plane about ``yaw`` with which the roll joint keeps up, within its limits.
 
-    With the tool's axis along ``turn``'s at ``yaw`` and ``pitch``, a swing s of the plane about the vertical and a
-    pitch p' turn the tool about its own axis by w, tan(w / 2) = tan(s / 2) sin((p + p') / 2) / cos((p - p') / 2),
-    beyond the shortest turn between both axes, which grows with p'.
-    Swings from -half to half at all ``pitches`` of a range are considered, by default at that of the axis, and the
-    roll may miss the wanted orientation by ``slack`` [rad].
+    With the tool's axis along ``turn``'s at ``yaw`` and ``pitch``, a swing s of the plane about the vertical
+    and a pitch p' turn the tool about its own axis by w beyond the shortest turn between both axes, where
+    tan(w / 2) = tan(s / 2) sin((p + p') / 2) / cos((p - p') / 2), which grows with p'.
+    Swings from -half to half at all ``pitches`` of a range are considered, by default at that of the axis,
+    and the roll may miss the wanted orientation by ``slack`` [rad].
     Returns whole turns of the roll, the middle of the swing and half its width, one row an interval [rad].
     """
     rolls = arm.roll_upper - arm.roll_lower + 2 * slack

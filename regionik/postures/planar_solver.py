@@ -42,7 +42,7 @@ from regionik.postures.families import (
 )
 from regionik.worlds.arms import PlanarArm
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import within_half_turns
+from regionik.worlds.chain import JOINT_SPARE, SPARE_SHARE, within_half_turns
 from regionik.worlds.scene import Target
 
 LEANS = 41  # pitches within a cone that are tried for a posture
@@ -116,7 +116,7 @@ class PlanarSolver:
         return bool(np.isfinite(nearest_of(self.plane, pitches, r, z, np.zeros(3), bends)))
 
     def _places(self, target: Target, axis: Array, area: FlatPolygon, mobile: bool) -> Iterator[Array]:
-        """Places to lean from: the nearest of the area, on a free floor those on a line through the target."""
+        """Places to lean from: the nearest of the area, on a free floor those on a line to the target."""
         if not mobile:
             yield axis
         elif len(area.starts) > 1:
@@ -139,7 +139,7 @@ class PlanarSolver:
         Half of the cone is left for the way between two states where that can be.
         """
         r, plane_yaw = self._seen(target.position, axis)
-        for cone in (CONE_SHARE * target.cone, within_cone(target.cone)):
+        for cone in (CONE_SHARE * target.cone, within_cone(target.cone), target.cone):
             pitches = self._pitches(target, cone, plane_yaw)
             if pitches is None:
                 continue
@@ -162,6 +162,13 @@ class PlanarSolver:
         found = pitches_within(math.atan2(z, math.hypot(x, y)), cone, plane_yaw - math.atan2(y, x))
         return None if found is None else (found[0] - found[1], found[0] + found[1])
 
+    @cached_property
+    def _off_limits(self) -> PlanarLinkage:
+        """The arm with bends that keep off their limits."""
+        lower, upper = self.plane.lower, self.plane.upper
+        spare = np.minimum(JOINT_SPARE, SPARE_SHARE * (upper - lower))
+        return self.plane._replace(lower=lower + spare, upper=upper - spare)
+
     def _bends_within(self, pitches: Pair, r: float, z: float, near: Array) -> Array | None:
         """Bends (3,) near to given ones that put the tool at (r, z), its link at a pitch of a range."""
         bends, (low, high) = np.empty(3), pitches
@@ -172,8 +179,9 @@ class PlanarSolver:
         present = middle + float(wrap(float(near.sum()) - middle))
         about = np.clip(present + TILT * np.linspace(-1.0, 1.0, LEANS), low, high)
         tools = np.concatenate([about, np.linspace(low, high, LEANS)])
-        if np.isfinite(nearest_of(self.plane, tools, r, z, near, bends)):
-            return bends
+        for plane in (self._off_limits, self.plane):
+            if np.isfinite(nearest_of(plane, tools, r, z, near, bends)):
+                return bends
         found, a, b, c = critical_posture(self.plane, low, high, r, z)  # it hides between two pitches
         return np.array(fitted_bends(self.plane, a, b, c)) if found else None
 

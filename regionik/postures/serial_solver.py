@@ -172,6 +172,7 @@ class SerialSolver:
         arm = goal.bodies.arm
         n = len(arm.lower)
         starts = rng.uniform(*within_half_turns(arm.lower, arm.upper), (tries, n))
+        starts = self.endless.unwound(np.column_stack([starts, np.tile(joints[n:], (tries, 1))]))[:, :n]
         if target.direction is not None:
             starts[::2] = np.clip(joints + rng.normal(size=starts[::2].shape), arm.lower, arm.upper)
         starts[0] = joints[:n]

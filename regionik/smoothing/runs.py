@@ -17,7 +17,7 @@ from regionik.areas.layers import Geometries
 from regionik.areas.standing import Standing, room_for, turns_matter
 from regionik.moving.state_keeper import StateKeeper
 from regionik.planners.smoothing.path_smoothing import PathProblem, on_path, smooth_states
-from regionik.planners.solvers.aims import in_columns
+from regionik.planners.solvers.aims import beyond_cones, in_columns, missed_by
 from regionik.postures.arm import aim_of, goal_between
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import axis_of, transits
@@ -41,9 +41,10 @@ WINDOW = 40  # states on either side of one that failed which are smoothed anew
 STIFFER = 30.0  # areas are kept where states failed, by their cost
 MOST_STATES = 1500  # smoothed at once
 FAR = 1e6  # beyond every floor [m]
+MISSED = 1e-9  # by the tool of a state that is led off its limits [m]
+FARTHEST = 0.3  # that a coordinate of it changes [m] or [rad]
 OFF_AREA = 1e-6  # of the arm axis in a state as found, from which on no area is kept [m]
 ANYWHERE = shapely.box(-FAR, -FAR, FAR, FAR)
-JOINT_MARGIN = math.radians(2)  # [rad]
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,9 +155,11 @@ class _Layout:
         within = self._within(states, owner, worked)
         problem = self._problem(states, within, at, held, beyond)
         states = on_path(problem, states) if self.evenly else states
+        problem, states = _off_limits(problem, states)
         few = _coarse_rows(worked)
         coarse = self._problem(states[few], within[few], at[few], held, beyond[few])
-        coarse, keeper = replace(coarse, parameter=problem.parameter[few]), self._keeper(within)
+        limits = {"lower": problem.lower[few], "upper": problem.upper[few]}
+        coarse, keeper = replace(coarse, parameter=problem.parameter[few], **limits), self._keeper(within)
         return PathRun(first, last, owner, worked, states, within[worked], problem, coarse, keeper)
 
     def _places(self, first: int, last: int) -> Array:
@@ -226,7 +229,7 @@ class _Layout:
         world = self.plan.world
         chain = with_joint_margin(world.robot, world.rules.criteria).chain
         lower, upper = np.full(states.shape, -np.inf), np.full(states.shape, np.inf)
-        spare = np.minimum(JOINT_MARGIN, 0.1 * (chain.upper - chain.lower))
+        spare = chain.spare
         lower[:, 3:] = np.minimum(chain.lower + spare, states[:, 3:])
         upper[:, 3:] = np.maximum(chain.upper - spare, states[:, 3:])
         fixed = np.zeros(states.shape, dtype=bool)
@@ -256,6 +259,32 @@ class _Layout:
     @cached_property
     def _floor(self) -> BaseGeometry:
         return united(self.standing.pieces.polygon)
+
+
+def _off_limits(problem: PathProblem, states: Array) -> tuple[PathProblem, Array]:
+    """Lead states off the limits of their joints where the tool keeps to its path so; they are kept there.
+
+    Coordinates that are held stay as they are, and so do bases on wheels, whose states hang together.
+    """
+    chain = with_joint_margin(problem.robot, None).chain
+    free = problem.upper > problem.lower
+    lower, upper = problem.lower.copy(), problem.upper.copy()
+    lower[:, 3:] = np.where(free[:, 3:], np.maximum(lower[:, 3:], chain.lower + chain.spare), lower[:, 3:])
+    upper[:, 3:] = np.where(free[:, 3:], np.minimum(upper[:, 3:], chain.upper - chain.spare), upper[:, 3:])
+    near = np.flatnonzero(((states < lower) | (states > upper)).any(axis=1))
+    if not len(near) or problem.robot.drive.rolls:
+        return problem, states
+    tight, led = replace(problem, lower=lower, upper=upper), states.copy()
+    for k in near.tolist():
+        rows = slice(k, k + 1)
+        there = on_path(tight.part(rows, problem.keep), np.clip(states[rows], lower[rows], upper[rows]))
+        aims = problem.aims.part(rows)
+        missed = beyond_cones(aims, missed_by(problem.robot, aims, there)).miss
+        if np.abs(missed).max() <= MISSED and np.abs(there - states[rows]).max() <= FARTHEST:
+            led[k] = there[0]
+        else:
+            lower[k], upper[k] = problem.lower[k], problem.upper[k]
+    return replace(problem, lower=lower, upper=upper), led
 
 
 def _ways(robot: Robot, states: Array) -> Array:

@@ -6,6 +6,7 @@ Areas are GeoJSON (RFC 7946) in metres of the floor, not in longitude and latitu
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -17,13 +18,22 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.storage.files import json_values
 from regionik.worlds.documents.world_file import world_to_document
+from regionik.worlds.errors import FileNote, InputError
+from regionik.worlds.readers.text import count_values
 
 if TYPE_CHECKING:
     from regionik.values import Plan, Skipped, Stop
 
 VERSION = 1
-CORNERS_LIMIT = 5_000_000  # of the areas in a file; with more it could not be read back
+# Of a file that is written, and of one that is read.
+SIZE_LIMIT = 256 * 2**20  # [bytes]
+VALUES_LIMIT = 12_000_000  # depot has a thousand for each set-point, most of them corners of areas
+_AROUND = 3  # characters beside each member
 PARTS = ("admissible", "pruned", "rejected")
+FIGURES: Mapping[str, tuple[str, ...]] = {  # of ``Plan.stats`` that files keep, and which parts, () for all
+    "setpoints": (), "iterations": (), "states": (), "base_travel": (), "largest_error": (), "margins": (),
+    "order": (), "stops": ("count",), "timing": ("duration", "blend"),
+}  # fmt: skip
 
 
 def feature(geometry: Mapping[str, Any], properties: Mapping[str, Any]) -> dict[str, Any]:
@@ -55,21 +65,66 @@ def _polygons(geometry: BaseGeometry) -> list[Polygon]:
     return [polygon for part in getattr(geometry, "geoms", ()) for polygon in _polygons(part)]
 
 
+def kept_figures(stats: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the figures of a plan that its file keeps: those that `regionik.verify` computes again.
+
+    How the search went, bounds of stops and tours, and what a timing uses of its limits are not among them.
+
+    >>> kept_figures({"states": 7, "base_moves": {"ompl": 1}, "stops": {"count": 2, "lower_bound": 2}})
+    {'states': 7, 'stops': {'count': 2}}
+    """
+    kept: dict[str, Any] = {}
+    for key, parts in FIGURES.items():
+        if key in stats:
+            value = stats[key]
+            some = parts and isinstance(value, Mapping)
+            kept[key] = {part: value[part] for part in parts if part in value} if some else value
+    return kept
+
+
 def plan_to_text(plan: Plan) -> str:
     """The plan as JSON, in the layout of ``docs/plan.schema.json``: a line a set-point, state or feature.
 
     Areas are a GeoJSON FeatureCollection with one feature per set-point. Its geometry is a
     GeometryCollection of three MultiPolygons, some of them perhaps empty: admissible, pruned, rejected.
-    There are no features where the areas have more than `CORNERS_LIMIT` corners.
+    There are no features where the document would exceed `SIZE_LIMIT` or `VALUES_LIMIT` with them.
+
+    Raises
+    ------
+    InputError
+        Where it exceeds a limit even so: it could not be read back.
+
+    Warns
+    -----
+    FileNote
+        Where areas are left out.
     """
-    members = ",\n".join(f"{json.dumps(key)}: {_text(key, value)}" for key, value in _members(plan))
-    return f"{{\n{members}\n}}\n"
+    members = {key: f"{json.dumps(key)}: {_text(key, value)}" for key, value in _members(plan)}
+    if _excess(members):
+        members["areas"] = f'"areas": {_text("areas", iter(()))}'
+        excess = _excess(members)
+        if excess:
+            raise InputError(f"plan: {excess}, expected a task in parts of which each has a plan of its own")
+        warnings.warn(
+            "areas are left out of the plan file: with so many corners it could not be read back",
+            FileNote,
+            stacklevel=2,
+        )
+    text = ",\n".join(members.values())
+    return f"{{\n{text}\n}}\n"
 
 
-def keeps_areas(plan: Plan) -> bool:
-    """Return whether the plan's areas have few enough corners for a file that can be read back."""
-    shapes = [getattr(area, part) for area in plan.areas for part in PARTS]
-    return bool(shapely.get_num_coordinates(shapes).sum() <= CORNERS_LIMIT)
+def _excess(members: Mapping[str, str]) -> str:
+    """Return by what a document of these members is too large to be read back; empty where it is not."""
+    size = sum(len(text) + _AROUND for text in members.values())  # JSON is written in ASCII
+    if size > SIZE_LIMIT:
+        return (
+            f"a file of {size / 2**20:.1f} MB could not be read back, at most {SIZE_LIMIT / 2**20:g} MB can"
+        )
+    values = sum(count_values(text) + 1 for text in members.values())
+    if values > VALUES_LIMIT:
+        return f"a file of {values} values could not be read back, at most {VALUES_LIMIT} can"
+    return ""
 
 
 def _members(plan: Plan) -> Iterator[tuple[str, Any]]:
@@ -80,10 +135,10 @@ def _members(plan: Plan) -> Iterator[tuple[str, Any]]:
     yield "joint_names", list(plan.world.robot.chain.names)
     yield "setpoints", _setpoints(plan)
     yield "states", _states(plan)
-    yield "areas", _areas(plan) if keeps_areas(plan) else iter(())
+    yield "areas", _areas(plan)
     yield "lift_offs", int(plan.lift_offs)
     yield "stops", [stop_document(stop) for stop in plan.stops]
-    yield "stats", json_values(plan.stats)
+    yield "stats", json_values(kept_figures(plan.stats))
     yield "skipped", skipped_document(plan.skipped)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import solveh_banded
 
 from regionik.planners.search.motion_bounds import longest_levers
-from regionik.timing.inserted_states import with_states
+from regionik.timing.inserted_states import graded, periods, with_states
 from regionik.timing.limits import MotionLimits, segments_on_path
 from regionik.timing.parametrization import path_of
 from regionik.values import Motion
@@ -23,7 +23,7 @@ from regionik.worlds.arrays import Array, Index
 from regionik.worlds.robot import Robot
 
 RAMP = 0.06  # of accelerations, at least [s]
-PERIOD = 0.0125  # between states that are laid out, at most [s]
+PERIOD = 0.0125  # between states that are laid out, at most, where segments are short [s]
 SHORTEST = 0.01  # of a segment [s]
 ROUNDS = 30, 60  # of weighing states: at least, and at most
 AIM = 0.9  # part of the distance that is aimed at
@@ -54,10 +54,13 @@ def rounded(limits: MotionLimits, motion: Motion, room: Array, most: Array) -> M
     change = np.diff(q, axis=0)
     fastest = limits.largest_squared_velocity(q[:-1] + change / 2, change, segments_on_path(motion))
     span = np.where(moving, np.maximum(1 / np.sqrt(fastest), SHORTEST), 0.0)
-    count = np.maximum(np.ceil(span / PERIOD).astype(np.int64), 1)
+    inserted, between = graded(periods(span, PERIOD))
+    count = 1 + np.bincount(inserted, minlength=len(span))
     own, segment = np.concatenate([[0], np.cumsum(count)]), np.repeat(np.arange(len(count)), count)
-    share = (np.arange(own[-1]) - own[segment]) / count[segment]
+    share = np.zeros(own[-1])
+    share[np.setdiff1d(np.arange(own[-1]), own)] = between
     before = np.vstack([q[segment] + share[:, None] * change[segment], q[-1:]])
+    way = np.append(segment + share, len(span))
     time = np.append((np.cumsum(span) - span)[segment] + share * span[segment], span.sum())
     allowed = np.append(np.minimum(room[:-1], room[1:])[segment], 0.0)
     allowed[own] = np.minimum(room, most)
@@ -66,17 +69,20 @@ def rounded(limits: MotionLimits, motion: Motion, room: Array, most: Array) -> M
         rows = slice(int(own[a]), int(own[b]) + 1)
         after[rows] = _smoothed(limits, before[rows], time[rows], allowed[rows])
     moved = after - before
-    some = _between(limits, after, own, STRAIGHT * limits.blend)
+    some = _between(limits, after, way, own, STRAIGHT * limits.blend)
     found = replace(motion, base=motion.base + moved[own, :3], joints=motion.joints + moved[own, 3:])
     return with_states(found, segment[some], after[some, :3], after[some, 3:])
 
 
-def _between(limits: MotionLimits, q: Array, own: Index, near: float) -> Index:
-    """Rows of states (n, m) that a motion needs besides its own, for lines between them to be near all."""
+def _between(limits: MotionLimits, q: Array, way: Array, own: Index, near: float) -> Index:
+    """Rows of states (n, m) that a motion needs besides its own, for lines between them to be near all.
+
+    States are at ways (n,), which rise.
+    """
     kept, rows = own, np.arange(len(q))
     while True:
         part = np.clip(np.searchsorted(kept, rows, side="right") - 1, 0, len(kept) - 2)
-        share = (rows - kept[part]) / np.diff(kept)[part]
+        share = (way - way[kept[part]]) / np.diff(way[kept])[part]
         straight = q[kept[part]] + share[:, None] * (q[kept[part + 1]] - q[kept[part]])
         bent = np.unique(part[limits.displacement(straight, q) > near])
         if not len(bent):

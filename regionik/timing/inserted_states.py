@@ -11,13 +11,14 @@ from regionik.planners.geometry.rolling import without_slip
 from regionik.timing.limits import MotionLimits
 from regionik.timing.parametrization import fastest_rates, fastest_times, timed_path
 from regionik.values import Motion
-from regionik.worlds.arrays import Array, Index
+from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.errors import InputError
 
 ROUNDS = 30  # of inserting states until the smooth path keeps to the plan
 COMPARED_SHARES = (0.25, 0.5, 0.75)  # of a segment, where the smooth path is compared with it
 PERIOD = 0.02  # of the fine timing that shows where states are needed [s]
 VELOCITY_ERROR = 0.002  # share of the squared path velocity by which it may be off the fine one
+MOST, HALVINGS = 16, 8  # even parts of a segment, and how often those at its ends are halved
 
 
 def refined(limits: MotionLimits, motion: Motion) -> Motion:
@@ -28,11 +29,11 @@ def refined(limits: MotionLimits, motion: Motion) -> Motion:
     path = timed_path(limits, motion)
     alone = np.zeros(len(motion) - 1, dtype=np.int64)  # from rest to rest takes two segments
     alone[[a for a, b in path.runs if b == a + 1]] = 1
-    motion = _subdivided(limits, motion, alone)
+    motion = _subdivided(limits, motion, *evenly(alone))
     span = np.diff(fastest_times(limits, motion, tightenings=0))
     span[timed_path(limits, motion).lengths == 0] = 0.0  # a rest has a state at each end
-    count = np.maximum(np.ceil(span / PERIOD).astype(np.int64) - 1, 0)
-    fine = _subdivided(limits, motion, count)
+    segment, share = graded(periods(span, PERIOD))
+    count, fine = np.bincount(segment, minlength=len(span)), _subdivided(limits, motion, segment, share)
     position, rate = fastest_rates(limits, fine, tightenings=0)
     first = np.concatenate([[0], np.cumsum(count + 1)])  # where the motion's own states are
     spans = [np.arange(a, b + 1) for a, b in pairwise(first.tolist())]
@@ -90,16 +91,49 @@ def with_rests(motion: Motion, states: Index) -> tuple[Motion, Index]:
     return with_states(motion, inner, motion.base[inner], motion.joints[inner]), own
 
 
-def _subdivided(limits: MotionLimits, motion: Motion, count: Index) -> Motion:
-    """Motion with so many states inserted in each segment (n - 1,), next to its smooth path."""
-    segment, share = evenly(count)
+def _subdivided(limits: MotionLimits, motion: Motion, segment: Index, share: Array) -> Motion:
+    """Motion with states inserted at shares of segments (m,), in their order, next to its smooth path."""
     return with_rolled_states(limits, motion, segment, *timed_path(limits, motion).states_at(segment, share))
+
+
+def periods(span: Array, period: float) -> Index:
+    """Parts at most a period long of times (n,), at least one."""
+    return np.maximum(np.ceil(span / period).astype(np.int64), 1)
 
 
 def evenly(count: Index) -> tuple[Index, Array]:
     """Segments of so many states (n - 1,) evenly inserted in each, and their shares of these, (m,) each."""
     shares = [np.arange(1, n + 1) / (n + 1) for n in count.tolist()]
     return np.repeat(np.arange(len(count)), count), np.concatenate([np.empty(0), *shares])
+
+
+def graded(parts: Index, most: int | Index = MOST) -> tuple[Index, Array]:
+    """Segments and shares of states inserted for so many even parts of each (n - 1,), but not for many more.
+
+    Beyond ``most`` parts are no more, but those at both ends are halved again and again: there velocities
+    change. So a motion that takes long has hardly more states than one that does not.
+    """
+    even = np.minimum(parts, most)
+    halvings = np.clip(np.ceil(np.log2(np.maximum(parts / even, 1.0))), 0, HALVINGS).astype(np.int64)
+    shares = [np.empty(0)]
+    for count, times in zip(even.tolist(), halvings.tolist(), strict=True):
+        near = 0.5 ** np.arange(times, 0, -1) / count
+        shares.append(np.concatenate([near, np.arange(1, count) / count, 1 - near[::-1]]))
+    segment = np.repeat(np.arange(len(parts)), [len(one) for one in shares[1:]])
+    return segment, np.concatenate(shares)
+
+
+def halved(segment: Index, share: Array, some: Mask) -> tuple[Index, Array]:
+    """The same states with one more halfway between any two of them in some segments (n - 1,)."""
+    at = np.concatenate([np.arange(len(some)), segment])
+    start = np.concatenate([np.zeros(len(some)), share])
+    order = np.lexsort([start, at])
+    at, start = at[order], start[order]
+    end = np.append(np.where(at[1:] == at[:-1], start[1:], 1.0), 1.0)
+    segment = np.concatenate([segment, at[some[at]]])
+    share = np.concatenate([share, ((start + end) / 2)[some[at]]])
+    order = np.lexsort([share, segment])
+    return segment[order], share[order]
 
 
 def with_rolled_states(

@@ -14,9 +14,15 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
-from regionik.timing.inserted_states import evenly, with_rolled_states, with_states
+from regionik.timing.inserted_states import (
+    evenly,
+    graded,
+    halved,
+    periods,
+    with_rolled_states,
+    with_states,
+)
 from regionik.timing.limits import MotionLimits, segments_on_path, tool_velocity
 from regionik.timing.parametrization import fastest_rates, path_of, steering_pauses, timed_path
 from regionik.timing.smooth_path import SmoothPath
@@ -29,8 +35,8 @@ ROUNDS, PATIENCE = 12, 6  # of tightening limits: at most, and without gain
 EXCESS = 1e-3  # by which limits may be exceeded, before time is stretched
 STRETCHES, SPARE = 8, 1e-4  # of time where limits are still exceeded, and by how much more
 SLOWEST = 0.1  # least time over which such a stretch sets in, but for two ramps [s]
-STEPS = 20  # in that time, at which stretches are laid out
-PERIOD = 0.1  # between knots, at most [s]
+PERIOD = 0.1  # between knots, at most, where motions between states are short [s]
+KNOTS = 4  # besides, on each segment of the path between states, of motions however slow
 HALVINGS = 6  # of the time between states, until the splines keep to the path
 BISECTIONS = 50  # for the time at which a state is passed
 CHECKED_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the time of each piece, at which limits are checked
@@ -125,9 +131,9 @@ def _resampled(limits: MotionLimits, fine: Motion, law: _TimeLaw) -> tuple[Motio
     times, moves = law.times_of(rows), np.diff(path.position[rows]) > 0
     alone = moves & law.rests[rows[:-1]] & law.rests[rows[1:]]
     least = np.maximum(alone, np.diff(rows) > 1)
-    count = np.where(moves, np.maximum(np.ceil(np.diff(times) / PERIOD).astype(np.int64) - 1, least), 0)
+    parts = np.where(moves, np.maximum(periods(np.diff(times), PERIOD), 1 + least), 1)
+    gap, share = graded(parts, KNOTS * np.diff(rows))
     for left in range(HALVINGS, -1, -1):
-        gap, share = evenly(count)
         between = times[gap] + share * np.diff(times)[gap]
         position = law.at(between)
         segment = np.searchsorted(path.position, position, side="right") - 1
@@ -136,10 +142,11 @@ def _resampled(limits: MotionLimits, fine: Motion, law: _TimeLaw) -> tuple[Motio
         found = with_rolled_states(limits, own, gap, *path.states_at(segment, part))
         found = replace(found, time=np.insert(times, gap + 1, between))
         strayed = _strayed(limits, found, law) > limits.blend
-        far = np.logical_or.reduceat(strayed, np.cumsum(count + 1) - count - 1)
-        if not left or not (far & moves).any():
+        count = np.bincount(gap, minlength=len(moves))
+        far = moves & np.logical_or.reduceat(strayed, np.cumsum(count + 1) - count - 1)
+        if not left or not far.any():
             break
-        count = np.where(far & moves, 2 * count + 1, count)
+        gap, share = halved(gap, share, far)
     return found, np.insert(path.position[rows], gap + 1, position)
 
 
@@ -229,18 +236,33 @@ def _within_limits(limits: MotionLimits, timed: Motion) -> Motion:
 
 
 def stretched(limits: MotionLimits, timed: Motion, factor: Array) -> Motion:
-    """Motion by a time that passes slower by factors above 1 on segments (n - 1,), and little less beside."""
-    step, beside = max(2 * limits.ramp, SLOWEST) / STEPS, STEPS + 1
-    instants = np.arange(0.0, timed.time[-1] + step, step)
-    first, end = (np.floor(timed.time / step).astype(np.int64) + shift for shift in (0, 1))
-    needed, factor = np.ones(len(instants)), factor * (1 + SPARE)
-    for k in np.flatnonzero(factor > 1 + SPARE).tolist():
-        rows = slice(first[k], end[k + 1] + 1)
-        needed[rows] = np.maximum(needed[rows], factor[k])
-    rate = maximum_filter1d(needed, 2 * beside - 1)  # as wide as both means together
-    rate = uniform_filter1d(uniform_filter1d(rate, beside), beside)
-    later = np.concatenate([[0.0], np.cumsum((rate[1:] + rate[:-1]) / 2 * step)])
-    return replace(timed, time=np.interp(timed.time, instants, later))
+    """Motion by a time that passes slower by factors above 1 on segments (n - 1,), and little less beside.
+
+    The factor by which time passes slower is the largest about each instant, averaged twice.
+    """
+    time, wide = timed.time, max(2 * limits.ramp, SLOWEST)
+    slow = np.flatnonzero(factor > 1.0)
+    low, high, more = time[slow] - wide, time[slow + 1] + wide, factor[slow] * (1 + SPARE) - 1
+    cuts = np.unique(np.concatenate([low, high]))
+    first, end = np.searchsorted(cuts, low), np.searchsorted(cuts, high)
+    height = np.zeros(len(cuts))  # from each cut on
+    for a, b, value in zip(first.tolist(), end.tolist(), more.tolist(), strict=True):
+        height[a:b] = np.maximum(height[a:b], value)
+    later = time + _averaged_steps(cuts, np.diff(height, prepend=0.0), wide, time)
+    return replace(timed, time=later - later[0])
+
+
+def _averaged_steps(cuts: Array, rise: Array, wide: float, times: Array) -> Array:
+    """Integrals to times (m,) of steps that rise at cuts, averaged twice over a width, (m,)."""
+    first, end = (np.searchsorted(cuts, times + side) for side in (-wide, wide))
+    rises, moments = (np.concatenate([[0.0], np.cumsum(one)]) for one in (rise, rise * cuts))
+    found: Array = times * rises[first] - moments[first]  # of steps that are over
+    count = end - first
+    at = np.repeat(np.arange(len(times)), count)
+    step = np.arange(len(at)) - np.repeat(np.cumsum(count) - count - first, count)
+    u = (times[at] - cuts[step]) / wide
+    part = np.maximum(u, 0.0) + (1 - np.abs(u)) ** 3 / 6
+    return found + wide * np.bincount(at, rise[step] * part, len(times))
 
 
 def _time_below(limits: MotionLimits, timed: Motion) -> float:

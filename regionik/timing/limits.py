@@ -1,27 +1,20 @@
-"""Limits of speed, acceleration and jerk, and how much of them a timed motion uses."""
+"""Limits of speed, acceleration and jerk, and how much of them coordinates use at instants."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from regionik.timing.trajectory import TrajectorySample, trajectory_within
 from regionik.values import Motion
 from regionik.worlds.arrays import Array, Mask
-from regionik.worlds.errors import InputError
 from regionik.worlds.robot import Robot
 from regionik.worlds.speeds import Speeds
 
-RATE = 1000.0  # at which limits are checked [Hz]
-SHARES = (0.0, 0.25, 0.5, 0.75, 1 - 1e-6)  # of each segment, at which they are checked too
-CHUNK = 50_000  # of these instants at a time
 ROOTS = {"velocity": 1.0, "acceleration": 1 / 2, "jerk": 1 / 3}  # by which time stretches with a share
 THICKNESS = 0.05  # of links, about the lines from joint to joint [m]
-AT_REST = 1e-6  # tool speed below which the tool stays at a set-point [m/s]
 
 _ANGLES = np.arange(4) * np.pi / 4  # of an octagon inside the disc of the base's accelerations
 _INSIDE = np.cos(np.pi / 8)
@@ -183,58 +176,3 @@ def tool_velocity(robot: Robot, q: Array, velocity: Array) -> Array:
     found = np.einsum("nk,nkj->nj", velocity[:, 3:], J)
     found[:, :2] += velocity[:, :2] + turn * np.column_stack([-arm[:, 1], arm[:, 0]])
     return found
-
-
-def slowdowns(limits: MotionLimits, motion: Motion) -> Array:
-    """Factors by which each segment of a motion must be slower to keep all limits, (n - 1,).
-
-    At a thousand instants a second, and at some of each segment, as many are shorter.
-    """
-    span, found = np.diff(motion.time), np.zeros(max(len(motion) - 1, 1))
-    within = [motion.time[:-1] + share * span for share in SHARES]
-    times = np.sort(np.concatenate([instants(motion), *within]))
-    for sample, on_path in sampled(limits, motion, times):
-        segment = np.searchsorted(motion.time, sample.time, side="right") - 1
-        factor = limits.slowdown(*sample.columns, on_path, sample.jerk)
-        np.maximum.at(found, np.minimum(segment, len(found) - 1), factor)
-    return found
-
-
-def check_tool_speed(limits: MotionLimits, motion: Motion) -> None:
-    """Refuse a tool speed that joints or base cannot give the tool somewhere on the path.
-
-    Raises
-    ------
-    InputError
-        With the joint, its speed and the time in the motion at hand.
-    """
-    asked = limits.speeds.tool_velocity
-    if asked is None:
-        raise InputError("hold: expected a tool speed to hold; give tool_velocity")
-    for sample, on_path in sampled(limits, motion, instants(motion)):
-        q, velocity, _ = sample.columns
-        speed = np.linalg.norm(tool_velocity(limits.robot, q, velocity), axis=1)
-        moves = on_path & (speed > AT_REST)
-        if not moves.any():
-            continue
-        wanted = velocity[moves] * (asked / speed[moves])[:, None]
-        name, value, limit, k = limits.fastest_coordinate(wanted)
-        if value > limit * (1 + 1e-9):
-            raise InputError(
-                f"tool_velocity: {asked:g} m/s cannot be held at t = {sample.time[moves][k]:.3f} s: "
-                f"{name} would go at {value:.3g}, its limit is {limit:.3g}"
-            )
-
-
-def instants(motion: Motion) -> Array:
-    """A thousand instants a second, and the end [s]."""
-    return np.append(np.arange(0.0, motion.time[-1], 1 / RATE), motion.time[-1])
-
-
-def sampled(limits: MotionLimits, motion: Motion, times: Array) -> Iterator[tuple[TrajectorySample, Mask]]:
-    """The motion at instants, chunk by chunk, and where the tool is on its path."""
-    trajectory = trajectory_within(limits.robot, motion, limits.speeds)
-    on_path = segments_on_path(motion) if len(motion) > 1 else np.zeros(1, dtype=bool)
-    for some in np.array_split(times, 1 + len(times) // CHUNK):
-        segment = np.searchsorted(motion.time, some, side="right") - 1
-        yield trajectory.sample(some), on_path[np.clip(segment, 0, len(on_path) - 1)]

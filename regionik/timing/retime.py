@@ -13,7 +13,8 @@ from regionik.postures.arm import deviation
 from regionik.timing.corner_rounding import HELD, rounded
 from regionik.timing.inserted_states import blended, refined, with_rests
 from regionik.timing.jerk_limited_timing import jerk_limited_motion, stretched
-from regionik.timing.limits import MotionLimits, check_tool_speed, segments_on_path, slowdowns
+from regionik.timing.limit_usage import check_tool_speed, slowdowns
+from regionik.timing.limits import MotionLimits, segments_on_path
 from regionik.timing.parametrization import fastest_times, path_of
 from regionik.timing.smooth_path import CORNER, GENTLE
 from regionik.timing.timing_figures import timing_figures
@@ -188,9 +189,12 @@ def _with_motion(plan: Plan, motion: Motion) -> Plan:
         if not (np.array_equal(base, found[i].base) and np.array_equal(joints, found[i].joints)):
             error = math.dist(plan.world.robot.tool(base, joints)[:3, 3], plan.world.task[i].position)
             found[i] = replace(found[i], base=base, joints=joints, error=error)
-    stats = plan.stats
-    if "largest_error" in stats:
-        stats = {**stats, "largest_error": float(max(one.error for one in found))}
+    figures = {
+        "states": len(motion),
+        "base_travel": plan.world.robot.drive.travel(motion.base),
+        "largest_error": max((float(one.error) for one in found), default=0.0),
+    }
+    stats = {key: figures.get(key, value) for key, value in plan.stats.items()}
     return replace(plan, motion=motion, setpoints=tuple(found), stats=stats)
 
 

@@ -8,36 +8,72 @@ from typing import Any
 
 import numpy as np
 
-from regionik.timing.limits import RATE, MotionLimits, instants, sampled, segments_on_path, tool_velocity
-from regionik.timing.trajectory import trajectory_within
+from regionik.timing.limit_usage import SHARES as LOOKS
+from regionik.timing.limit_usage import largest_usage, motion_pieces
+from regionik.timing.limits import MotionLimits, segments_on_path, tool_velocity
+from regionik.timing.trajectory import TrajectorySample, trajectory_within
 from regionik.values import Motion
-from regionik.worlds.arrays import Array, Index
+from regionik.worlds.arrays import Array, Index, Mask
 
 HELD = 0.99  # share of the asked tool speed from which it counts as held
 MAX_PLACES = 20  # where it is not, that are reported
 BESIDE = 0.15  # before and after such a place, where it is looked for what keeps the tool back [s]
 SHARES = np.linspace(0.0, 1.0, 13)  # of this time, at which it is looked
+BISECTIONS = 30  # of the time between two instants, for when a speed begins or ceases to be held
 SAME = 1e-9  # set-points that are less apart are the same [m]
 
 
 def timing_figures(limits: MotionLimits, motion: Motion) -> dict[str, Any]:
     """Plain numbers about a timing, for ``Plan.stats``."""
-    used: dict[str, float] = {}
-    time: list[Array] = []
-    speed: list[Array] = []
-    asked = limits.speeds.tool_velocity
-    for sample, on_path in sampled(limits, motion, instants(motion)):
-        q, velocity, _ = sample.columns
-        usage = limits.usage(*sample.columns, on_path, sample.jerk)
-        used = {name: max(used.get(name, 0.0), float(share.max())) for name, share in usage.items()}
-        if asked is not None:
-            time.append(sample.time[on_path])
-            speed.append(np.linalg.norm(tool_velocity(limits.robot, q[on_path], velocity[on_path]), axis=1))
+    used = {name: float(share.max()) for name, share in largest_usage(limits, motion).items()}
     figures: dict[str, Any] = {"duration": float(motion.time[-1]), "blend": limits.blend, "used": used}
-    if asked is not None:
-        held = _HeldSpeed(limits, motion, asked, np.concatenate(time), np.concatenate(speed))
-        figures["tool"] = held.figures()
+    if (asked := limits.speeds.tool_velocity) is not None:
+        figures["tool"] = _HeldSpeed(limits, motion, asked, *_tool_speeds(limits, motion, asked)).figures()
     return figures
+
+
+def _tool_speeds(limits: MotionLimits, motion: Motion, asked: float) -> tuple[Array, Array, Mask]:
+    """Instants at which the tool is on its path (n,), its speed then, and which it goes on from, (n - 1,).
+
+    Those between which the speed begins or ceases to be held are next to each other.
+    """
+    time, speed, part = [np.empty(0)], [np.empty(0)], [np.empty(0, dtype=np.intp)]
+    lifted = np.append(np.cumsum(~segments_on_path(motion)), 0)
+    for every in motion_pieces(limits, motion):
+        pieces = every.take(every.on_path)
+        sample = pieces.sample(np.repeat(LOOKS[:, None], len(pieces.start), axis=1))
+        time.append(sample.time.reshape(len(LOOKS), -1).T.ravel())
+        speed.append(_speed(limits, sample).reshape(len(LOOKS), -1).T.ravel())
+        part.append(np.repeat(lifted[pieces.segment], len(LOOKS)))
+    t, v, run = (np.concatenate(one) for one in (time, speed, part))
+    slow = v < HELD * asked
+    before = np.flatnonzero((np.diff(run) == 0) & (slow[1:] != slow[:-1]))
+    low, high = _crossings(limits, motion, HELD * asked, t[before], t[before + 1], slow[before])
+    between, trajectory = (
+        np.column_stack([low, high]).ravel(),
+        trajectory_within(limits.robot, motion, limits.speeds),
+    )
+    at = np.repeat(before + 1, 2)
+    t, run = np.insert(t, at, between), np.insert(run, at, run[at - 1])
+    return t, np.insert(v, at, _speed(limits, trajectory.sample(between))), np.diff(run) == 0
+
+
+def _crossings(
+    limits: MotionLimits, motion: Motion, held: float, low: Array, high: Array, slow: Mask
+) -> tuple[Array, Array]:
+    """Instants (n,) next to each other, between others, the tool slower than ``held`` at one of the two."""
+    trajectory = trajectory_within(limits.robot, motion, limits.speeds)
+    for _ in range(BISECTIONS if len(low) else 0):
+        middle = (low + high) / 2
+        first = (_speed(limits, trajectory.sample(middle)) < held) == slow
+        low, high = np.where(first, middle, low), np.where(first, high, middle)
+    return low, high
+
+
+def _speed(limits: MotionLimits, sample: TrajectorySample) -> Array:
+    """Speed of the tool at n instants, (n,) [m/s]."""
+    q, velocity, _ = sample.columns
+    return np.linalg.norm(tool_velocity(limits.robot, q, velocity), axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,24 +85,31 @@ class _HeldSpeed:
     asked: float  # [m/s]
     time: Array  # (n,) instants at which the tool is on its path [s]
     speed: Array  # (n,) of the tool then [m/s]
+    goes_on: Mask  # (n - 1,) from each instant to the next
 
     def figures(self) -> dict[str, Any]:
         """Shares of time at which the speed is held, and what keeps the tool from it where."""
         held = self.speed >= HELD * self.asked
         elsewhere = self._from_stops.min(axis=0) > self._braking
-        slow, apart = np.concatenate([[False], ~held, [False]]), np.diff(self.time) > 1.5 / RATE
+        slow, apart = np.concatenate([[False], ~held, [False]]), ~self.goes_on
         apart = np.concatenate([[True], apart, [True]])
         starts = np.flatnonzero(slow[1:] & (~slow[:-1] | apart))
         ends = np.flatnonzero(slow[:-1] & (~slow[1:] | apart)) - 1
         longest = np.argsort(self.time[starts] - self.time[ends], kind="stable")[:MAX_PLACES]
         return {
             "asked": self.asked,
-            "held": float(np.mean(held)) if len(held) else 0.0,
-            "held_elsewhere": float(np.mean(held[elsewhere])) if elsewhere.any() else 1.0,
+            "held": self._share(held, np.ones_like(held), 0.0),
+            "held_elsewhere": self._share(held, elsewhere, 1.0),
             "below": len(starts),
             "places": self._places(starts[longest], ends[longest]),
             "corners": [{"setpoint": int(self.motion.setpoint[k]), "turn": turn} for k, turn in self._turns],
         }
+
+    def _share(self, held: Mask, some: Mask, none: float) -> float:
+        """Share of the time between ``some`` of the instants at which the speed is held."""
+        span = np.diff(self.time) * (self.goes_on & some[1:] & some[:-1])
+        whole = float(span.sum())
+        return float(span[held[1:] & held[:-1]].sum()) / whole if whole > 0 else none
 
     def _places(self, starts: Index, ends: Index) -> list[dict[str, Any]]:
         """Where the tool is slower, from one instant to another: by what, and at what of its path."""
@@ -125,8 +168,7 @@ class _HeldSpeed:
     @cached_property
     def _way(self) -> Array:
         """Way of the tool on its path to each instant, (n,) [m]."""
-        span = np.diff(self.time)
-        step = np.where(span < 1.5 / RATE, span * (self.speed[1:] + self.speed[:-1]) / 2, 0.0)
+        step = self.goes_on * np.diff(self.time) * (self.speed[1:] + self.speed[:-1]) / 2
         return np.concatenate([[0.0], np.cumsum(step)])[: len(self.time)]
 
     @cached_property

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from regionik.timing.smooth_path import SmoothPath, smooth_path
 from regionik.timing.time_spline import TimeSpline, time_spline
 from regionik.values import Motion, Plan
-from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.arrays import Array, Index, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.robot import Robot
 from regionik.worlds.speeds import Speeds
@@ -73,6 +73,11 @@ class Trajectory:
     def duration(self) -> float:
         """[s]"""
         return float(self.motion.time[-1])
+
+    @property
+    def knots(self) -> tuple[Array, Index]:
+        """Times (p + 1,) between which all rates are smooth [s], and the segment that each lies on (p,)."""
+        return self.motion.time, np.arange(len(self.motion) - 1)
 
     def sample(self, times: ArrayLike) -> TrajectorySample:
         """Motion at some instants (n,) [s].
@@ -152,6 +157,10 @@ class SplineTrajectory(Trajectory):
         if wrong.any():
             at = self.motion.time[int(np.argmax(wrong))]
             raise InputError(f"times: no motion without jumps has these at {at:g} s; time the plan anew")
+
+    @property
+    def knots(self) -> tuple[Array, Index]:
+        return self.spline.knots.time, self.spline.knots.segment[:-1]
 
     @cached_property
     def spline(self) -> TimeSpline:

@@ -12,9 +12,18 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from regionik.planners.geometry.depths import deepest_inside, farthest_outside
 from regionik.values import Violation
 from regionik.verification.motion import Indices, Mask, MotionSegments, chord_deviation
-from regionik.verification.proofs import Finding, Intervals, IntervalVerdicts, StateNames, bisect, finding
+from regionik.verification.proofs import (
+    MAX_VIOLATIONS,
+    Finding,
+    Intervals,
+    IntervalVerdicts,
+    StateNames,
+    bisect,
+    finding,
+)
 from regionik.worlds.arrays import Array
 from regionik.worlds.obstacles import Shadow
 from regionik.worlds.robot import Robot
@@ -100,8 +109,10 @@ def verify_floor(world: World, segments: MotionSegments, names: StateNames) -> F
         shapely.prepare(shape)
     shapes = footprint_hulls(world.robot, segments.motion.base)
     inside = shapely.covers(grown[EXACT], shapes)
-    off = np.flatnonzero(~inside).tolist()
-    violations = [_off_floor(names, k, names.state(k), shapes[k], ground) for k in off]
+    off = np.flatnonzero(~inside)
+    out = _distances_outside(shapes[off], ground)
+    where = [names.state(k) for k in off.tolist()]
+    violations = [_off_floor(names, *one) for one in zip(off.tolist(), where, out.tolist(), strict=True)]
     candidates = np.flatnonzero(inside[:-1] & inside[1:] & sweep.moving)
     exact = sweep.exact
 
@@ -114,24 +125,36 @@ def verify_floor(world: World, segments: MotionSegments, names: StateNames) -> F
         refuted = np.where(exact[k], ~within, ~shapely.covers(grown[TURNING], middle))
         return IntervalVerdicts(proven, refuted, sweep.moved(k, intervals.length) + 100 * bulge < SHORTEST)
 
-    for item, s in bisect(len(candidates), examine).items():
-        segment = candidates[item : item + 1]
-        k = int(segment[0])
-        if exact[k]:
-            shape = sweep.swept(segment, np.zeros(1), np.ones(1))[0][0]
-        else:
-            shape = footprint_hulls(world.robot, segments.base_at(segment, np.array([s])))[0]
-        violations.append(_off_floor(names, k, names.segment(k), shape, ground))
+    failed = bisect(len(candidates), examine)
+    segment, s = candidates[list(failed)], np.array(list(failed.values()))
+    passed = footprint_hulls(world.robot, segments.base_at(segment, s))
+    whole = sweep.swept(segment, np.zeros(len(s)), np.ones(len(s)))[0]
+    out = _distances_outside(np.where(exact[segment], whole, passed), ground)
+    where = [names.segment(k) for k in segment.tolist()]
+    violations += [_off_floor(names, *one) for one in zip(segment.tolist(), where, out.tolist(), strict=True)]
     inner = shapely.distance(shapes[inside], edge)
     return finding("floor", float(inner.min(initial=np.inf)), violations)
 
 
-def _off_floor(
-    names: StateNames, state: int, where: str, shape: shapely.Geometry, ground: shapely.Geometry
-) -> Violation:
-    outside = shapely.get_coordinates(shapely.difference(shape, ground))
-    out = float(shapely.distance(shapely.points(outside), ground).max(initial=0.0))
+def _distances_outside(shapes: Shapes, ground: shapely.Geometry) -> Array:
+    """Distances (n,) from the floor of the farthest point of each footprint; past the first, of a corner.
+
+    Only one of the others is reported, the worst, and its distance is that of its farthest point too [m].
+    """
+    points, owner = shapely.get_coordinates(shapes, return_index=True)
+    out = np.zeros(len(shapes))
+    np.maximum.at(out, owner, shapely.distance(shapely.points(points), ground))
+    some = [*range(min(len(out), MAX_VIOLATIONS))]
+    if len(out) > MAX_VIOLATIONS:
+        some.append(MAX_VIOLATIONS + int(np.argmax(out[MAX_VIOLATIONS:])))
+    out[some] = [farthest_outside(shapes[k], ground) for k in some]
+    return out
+
+
+def _off_floor(names: StateNames, state: int, where: str, out: float) -> Violation:
     text = f"the base is off the floor {where}, by {out:.4f} m"
+    if out <= TURNING:
+        text = f"the base is not proven to stay on the floor {where}"
     return Violation("floor", state, names.owner(state), out, text)
 
 
@@ -163,7 +186,8 @@ class _ClearanceProof:
         state, solid = self._close_pairs(shapes, 0.0)
         distance = self._distances(shapes[state], solid)
         bad = distance < self.limit - EXACT
-        rows = list(zip(state[bad].tolist(), solid[bad].tolist(), distance[bad].tolist(), strict=True))
+        depth = self._depths(shapes[state[bad]], solid[bad], distance[bad]).tolist()
+        rows = list(zip(state[bad].tolist(), solid[bad].tolist(), depth, strict=True))
         violations = [self._violation(k, self.names.state(k), j, d) for k, j, d in rows]
         hit = {(k + step, j) for k, j, _ in rows for step in (0, -1)}
         count = len(segments)
@@ -176,15 +200,22 @@ class _ClearanceProof:
             len(segment),
             lambda intervals: self._examine(segment[intervals.item], solid[intervals.item], intervals),
         )
-        for item, s in unproven.items():
-            row, j = segment[item : item + 1], solid[item : item + 1]
-            k = int(row[0])
-            at = segments.base_at(row, np.array([s]))
-            shape = hull[row] if exact[k] else footprint_hulls(segments.robot, at)
-            found = float(self._distances(shape, j)[0])
-            violations.append(self._violation(k, self.names.segment(k), int(j[0]), found))
+        row, near = segment[list(unproven)], solid[list(unproven)]
+        at = footprint_hulls(segments.robot, segments.base_at(row, np.array(list(unproven.values()))))
+        met = np.where(exact[row], hull[row], at)
+        found = self._depths(met, near, self._distances(met, near)).tolist()
+        for k, j, distance in zip(row.tolist(), near.tolist(), found, strict=True):
+            violations.append(self._violation(k, self.names.segment(k), j, distance))
         least = self._least_distance(np.concatenate([shapes, hull[exact]]))
         return finding("clearance", least - self.limit, violations)
+
+    def _depths(self, shapes: Shapes, solid: Indices, distance: Array) -> Array:
+        """Distances, of the first footprints that overlap a shadow by how deep they are in it, below 0."""
+        found, cores = distance.copy(), self.cores[solid]
+        over = np.flatnonzero((shapely.area(cores) > 0) & shapely.intersects(shapes, cores))
+        for k in over[:MAX_VIOLATIONS].tolist():
+            found[k] = -self.radii[solid[k]] - deepest_inside(shapes[k], cores[k])
+        return found
 
     def _examine(self, segment: Indices, solid: Indices, intervals: Intervals) -> IntervalVerdicts:
         hull, bulge = self.sweep.swept(segment, intervals.low, intervals.high)
@@ -217,7 +248,9 @@ class _ClearanceProof:
 
     def _violation(self, state: int, where: str, solid: int, distance: float) -> Violation:
         how = "comes within" if distance < self.limit else "is not proven to stay outside"
-        near = f"the base {how} {max(distance, 0.0):.4f} m of {self.solids[solid]} {where}"
+        near = f"the base {how} {distance:z.4f} m of {self.solids[solid]} {where}"
+        if distance < 0:
+            near = f"the base is {-distance:.4f} m inside {self.solids[solid]} {where}"
         text = f"{near}; the clearance is {self.limit:g} m"
         return Violation("clearance", state, self.names.owner(state), max(0.0, self.limit - distance), text)
 

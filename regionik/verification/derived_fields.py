@@ -6,7 +6,7 @@ own stages (`regionik.area_verification` does that); what is checked here is tha
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from functools import lru_cache
 from typing import Any
@@ -19,6 +19,7 @@ from regionik.values import Plan, PlannedArea, Violation
 from regionik.verification.motion import MotionSegments
 from regionik.verification.proofs import Finding, StateNames, finding
 from regionik.worlds.arrays import Array
+from regionik.worlds.speeds import Speeds
 
 ROUNDING = 1e-6  # by which a field may differ [m], [s], [m2], or as a share of what is computed
 GRID = 1e-10  # of coordinates on which an overlay that looks wrong is computed again [m]
@@ -57,7 +58,7 @@ def _wrong_tools(segments: MotionSegments, names: StateNames) -> Iterator[Violat
 
 
 def _wrong_errors(plan: Plan, names: StateNames) -> Iterator[Violation]:
-    """Errors of set-points that are not the distance of the tool from the target."""
+    """Errors of set-points that are not the tool's distance from the target, and false convergence."""
     pairs = list(zip(plan.setpoints, plan.world.task, strict=False))
     if not pairs:
         return
@@ -68,28 +69,40 @@ def _wrong_errors(plan: Plan, names: StateNames) -> Iterator[Violation]:
         if abs(found.error - error) > ROUNDING:
             text = f"the error at {names.setpoint(i)} is {error:.4g} m, the plan says {found.error:.4g} m"
             yield Violation("derived", None, i, abs(found.error - error), text)
+        close = error <= plan.world.rules.tolerance + ROUNDING
+        if found.converged != close:
+            said = "converged" if found.converged else "did not converge"
+            text = f"the plan says that {names.setpoint(i)} {said}, its tool is {error:.4g} m off"
+            yield Violation("derived", None, i, 0.0, text)
 
 
 def _wrong_figures(plan: Plan, segments: MotionSegments) -> Iterator[Violation]:
-    """Figures in ``stats`` that set-points, states, stops and times do not give.
-
-    States and travel are those of the motion before it was timed.
-    """
+    """Figures in ``stats`` that set-points, states, stops, times and speeds do not give."""
     stats, motion = plan.stats, plan.motion
-    computed: dict[str, float] = {"setpoints": len(plan.setpoints)}
+    computed: dict[str, float] = {"setpoints": len(plan.setpoints), "states": len(motion)}
+    computed["base_travel"] = float(segments.base_length.sum())
     if plan.setpoints:
         computed["iterations"] = sum(found.iterations for found in plan.setpoints)
         computed["largest_error"] = max(found.error for found in plan.setpoints)
-    if np.isnan(motion.time).all():
-        computed |= {"states": len(motion), "base_travel": float(segments.base_length.sum())}
     for key, value in computed.items():
         yield from _differing(f"stats.{key}", stats.get(key), value)
     for key, inner, value in (
         ("timing", "duration", float(motion.time[-1])),
+        ("timing", "blend", (plan.world.speeds or Speeds()).blend),
         ("stops", "count", float(len(plan.stops))),
     ):
         if isinstance(stats.get(key), dict):
             yield from _differing(f"stats.{key}.{inner}", stats[key].get(inner), value)
+    order, count = stats.get("order"), len(plan.world.task)
+    if order is not None and not plan.skipped and not is_order(order, count):
+        text = f"the plan's stats.order does not name each of {count} set-points once"
+        yield Violation("derived", None, None, 0.0, text)
+
+
+def is_order(order: Any, count: int) -> bool:
+    """Return whether a value names each of so many set-points once."""
+    whole = isinstance(order, Sequence) and all(type(i) is int for i in order)
+    return whole and sorted(order) == list(range(count))
 
 
 def _wrong_margins(stated: Any, margins: dict[str, float]) -> Iterator[Violation]:

@@ -9,6 +9,7 @@ import shapely
 from numpy.typing import NDArray
 from scipy.special import bdtr
 
+from regionik.planners.geometry.depths import farthest_outside
 from regionik.values import Plan, Stop, Violation
 from regionik.verification.base_clearance import base_shadows, footprint_hulls
 from regionik.verification.led_postures import postures_led_to
@@ -43,11 +44,15 @@ def verify_stops(plan: Plan, names: StateNames) -> Finding:
     margins = []
     for n, stop in enumerate(plan.stops):
         violations += _unlikely(plan, n)
+        if stop.criterion != plan.world.rules.stop_criterion:
+            text = f"{_name(plan, n)} was chosen by {stop.criterion}, the rules ask for "
+            text += plan.world.rules.stop_criterion
+            violations.append(Violation("stops", None, stop.first, 0.0, text))
         wanted = plan.world.rules.stop_tolerance
         if not stop.tolerance >= wanted - TOUCH:
             text = f"{_name(plan, n)} promises {stop.tolerance:.4f} m to park in, asked for are {wanted:g} m"
             violations.append(Violation("stops", None, stop.first, wanted - stop.tolerance, text))
-        room = float(_rooms(plan.world, stop.base[None])[0])
+        room = _room(plan.world, stop.base)
         margins.append(room - stop.tolerance)
         if margins[-1] < -TOUCH:
             text = f"{_name(plan, n)} promises {stop.tolerance:.4f} m to park in, it has {room:.4f} m"
@@ -66,7 +71,7 @@ def _incomplete(plan: Plan, names: StateNames) -> Iterator[Violation]:
     if served != list(range(len(plan.world.task))):
         wrong = next((i for i, s in enumerate(served) if s != i), len(served))
         text = f"the stops do not serve every set-point once and in order, from {names.setpoint(wrong)} on"
-        yield Violation("stops", None, min(wrong, len(plan.world.task) - 1), np.inf, text)
+        yield Violation("stops", None, min(wrong, len(plan.world.task) - 1), 0.0, text)
 
 
 def _moving(plan: Plan, names: StateNames) -> Iterator[Violation]:
@@ -94,6 +99,14 @@ def _moving(plan: Plan, names: StateNames) -> Iterator[Violation]:
 
 def _name(plan: Plan, n: int) -> str:
     return f"stop {n + 1} of {len(plan.stops)}"
+
+
+def _room(world: World, base: Array) -> float:
+    """Distance by which the base may be off its pose, at its heading; below 0 off the floor [m]."""
+    room = float(_rooms(world, base[None])[0])
+    if np.isfinite(room):
+        return room
+    return -farthest_outside(footprint_hulls(world.robot, base[None])[0], world.drivable_floor)
 
 
 def _rooms(world: World, bases: Array) -> Array:

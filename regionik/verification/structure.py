@@ -47,7 +47,7 @@ def inconsistencies(plan: Plan, names: StateNames) -> Iterator[Violation]:
     motion, world = plan.motion, plan.world
     reached = np.flatnonzero(motion.kind == "setpoint").tolist()
     yield from _out_of_order(plan, names)
-    yield from _misplaced_steps(plan, names)
+    yield from _misplaced_states(plan, names)
     if len(plan.setpoints) != len(world.task):
         yield _fault(f"the plan lists {len(plan.setpoints)} set-points, its world has {len(world.task)}")
     for k in reached:
@@ -56,6 +56,9 @@ def inconsistencies(plan: Plan, names: StateNames) -> Iterator[Violation]:
             yield _fault(f"{names.setpoint(i)}: its configuration differs from state {k + 1}", k, i)
     if world.start is not None and not _agrees(world.start, motion.base[0], motion.joints[0]):
         yield _fault("the first state is not the start that the world gives", 0)
+    if np.isnan(motion.time).any() and not np.isnan(motion.time).all():
+        k = int(np.argmax(np.isnan(motion.time)))
+        yield _fault(f"state {k + 1} of {len(motion)} has no time, others have", k)
     if (np.diff(motion.time[~np.isnan(motion.time)]) < 0).any():
         yield _fault("the times of the states run backwards")
     yield from _wrong_lift_offs(plan, reached)
@@ -102,16 +105,18 @@ def _out_of_order(plan: Plan, names: StateNames) -> Iterator[Violation]:
             yield _fault(f"state {k + 1} is a set-point but does not say which", k)
 
 
-def _misplaced_steps(plan: Plan, names: StateNames) -> Iterator[Violation]:
-    """Steps that belong neither to the last set-point nor to the next."""
+def _misplaced_states(plan: Plan, names: StateNames) -> Iterator[Violation]:
+    """States between set-points that do not belong to the one that the tool has left."""
     motion = plan.motion
     last = -1
     for k, (kind, i) in enumerate(zip(motion.kind.tolist(), motion.setpoint.tolist(), strict=True)):
         if kind == "setpoint":
             last = i
-        elif kind == "step" and i >= 0 and i not in (last, last + 1):
-            text = f"state {k + 1} is a step that belongs to {names.setpoint(i)}, which is not next to it"
-            yield _fault(text, k, i)
+        elif i != last:
+            owner = names.setpoint(i) if i >= 0 else "no set-point"
+            text = f"state {k + 1} is a {kind} that belongs to {owner}, the tool has "
+            text += f"left {names.setpoint(last)}" if last >= 0 else "left none"
+            yield _fault(text, k, max(i, last))
 
 
 def _wrong_lift_offs(plan: Plan, reached: list[int]) -> Iterator[Violation]:

@@ -35,20 +35,25 @@ from regionik.verification.tool_path import (
     verify_path,
     verify_setpoints,
 )
+from regionik.verification.world_agreement import verify_world
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import Target, World
 
 HEADING_TOLERANCE = 1e-9  # of an answer, where the rules fix the heading [rad]
 ARM_KINDS = ("arm", "self")  # checks that hold for answers only where the rules ask for avoidance
+PATH_KINDS = ("path",)  # checks that do not: their tools are held to ``tolerance``, on no path
 
 
-def verify(plan: Plan) -> Report:
+def verify(plan: Plan, world: World | None = None) -> Report:
     """Check every promise of a plan.
 
     Parameters
     ----------
     plan : Plan
+    world : World, optional
+        One that the plan's own world has to agree with, in all that matters to a plan; each difference is a
+        violation of kind ``world``.
 
     Returns
     -------
@@ -75,7 +80,8 @@ def verify(plan: Plan) -> Report:
         findings.append(found)
         tell("verify", len(findings), 0)
     tell("verify", len(findings), len(findings))
-    return _report([*findings, verify_derived_fields(plan, segments, names, findings)])
+    findings.append(verify_derived_fields(plan, segments, names, findings))
+    return _report(findings if world is None else [verify_world(plan, world), *findings])
 
 
 def _findings(plan: Plan, segments: MotionSegments, names: StateNames) -> Iterator[Finding]:
@@ -126,7 +132,8 @@ def verify_answers(
     Returns
     -------
     Report
-        ``setpoint`` of a violation is the target's row. Margins are those of `regionik.verify`.
+        ``setpoint`` of a violation is the target's row. Margins are those of `regionik.verify`, but for
+        ``path``: an answer is on no path.
 
     Raises
     ------
@@ -139,7 +146,7 @@ def verify_answers(
     wrong = [i for i in rows if not 0 <= i < len(answer.targets) or not answer.reachable[i]]
     if wrong:
         raise InputError(f"which: expected rows of reachable targets, got {wrong[0]}")
-    ignored = () if world.rules.avoidance else ARM_KINDS
+    ignored = PATH_KINDS if world.rules.avoidance else PATH_KINDS + ARM_KINDS
     margins: dict[str, float] = {}
     violations: list[Violation] = []
     for i in rows:

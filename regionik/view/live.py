@@ -15,7 +15,7 @@ import shapely
 from numpy.typing import NDArray
 
 from regionik.areas.ground import ground_of
-from regionik.areas.layers import grow, shadow_of
+from regionik.areas.layers import grow
 from regionik.areas.standing import PathAreas, by_heading, turns_matter
 from regionik.pruning import Pruned, whole_path
 from regionik.regions import path_areas
@@ -32,7 +32,7 @@ from regionik.view.world_picture import (
 )
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import Explanation, InputError, NoPlanFound
-from regionik.worlds.obstacles import Solid
+from regionik.worlds.obstacles import Shadow, Solid
 from regionik.worlds.scene import Floor, World
 
 POLL_INTERVAL = 0.05  # [s]
@@ -102,6 +102,7 @@ def watch(
     `InputError`. Only the file itself is watched, not those it names. ``report`` is called with the verdict,
     a line each time; ``changes`` yields once a change, by default `file_changes`, which never ends.
     """
+    changes = file_changes(path) if changes is None else changes  # a save while areas are found counts
     areas = live_areas(_load(path))
     picture = live_picture(areas)
     camera = picture.camera
@@ -110,7 +111,7 @@ def watch(
     draw_message(visualizer, verdict(areas), camera, picture.legend)
     report(verdict(areas))
     gc.freeze()  # what lives as long as the process: scanning it again takes a tenth of a second each time
-    for _ in file_changes(path) if changes is None else changes:
+    for _ in changes:
         began = time.perf_counter()
         try:
             areas = live_areas(_load(path), areas)
@@ -126,8 +127,11 @@ def watch(
 
 
 def file_changes(path: Path) -> Iterator[None]:
-    """Yield each time a file has changed, for ever; one that is missing is waited for."""
-    last = _stamp(path)
+    """Yield each time a file has changed since this call, for ever; one that is missing is waited for."""
+    return _changes_since(path, _stamp(path))
+
+
+def _changes_since(path: Path, last: tuple[int, int, int] | None) -> Iterator[None]:
     while True:
         time.sleep(POLL_INTERVAL)
         now = _stamp(path)
@@ -200,8 +204,7 @@ def live_meshes(areas: LiveAreas) -> list[SceneMesh]:
     world = areas.world
     ground = ground_of(world)
     obstacles = (
-        _obstacle_meshes(solid, k, world.robot.body_height, ground.clearance + ground.near)
-        for k, solid in enumerate(world.obstacles)
+        _obstacle_meshes(solid, k, ground.surely_taken(solid.name)) for k, solid in enumerate(world.obstacles)
     )
     return [
         *_area_meshes(areas),
@@ -240,12 +243,12 @@ def _floor_meshes(floor: Floor) -> tuple[SceneMesh, ...]:
 
 
 @lru_cache(maxsize=4096)
-def _obstacle_meshes(solid: Solid, k: int, height: float, distance: float) -> tuple[SceneMesh, ...]:
-    """An obstacle and its rejection, which is opaque: two of them may overlap."""
-    shadow, mesh = shadow_of(solid, height, 0.0), scene_obstacle(f"obstacles/{k}", solid)
-    if shadow is None:
+def _obstacle_meshes(solid: Solid, k: int, taken: tuple[tuple[Shadow, float], ...]) -> tuple[SceneMesh, ...]:
+    """An obstacle and its rejection, shadows grown so far, which is opaque: two of them may overlap."""
+    mesh = scene_obstacle(f"obstacles/{k}", solid)
+    if not taken:
         return (mesh,)
-    rejected = grow(shadow, distance, inner=False).simplify(DETAIL)
+    rejected = shapely.union_all([grow(shadow, by, inner=False) for shadow, by in taken]).simplify(DETAIL)
     label = "rejected: too close to a solid"
     return mesh, floor_layer(f"floor/rejected/{k}", rejected, Color.REJECTION, 2, label)
 

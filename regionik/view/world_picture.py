@@ -280,7 +280,7 @@ def picture_of_explanation(world: World, explanation: Explanation, target: Targe
     return replace(
         before,
         title=f"{world.name}: why not",
-        facts=(f"in the way: {blamed}", *(repair.text for repair in explanation.repairs)),
+        facts=(explanation.reason, f"in the way: {blamed}", *(repair.text for repair in explanation.repairs)),
         bodies=tuple(bodies),
     )
 

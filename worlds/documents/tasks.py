@@ -41,6 +41,7 @@ from regionik.worlds.toolpath import (
 )
 
 SETPOINTS_LIMIT = 200_000  # a plan of so many can still be read back
+SAME_POINT, SAME_AIM = 1e-6, 1e-9  # by which neighbouring set-points differ that are one [m], [1]
 Count = Annotated[int, Field(ge=2, le=1_000_000)]
 
 
@@ -192,6 +193,26 @@ def read_task(
         targets.extend(found)
         places.extend([place] * len(found))
     return tuple(targets), places
+
+
+def without_repeats(task: tuple[Target, ...]) -> tuple[tuple[Target, ...], list[int]]:
+    """Return set-points of which none is the one before it given again, and which those were, from 0.
+
+    Where pieces meet end to start the tool would stand, while base and arm went from one posture of that
+    point to another.
+    """
+    again = [k for k in range(1, len(task)) if _is_same(task[k - 1], task[k])]
+    return tuple(np.delete(np.array(task, dtype=object), again)), again
+
+
+def _is_same(one: Target, other: Target) -> bool:
+    aims = (one.direction, other.direction), (one.orientation, other.orientation)
+    return (
+        float(np.linalg.norm(one.position - other.position)) <= SAME_POINT
+        and one.cone == other.cone
+        and all((a is None) == (b is None) for a, b in aims)
+        and all(a is None or b is None or float(np.abs(a - b).max()) <= SAME_AIM for a, b in aims)
+    )
 
 
 def _path(part: Piece, where: str, place: str, folder: Path, most: int) -> ToolPath:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -23,12 +23,19 @@ from regionik.worlds.documents.environment import (
 )
 from regionik.worlds.documents.frames import FramesPart, read_frames
 from regionik.worlds.documents.robots import RobotPart, read_robot, robot_to_document
-from regionik.worlds.documents.tasks import PiecePart, read_task, task_to_document
+from regionik.worlds.documents.tasks import PiecePart, read_task, task_to_document, without_repeats
 from regionik.worlds.errors import FileNote, InputError, located, located_error
 from regionik.worlds.execution import Execution, ParkingAccuracy
 from regionik.worlds.frames import FrameNames
 from regionik.worlds.obstacles import Solid
-from regionik.worlds.readers.text import SUFFIXES, is_file_name, name_as_text, plain_mapping, read_document
+from regionik.worlds.readers.text import (
+    SUFFIXES,
+    is_file_name,
+    join_names,
+    name_as_text,
+    plain_mapping,
+    read_document,
+)
 from regionik.worlds.readers.validation import (
     NAME_LENGTH,
     Many,
@@ -197,6 +204,11 @@ def load_world(name_or_path: str | Path) -> World:
     InputError
         One line: the file, the place in it, what was expected and the valid choices.
 
+    Warns
+    -----
+    FileNote
+        Where set-points of a path are given twice in a row, which are taken once.
+
     Examples
     --------
     >>> world = load_world("pillar")
@@ -208,7 +220,20 @@ def load_world(name_or_path: str | Path) -> World:
     document = read_document(path)
     if {"states", "setpoints"} <= set(document):
         raise InputError(f"{path}: expected a world, this is a plan: regionik show {path} shows it")
-    return world_from_document(document, str(path), path.parent)
+    world = world_from_document(document, str(path), path.parent)
+    if world.rules.mode == "stops":
+        return world
+    task, again = without_repeats(world.task)
+    if not again:
+        return world
+    names = join_names((str(k + 1) for k in again), 12)
+    what = (
+        f"set-point {names} is the one before it"
+        if len(again) == 1
+        else f"set-points {names} are those before"
+    )
+    warnings.warn(f"{path}: {what} given again: taken once", FileNote, stacklevel=2)
+    return replace(world, task=task)
 
 
 def world_from_document(document: dict[str, Any], where: str = "world", folder: Path | None = None) -> World:

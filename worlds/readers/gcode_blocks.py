@@ -18,6 +18,7 @@ MOVES, ARCS = ("G0", "G1", "G2", "G3"), ("G2", "G3")
 PLANES = {"G17": ("X", "Y", "Z"), "G18": ("Z", "X", "Y"), "G19": ("Y", "Z", "X")}  # of arcs, the last across
 UNITS = {"G20": INCH, "G21": MILLIMETRE}
 POSITIONS, CENTRES = ("G90", "G91"), ("G90.1", "G91.1")
+MODES = frozenset({*MOVES, *PLANES, *UNITS, *POSITIONS, *CENTRES})
 AWAY = ("G28", "G30", "G53")  # moves to places of the machine, which the program's frame does not know
 ENDS = ("M2", "M30", "M99")
 BLOCK_DELETE = "blocks that begin with /"
@@ -25,10 +26,12 @@ BLOCK_DELETE = "blocks that begin with /"
 _COMMENT = re.compile(r"\([^()]*\)|;.*")
 _WORD = re.compile(r"([A-Z])([-+]?(?:\d+\.?\d*|\.\d+))?")
 # C and Python write small numbers as 1e-05; the filament of a program without blanks is X10E0.5.
-_EXPONENT = re.compile(r"[\d.]\s*(?:E[-+]0\d)", re.IGNORECASE)
+_EXPONENT = re.compile(r"[\d.]E[-+]0\d", re.IGNORECASE)
 _SMALL_EXPONENT = re.compile(r"[\d.]e[-+]?[\d.]")
 _FLOW = re.compile(r"\s*(?:N\d+\s*)?O(?:\d+|<[^>]*>)\s*(?:SUB|CALL|IF|WHILE|DO|REPEAT)\b", re.IGNORECASE)
-_WITH_TEXT = re.compile(r"\s*(?:N\d+\s*)?(M)0*(23|28|117|118|486|862(?:\.\d+)?|928)(?![\d.])", re.IGNORECASE)
+_WITH_TEXT = re.compile(
+    r"\s*(?:N\d+\s*)?(M)0*(23|28|115|117|118|486|862(?:\.\d+)?|928)(?![\d.])", re.IGNORECASE
+)
 _GROUPS = (MOVES, tuple(PLANES), tuple(UNITS), POSITIONS, CENTRES)
 _AXES, _OTHER_AXES, _OFFSETS = frozenset("XYZ"), frozenset("ABCUVW"), frozenset("IJK")
 
@@ -44,11 +47,12 @@ _WITHOUT_AXES = _codes("G", 5, 5.1, 10, 22, 23, 29, 50, 50.1)  # with axis words
 # Axis words are what these set, not where the tool goes: times, homes, speeds, currents, places to park.
 _OWN_WORDS = _codes("G", 4, 28, 30) | _codes(
     "M", 17, 18, 48, 84, 85, 92, 114, 119, 125, 201, 202, 203, 204, 205, 207, 208, 209, 211, 218, 350, 420,
-    421, 422, 425, 566, 569, 572, 593, 600, 601, 603, 701, 702, 851, 900, 906, 907, 908, 911, 912, 913, 914,
-    915, 919,
+    421, 422, 425, 555, 566, 569, 572, 593, 600, 601, 603, 701, 702, 851, 900, 906, 907, 908, 911, 912, 913,
+    914, 915, 919,
 )  # fmt: skip
 _CALLS = _codes("G", 65, 66, 66.1) | _codes("M", 32, 47, 96, 97, 98, 198, 808, *range(810, 820))
 _SHIFTS = _codes("G", 10, 52, 92) | _codes("M", 72, 206, 290, 428, 556, 579, 605, 665, 666, 852)
+_KNOWN = MODES | _PLAIN | _PASSED_OVER | _OWN_WORDS | {*AWAY}
 
 
 @dataclass(frozen=True)
@@ -126,9 +130,9 @@ def _no_words(text: str) -> InputError:
 def _check_codes(codes: tuple[str, ...], words: dict[str, float | None]) -> None:
     """Refuse codes that may move the path and are not followed."""
     with_axes = bool(words.keys() & (_AXES | _OTHER_AXES | _OFFSETS))
-    settings = {*MOVES, *PLANES, *UNITS, *POSITIONS, *CENTRES, *AWAY}
-    known = settings | _PLAIN | _PASSED_OVER | _OWN_WORDS
     for code in codes:
+        if code in MODES:
+            continue
         if code in _CALLS or (code == "M99" and "P" in words):
             raise InputError(f"{code}: calls and jumps are not followed, {_WRITE_OUT}")
         if code in _WITHOUT_AXES and not with_axes and "L" not in words:
@@ -137,10 +141,10 @@ def _check_codes(codes: tuple[str, ...], words: dict[str, float | None]) -> None
             continue
         if code in _SHIFTS:
             raise InputError(f"{code} may shift or scale what the program's axes mean, which is not followed")
-        if code[0] == "G" and code not in known:
+        if code[0] == "G" and code not in _KNOWN:
             valid = ", ".join([*MOVES, *PLANES, *UNITS, *POSITIONS, *CENTRES])
             raise InputError(f"{code} is not read, valid moves and settings: {valid}")
-    if not set(codes) & {"G28", "G30"}:
+    if len(codes) > 1 and not {"G28", "G30"} & set(codes):
         for group in _GROUPS:
             several = list(dict.fromkeys(code for code in codes if code in group))
             if len(several) > 1:
@@ -157,6 +161,12 @@ def _block(codes: tuple[str, ...], words: dict[str, float | None]) -> Block:
         if own not in AWAY and axes and set(codes) & set(MOVES):
             raise InputError(f"{own}: expected a block of its own, as {min(axes)} may be a move's or its own")
         return Block(codes, None, homed, passed_over)
+    foreign = next((code for code in codes if code[0] == "M" and float(code[1:]) >= 100), None)
+    if foreign is not None and not set(codes) & set(MOVES):
+        if axes:
+            told = f"{foreign} with {min(axes)} is not known, it may move the tool or its axes"
+            raise InputError(f"{told}: expected X, Y, Z with moves alone")
+        return Block(codes, None, homed, passed_over)
     values = {letter: number for letter, number in words.items() if number is not None}
     lacking = next((letter for letter in words if letter not in values), None)
     if lacking is not None:
@@ -164,16 +174,9 @@ def _block(codes: tuple[str, ...], words: dict[str, float | None]) -> Block:
     turning = next((letter for letter in words if letter in _OTHER_AXES), None)
     if turning is not None:
         raise InputError(f"axis {turning} is not read, expected X, Y and Z alone")
-    foreign = next((code for code in codes if code[0] == "M" and float(code[1:]) >= 100), None)
-    if foreign is not None and axes and not set(codes) & set(MOVES):
-        told = f"{foreign} with {min(axes)} is not known, it may move the tool or its axes"
-        raise InputError(f"{told}: expected X, Y, Z with moves alone")
     return Block(codes, values, homed, passed_over)
 
 
 def _is_named(code: str) -> bool:
     """Return True for codes without effect on the path that a note names."""
-    if code in AWAY or code == "M99":
-        return True
-    silent = {*MOVES, *PLANES, *UNITS, *POSITIONS, *CENTRES, *_PLAIN}
-    return code not in silent
+    return code not in MODES and code not in _PLAIN

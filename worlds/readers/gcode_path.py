@@ -25,6 +25,7 @@ from regionik.worlds.readers.gcode_blocks import (
     CENTRES,
     ENDS,
     MILLIMETRE,
+    MODES,
     MOVES,
     PLANES,
     POSITIONS,
@@ -66,6 +67,8 @@ def read_gcode(path: Path, chord: float) -> ToolPath:
         raise InputError(
             f"{path}: line {number}: M99: expected the end of the file, or M30, after one program"
         )
+    if not program.points and program.away and program.move:
+        raise InputError(f"{path}: {program.lost()}")
     if not program.points:
         raise InputError(f"{path}: expected at least one move, G0 to G3 with X, Y or Z")
     if program.passed_over:
@@ -116,20 +119,15 @@ class _Program:
             self.centre_absolute = code == "G90.1"
 
     def _leave(self, block: Block, code: str) -> None:
-        """Go to a place of the machine: axes are not known until the program gives them again.
-
-        Before the first point they are 0, as at the start of any program.
-        """
+        """Go to a place of the machine: axes are not known until the program gives them again."""
         if "G53" in block.codes and self.move != "G0":
             raise InputError("G53: expected G0, a move to a place of the machine is left out")
-        if self.points:
-            self.away |= dict.fromkeys(block.homed, code)
+        self.away |= dict.fromkeys(block.homed, code)
 
     @staticmethod
     def _owners(block: Block) -> list[str]:
         """Return the codes of a block that words other than axes may belong to."""
-        modes = {*MOVES, *PLANES, *UNITS, *POSITIONS, *CENTRES}
-        return [code for code in block.codes if code not in modes]
+        return [code for code in block.codes if code not in MODES]
 
     def _go(self, values: dict[str, float], owners: list[str]) -> None:
         if not self.move:
@@ -142,17 +140,23 @@ class _Program:
         if not self.relative:
             self.away = {axis: code for axis, code in self.away.items() if axis not in values}
         if self.away and self.move != "G0":
-            axis, code = min(self.away.items())
-            raise InputError(f"{axis} is not known after {code}, expected it before {self.move}")
+            if self.points:
+                raise self.lost()
+            self.away = {}  # printers' home is 0, as the start of any program
         if self.move in ARCS:
             if not self.points:
                 raise InputError(f"{self.move}: expected a straight move before the first arc")
             self._add_arc(start, end, values)
-        elif returning and not self.away:
+        elif returning and self.points and not self.away:
             self._come_back(end)
         elif not self.away:
             self._add(end)
         self.at = end
+
+    def lost(self) -> InputError:
+        """Return the error of a program that works where an axis is not known."""
+        axis, code = min(self.away.items())
+        return InputError(f"{axis} is not known after {code}, expected it before {self.move}")
 
     def _check_words(self, values: dict[str, float], owners: list[str]) -> None:
         """Refuse words that say of a move what is not done."""

@@ -117,10 +117,15 @@ def is_file_name(name_or_path: str | Path, suffixes: tuple[str, ...]) -> bool:
     return isinstance(name_or_path, Path) or text.lower().endswith(suffixes) or "/" in text or "\\" in text
 
 
+def count_values(text: str | bytes) -> int:
+    """Return about how many values JSON has, and at least as many."""
+    data = text.encode() if isinstance(text, str) else text
+    return sum(data.count(sign) for sign in (b",", b"[", b"{"))
+
+
 def check_count(text: str | bytes, limit: int, where: str) -> None:
     """Refuse JSON of more values than fit into memory, before any of them is made."""
-    data = text.encode() if isinstance(text, str) else text
-    count = sum(data.count(sign) for sign in (b",", b"[", b"{"))
+    count = count_values(text)
     if count > limit:
         raise InputError(f"{where}: expected at most {limit} values, got about {count}")
 

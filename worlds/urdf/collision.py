@@ -69,7 +69,7 @@ def collision_model(
     A box stays a box and a capsule a capsule, a cylinder becomes the least capsule around it, a sphere one of
     next to no length, a mesh a few boxes and capsules; where there are many, those of a link share some
     (`regionik.worlds.urdf.decomposition`). A mesh that is missing or unreadable is noted, and something
-    stands in for it (`regionik.worlds.urdf.stand_ins`). Links that are ``resting`` on the base do not decide
+    stands in for it (`regionik.worlds.urdf.stand_ins`). Neither that nor ``resting`` links of the base decide
     where it is cut.
     """
     meshes = MeshFiles(model.path)
@@ -108,10 +108,9 @@ def collision_model(
             f"no arm link has a collision element: capsules of radius {LINK_RADIUS:g} m replace them"
         )
         pieces += [solid_part(capsule) for capsule in capsules_along(chain, LINK_RADIUS)]
+    base = base_shape(fixed, height, resting | lacking.get(BASE, set()))
     ordered = sorted(pieces, key=lambda part: part.link)
-    return CollisionModel(
-        tuple(ordered), base_shape(fixed, height, resting), tuple(notes), _huge(sizes, chain)
-    )
+    return CollisionModel(tuple(ordered), base, tuple(notes), _huge(sizes, chain))
 
 
 def _huge(sizes: dict[str, float], chain: Chain) -> tuple[str, ...]:
@@ -186,21 +185,21 @@ class BaseShape:
 
 
 def base_shape(
-    parts: Sequence[CollisionPart], height: float | None, resting: frozenset[str] = frozenset()
+    parts: Sequence[CollisionPart], height: float | None, loose: frozenset[str] = frozenset()
 ) -> BaseShape:
     """Return the base that contains all parts; cut at ``height``, or where that saves most [m].
 
-    Links that are ``resting`` on it, such as a second arm's, do not decide where it is cut.
+    ``loose`` links, such as a second arm's, do not decide where it is cut.
     """
     if not parts:
         return BaseShape(np.empty((0, 2)), 0.0)
-    body = [part for part in parts if not part.sources <= resting]
+    body = [part for part in parts if not part.sources <= loose]
     cut = _best_height(body or parts, _surface(body or parts)) if height is None else height
     tall = [_upper(part, cut) for part in parts if part.points[:, 2].max() > cut + _LEAST / 2]
     solids = (
         solid
         for rests in (False, True)
-        for solid in decompose([part for part in tall if (part.sources <= resting) is rests], MOST_SOLIDS)
+        for solid in decompose([part for part in tall if (part.sources <= loose) is rests], MOST_SOLIDS)
     )
     sources = frozenset().union(*(part.sources for part in parts))
     return BaseShape(convex_outline(_lower(_surface(parts), cut)), cut, tuple(solids), sources)

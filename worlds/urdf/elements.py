@@ -243,6 +243,7 @@ def _joint(element: Element) -> UrdfJoint:
 def _mimic(element: Element | None, place: str) -> Mimic | None:
     if element is None:
         return None
+    refuse_others(element, ("joint", "multiplier", "offset"), place)
     multiplier, offset = (
         numbers(element, key, place, (default,))[0] for key, default in (("multiplier", 1.0), ("offset", 0.0))
     )

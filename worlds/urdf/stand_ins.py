@@ -15,7 +15,7 @@ from regionik.worlds.urdf.kinematic_tree import PlacedLink
 
 # The solid box of a mass and inertia is smaller than the link, which is hollow, or heavy in its middle. Made
 # wider so, it holds 88 in a hundred of 350 links of published robots.
-WIDER, MORE = 1.5, 0.05  # times, and then to each side [m]
+WIDER, MORE = 1.5, 0.05  # times, and then to each side, if it is not smaller itself [m]
 
 
 def arm_stand_in(chain: Chain, owner: int) -> LinkCapsule:
@@ -29,10 +29,11 @@ def arm_stand_in(chain: Chain, owner: int) -> LinkCapsule:
 def base_stand_in(model: UrdfModel, link: PlacedLink) -> LinkBox:
     """Return a box round a link of the base: its frame, the joints on it, and how its mass is spread."""
     spots = [np.zeros(3), *(one.T_parent_joint[:3, 3] for one in model.joints if one.parent == link.name)]
-    points = np.concatenate([spot + LINK_RADIUS * CUBE_CORNERS for spot in spots])
     inertial = model.inertials.get(link.name)
-    if inertial is not None:
-        points = np.concatenate([points, _inertia_box(inertial)])
+    if inertial is not None and inertial.tensor.any():
+        points = np.vstack([*spots, _inertia_box(inertial)])
+    else:
+        points = np.concatenate([spot + LINK_RADIUS * CUBE_CORNERS for spot in spots])
     low, high = points.min(axis=0), points.max(axis=0)
     T = np.eye(4)
     T[:3, 3] = (low + high) / 2
@@ -43,7 +44,8 @@ def _inertia_box(inertial: Inertial) -> Array:
     """Corners (8, 3) in the link's frame of the solid box of a mass and its moments, made wider."""
     moments, axes = np.linalg.eigh(inertial.tensor)
     spread = np.clip(moments.sum() - 2 * moments, 0.0, None) / (2 * inertial.mass)  # variance along each axis
-    corners = (WIDER * np.sqrt(3 * spread) + MORE) * CUBE_CORNERS
+    half = np.sqrt(3 * spread)
+    corners = (WIDER * half + min(MORE, float(half.max()))) * CUBE_CORNERS
     return transform_points(inertial.T_link_inertial, corners @ axes.T)
 
 

@@ -1,0 +1,214 @@
+"""Floor that is cut off: which obstacles together keep a base from places, and how wide ways to them are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from shapely.geometry import LineString
+from shapely.geometry.base import BaseGeometry
+
+from regionik.areas.ground import ground_of
+from regionik.areas.layers import grow
+from regionik.areas.standing import Index, Standing, into_span, outer_by_heading, turning
+from regionik.explain.constraints import CELLS, EDGE, join, no_way_to, setpoint_at, spot
+from regionik.planners.driving.footprint_planner import passage_width
+from regionik.planners.driving.footprint_scene import footprint_width
+from regionik.worlds.arrays import Array
+from regionik.worlds.errors import Cause, Explanation, SetpointFailure
+from regionik.worlds.scene import World
+
+NO_WAY = 1e-3  # a narrower one is rounding of the floor [m]
+EXACT = 1e-4  # to which the widest place of a floor is found [m]
+FEW = 8  # places that are asked for a way
+
+
+class Barrier(NamedTuple):
+    """What keeps a base from places."""
+
+    # Obstacles and `CELLS` that together do, none of which can be left out; none where the floor alone does
+    names: tuple[str, ...]
+    proven: bool  # by outer areas: there is no way at all
+
+    @property
+    def words(self) -> str:
+        """The names in a sentence, and what they do."""
+        named = join([f"the {name}" if name == CELLS else name for name in self.names or ("the floor",)])
+        many = len(self.names) > 1 or self.names == (CELLS,)
+        if self.proven:
+            return f"{named} {'cut' if many else 'cuts'} it off"
+        return f"{named} {'are' if many else 'is'} in the way"
+
+    def causes(self, margin: float | None = None) -> tuple[Cause, ...]:
+        """The names as causes, or the floor, with what is missing [m]."""
+        found = tuple(Cause("obstacle", name, margin) for name in self.names)
+        return found or (Cause("floor", EDGE, margin),)
+
+
+def barrier(world: World, here: Array, there: Array) -> Barrier | None:
+    """What keeps the base from places: obstacles that together do, found by a deletion filter over names.
+
+    Parameters
+    ----------
+    here : (3,) array
+        Place of the arm axis and heading of the base [m], [rad].
+    there : (n, 3) array
+        Places and headings, none of which it gets to.
+
+    Returns
+    -------
+    Barrier or None
+        None where it may get to one of them by the areas that are known.
+    """
+    for standing, proven in ((outer_by_heading, True), (turning, False)):
+
+        def parts(changed: World, standing: Callable[[World], Standing] = standing) -> bool:
+            return _parted(standing(changed), here, there)
+
+        if parts(world):
+            return Barrier(_together(world, parts, LineString([here[:2], there[0, :2]])), proven)
+    return None
+
+
+def poses_in(standing: Standing, components: Sequence[BaseGeometry], side: Index) -> Array:
+    """A place inside each of some components, the largest first, and a heading of its side (n, 3)."""
+    order = np.argsort(-shapely.area(components), kind="stable")[:FEW].tolist()
+    spots = [shapely.point_on_surface(components[k]) for k in order]
+    yaws = [into_span(sum(span) / 2 if np.isfinite(span).all() else 0.0, span)
+            for span in (standing.sides[side[k]].span for k in order)]  # fmt: skip
+    return np.array([[p.x, p.y, yaw] for p, yaw in zip(spots, yaws, strict=True)])
+
+
+def _parted(standing: Standing, here: Array, there: Array) -> bool:
+    """True if the base gets from a pose to none of some."""
+    own = standing.piece_at(here[:2], float(here[2]))
+    return all(standing.piece_at(pose[:2], float(pose[2])) != own for pose in there)
+
+
+def _together(world: World, parts: Callable[[World], bool], way: LineString) -> tuple[str, ...]:
+    """Names of obstacles that together part a world, none of which can be left out.
+
+    Those far from the straight way are dropped first, many at once where that goes.
+    """
+    if parts(_keeping(world, ())):
+        return ()
+    off = {solid.name: np.inf for solid in world.obstacles}
+    ground = ground_of(world)
+    for name, shadow in zip(ground.names, ground.shadows, strict=True):
+        if name in off:
+            off[name] = min(off[name], float(shadow.core.distance(way)))
+    kept = sorted(off, key=lambda name: -off[name]) + ([CELLS] if world.floor.cells else [])
+    size = len(kept) // 2 or 1
+    while size:
+        for k in range(0, len(kept), size):
+            some = kept[k : k + size]
+            rest = [name for name in kept if name not in some]
+            if parts(_keeping(world, rest)):
+                kept = [*kept[:k], *[""] * len(some), *kept[k + size :]]
+        kept = [name for name in kept if name]
+        size = min(size, len(kept)) // 2
+    given = [solid.name for solid in world.obstacles]
+    return tuple(sorted(kept, key=lambda name: given.index(name) if name in given else len(given)))
+
+
+def _keeping(world: World, names: Sequence[str]) -> World:
+    """A world without the obstacles, and cells of a map, that are not named."""
+    solids = tuple(solid for solid in world.obstacles if solid.name in names)
+    floor = world.floor if CELLS in names else replace(world.floor, cells=())
+    return replace(world, obstacles=solids, floor=floor)
+
+
+def cut_off(
+    world: World, i: int, here: Array, there: Array, floor: BaseGeometry, areas: BaseGeometry
+) -> Explanation:
+    """Explain why the base cannot get from where it stands to any known place of set-point i.
+
+    ``here`` (3,) and ``there`` (n, 3) are places of the arm axis and headings, on the ``floor`` that it gets
+    to and in the set-point's ``areas``.
+    """
+    found = barrier(world, here, there) or Barrier((), False)
+    gap, count, who = float(shapely.distance(floor, areas)), len(world.task), setpoint_at(world.task, i)
+    lead = f"to {who[0].lower()}{who[1:]}: it"
+    if i > 0:
+        where = spot(world.task[i].position)
+        lead = f"between set-points {i} and {i + 1} of {count}: the latter at {where}"
+    known = "that the base cannot get to" if found.proven else "to which no way was found for the base"
+    reason = (
+        f"No way was found {lead} has known places only on floor {known}: {found.words}. "
+        f"The nearest such place is {gap:.3f} m beyond the floor the base can drive on, at a clearance of "
+        f"{world.base_clearance:.3f} m."
+    )
+    reason += narrow_passage(world, floor, areas)
+    failures = (SetpointFailure(i, "ladder-broken", reason),)
+    return Explanation("ladder-broken", i, reason, found.causes(gap), failures=failures)
+
+
+def beyond(world: World, i: int, here: BaseGeometry, areas: BaseGeometry) -> SetpointFailure:
+    """The failure of a set-point i whose ``areas`` are all on other floor than the base is on, ``here``."""
+    names = crossed(world, shapely.shortest_line(here, areas)) if not here.is_empty else []
+    reason = f"{setpoint_at(world.task, i)} has known places only on floor that the base cannot get to"
+    return SetpointFailure(
+        i, "ladder-broken", f"{reason}: {join(names or ['the edge of the floor'])} cuts it off."
+    )
+
+
+def walled_off(world: World, i: int, found: Barrier, closest: str) -> Explanation:
+    """Explain that the arm is clear at set-point i at most from floor that the base does not get to.
+
+    ``closest`` tells of the contact of the posture nearest to being clear, if it was none that is.
+    """
+    known = "that the base cannot get to" if found.proven else "to which no way was found for the base"
+    at_best = f" (at best {closest})" if closest else ""
+    reason = (
+        f"{no_way_to(setpoint_at(world.task, i))}: from where the base gets to, the arm was clear in none of "
+        f"the postures that were looked at{at_best}, and its other known places are on floor {known}: "
+        f"{found.words}."
+    )
+    return Explanation("ladder-broken", i, reason, found.causes())
+
+
+def narrow_passage(world: World, here: BaseGeometry, there: BaseGeometry) -> str:
+    """A sentence on the narrowest passage between parts of the floor, where the base is too wide for it."""
+    across = footprint_width(world.robot.footprint)
+    if across == 0:
+        return ""
+    passage = passage_width(_clear_floor(world), here, there)
+    if passage >= across or passage < NO_WAY:
+        return ""  # where there is no way at all, something else has been said
+    return (
+        f" The widest way there is {passage:.3f} m wide at its narrowest, clearance taken off, and the base "
+        f"nowhere less than {across:.3f} m."
+    )
+
+
+def narrow_floor(world: World) -> str:
+    """A sentence on the widest place of the floor, where the base is wider than that all over."""
+    across, floor = footprint_width(world.robot.footprint), _clear_floor(world)
+    if across == 0 or floor.is_empty:
+        return ""
+    wide = 2 * float(shapely.maximum_inscribed_circle(floor, tolerance=EXACT).length)
+    if wide >= across - EXACT:
+        return ""
+    return (
+        f" The floor has no place wider than {wide:.3f} m, clearance taken off, and the base is nowhere less "
+        f"than {across:.3f} m across."
+    )
+
+
+def _clear_floor(world: World) -> BaseGeometry:
+    """Floor less what obstacles and their clearance take of it."""
+    ground = ground_of(world)
+    taken = [grow(shadow, ground.clearance, inner=False) for shadow in ground.shadows]
+    return shapely.difference(ground.floor, shapely.union_all(taken))
+
+
+def crossed(world: World, bridge: BaseGeometry) -> list[str]:
+    """Obstacles whose grown shadows a line on the floor runs through."""
+    ground = ground_of(world)
+    by = ground.clearance + ground.far
+    shadows = zip(ground.names, ground.shadows, strict=True)
+    names = (name for name, shadow in shadows if grow(shadow, by, inner=True).intersects(bridge))
+    return list(dict.fromkeys(names))[:6]

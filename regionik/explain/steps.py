@@ -1,0 +1,112 @@
+"""Steps of a target or an obstacle that may mend a failure: directions, the longest, and a test by areas."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry import Point
+from shapely.ops import nearest_points
+
+from regionik.areas.ground import ground_of
+from regionik.areas.layers import GUARD, grow
+from regionik.areas.reachable import model_of
+from regionik.areas.standing import LEAST_AREA
+from regionik.explain.changes import Move
+from regionik.explain.constraints import without_obstacle
+from regionik.explain.minimal_change import FINE, Opens, circle, sphere
+from regionik.regions import have_known_places, path_areas
+from regionik.worlds.arms import reach_bound
+from regionik.worlds.arrays import Array
+from regionik.worlds.scene import World
+
+AROUND = (0.05, 0.1, 0.15, 0.25, 0.4, 0.6, 1.0)  # lengths of steps of a target that are tried in space [m]
+SPARSE = (0.1, 0.25, 0.6, 1.0)  # the same where areas are sampled, pose by pose [m]
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Steps tested by areas: their directions, the longest, and the test whether each helps."""
+
+    directions: Array
+    most: float
+    opens: Opens
+
+
+def target_steps(move: Move) -> Steps:
+    """Steps of a target: in space where areas are exact, else over the floor."""
+    world, exact = move.world, model_of(move.world, move.world.task[0]).exact
+    around = np.column_stack([circle(32), np.zeros(32)])
+    directions = [_inwards(world), around, sphere(48)] if exact else [_inwards(world), around]
+    return Steps(np.vstack(directions), _farthest(world), _opens(move, space=exact))
+
+
+def steps_around(move: Move) -> tuple[Steps, tuple[float, ...]]:
+    """Steps of a target in space and their lengths: to the free floor, up, down, level and oblique."""
+    world, proven = move.world, model_of(move.world, move.world.task[0]).is_proven(move.world.rules)
+    level = np.column_stack([circle(8 if proven else 4), np.zeros(8 if proven else 4)])
+    upright = np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]])
+    oblique = [(level + way) / np.sqrt(2) for way in upright] if proven else []
+    lengths = AROUND if proven else SPARSE
+    return Steps(
+        np.vstack([_inwards(world), upright, level, *oblique]), lengths[-1], _opens(move, space=True)
+    ), lengths
+
+
+def _opens(move: Move, *, space: bool) -> Opens:
+    """Test by areas whether steps of a target help, over the floor only or in space."""
+    world, target = move.world, move.world.task[0]
+
+    def opens(steps: Array) -> NDArray[np.bool_]:
+        places = target.position + (steps if space else steps * [1.0, 1.0, 0.0])
+        found = have_known_places(world, [replace(target, position=place) for place in places])
+        found[places[:, 2] < 0] = False
+        for k in np.flatnonzero(found):
+            found[k] = all(solid.distance(places[k]) >= 0 for solid in world.solids)
+        return found
+
+    return opens
+
+
+def _farthest(world: World) -> float:
+    """Length of a move that brings the target next to the arm, wherever that may stand [m]."""
+    span, target = reach_bound(world.robot.chain), world.task[0].position
+    off = float(world.floor.polygon.distance(Point(target[:2])))
+    height = abs(float(target[2] - world.robot.mount[2]) - span.height)
+    return off + height + 2 * (span.radius + span.length)
+
+
+def _inwards(world: World) -> Array:
+    """Direction straight to the free floor, (0 or 1, 3)."""
+    free, target = ground_of(world).inner.free, world.task[0].position
+    if free.is_empty:
+        return np.empty((0, 3))
+    there = np.array(nearest_points(free, Point(target[:2]))[0].coords[0])
+    way = np.array([*(there - target[:2]), 0.0])
+    length = float(np.linalg.norm(way))
+    return way[None] / length if length > FINE else np.empty((0, 3))
+
+
+def obstacle_steps(move: Move) -> Steps | None:
+    """Steps of an obstacle over the floor, off the places there would be without it; None without any."""
+    world, ground = move.world, ground_of(move.world)
+    solid = next(solid for solid in world.obstacles if solid.name == move.name)
+    shadow = solid.shadow(world.robot.body_height, above=0.0)
+    areas = path_areas(without_obstacle(world, move.name), world.task)
+    room = shapely.union_all(areas.inner[shapely.area(areas.inner) > LEAST_AREA])
+    if shadow is None or room.is_empty:
+        return None
+    taken = grow(shadow, ground.clearance + ground.far + GUARD, inner=True)
+    spot = world.task[0].position
+
+    def opens(steps: Array) -> NDArray[np.bool_]:
+        moved = np.array([shapely.transform(taken, lambda xy, by=by: xy + by) for by in steps], dtype=object)
+        found: NDArray[np.bool_] = shapely.area(shapely.difference(room, moved)) > LEAST_AREA
+        for k in np.flatnonzero(found):
+            found[k] = solid.distance(spot - [*steps[k], 0.0]) >= 0
+        return found
+
+    low_x, low_y, high_x, high_y = room.union(taken).bounds
+    return Steps(circle(32), float(np.hypot(high_x - low_x, high_y - low_y)), opens)

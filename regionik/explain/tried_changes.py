@@ -1,0 +1,128 @@
+"""Repairs of what only a search refuses, the start or the motion: few changes, each tried by asking again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from regionik.explain.changes import (
+    Change,
+    Move,
+    lower_clearance,
+    move_obstacle,
+    move_start,
+    move_target,
+    one_lift_off,
+    repaired,
+    smallest_first,
+)
+from regionik.explain.constraints import ARM_CLEARANCE, CLEARANCE, mended
+from regionik.explain.minimal_change import Scan, circle
+from regionik.worlds.arrays import Array
+from regionik.worlds.errors import Explanation, Repair
+from regionik.worlds.scene import World
+
+Asked = Callable[[World], bool]
+
+SHARES = (0.5, 1.0)  # of a clearance that is given up
+LENGTHS = (0.1, 0.3)  # of moves [m]
+ASKED = 2  # of the smallest repairs, whether the whole path is planned with them
+FEW = 4  # set-points, up to which a whole path is asked about where a part of it can be planned
+START = Scan(40, 1e-3, 0.01)  # of lengths by which a start is moved
+SPARE = 1e-3  # of a start beyond what frees it, so that the base can drive off [m]
+FARTHEST = 2.0  # of them [m]
+
+
+def mended_motion(world: World, quick: Explanation, plans: Asked) -> Explanation:
+    """The explanation of a search that failed, with the changes with which the path is planned.
+
+    Changes are tried at the set-point that failed and the one before it, then with the whole path.
+    """
+    i = 0 if quick.setpoint is None else quick.setpoint
+    first = max(0, i - 1)
+    part = replace(world, task=world.task[first : i + 1])
+    if plans(part):  # it is not these two alone
+        if len(world.task) > FEW:
+            return quick
+        part, first = world, 0
+    helped = list[Repair]()
+    groups = [list(group) for group in _groups(world, i, quick)]
+    for group in groups:
+        found = (one for one in group if plans(repaired(part, one, i - first)))
+        helped += [one for one in [next(found, None)] if one is not None]
+    small = smallest_first(world, helped)[:ASKED]
+    repairs = tuple(one for one in small if part is world or plans(repaired(world, one, i)))
+    tried = [group[-1].text for group in groups if group]
+    return replace(quick, reason=f"{quick.reason} {mended(repairs, tried)}", repairs=repairs)
+
+
+def _groups(world: World, i: int, quick: Explanation) -> Iterator[Iterator[Repair]]:
+    """Changes of one kind after the other, each from less to more."""
+    if world.rules.max_lift_offs is not None and i > 0:
+        yield iter([one_lift_off(world, i)])
+    for name in (CLEARANCE, ARM_CLEARANCE):
+        lower = lower_clearance(world, name)
+        if lower is not None and world.arm_solids:
+            yield (lower.repair(share * lower.most) for share in SHARES)
+    for name in dict.fromkeys(cause.name for cause in quick.causes if cause.kind == "obstacle"):
+        move = move_obstacle(world, name)
+        if move is not None:
+            yield _moved(move, _away(world, i, name)[None])
+    if quick.verdict == "start-blocked" and world.start is not None:
+        yield _moved(move_start(world), circle(4))
+    elif quick.setpoint is not None:
+        who = f"set-point {i + 1}" if len(world.task) > 1 else "the target"
+        yield _moved(move_target(world, who), np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]))
+
+
+def _moved(move: Move, ways: Array) -> Iterator[Repair]:
+    return (move.repair(length * way) for length in LENGTHS for way in ways)
+
+
+def _away(world: World, i: int, name: str) -> Array:
+    """Direction on the floor from a set-point to an obstacle, (2,)."""
+    solid = next(one for one in world.obstacles if one.name == name)
+    low, high = solid.bounds
+    way: Array = (low + high)[:2] / 2 - world.task[i].position[:2]
+    length = float(np.linalg.norm(way))
+    return way / length if length > 1e-6 else np.array([1.0, 0.0])
+
+
+def mended_start(world: World, quick: Explanation, blocked: Asked, plans: Asked) -> Explanation:
+    """The explanation of a base that cannot stand where it starts, with the changes that free it.
+
+    A repair says so where the path is not planned with it.
+    """
+    found = list[Repair]()
+    lower = lower_clearance(world)
+    deep = any((cause.margin or 0.0) >= world.base_clearance for cause in quick.causes)
+    if lower is not None and not deep:  # no clearance helps a base that stands in a solid, or off the floor
+        amount = START.first(lambda cut: not blocked(lower.at(cut)), lower.most)
+        found += [] if amount is None else [lower.repair(min(amount + SPARE, lower.most))]
+    solids = (move_obstacle(world, cause.name) for cause in quick.causes if cause.kind == "obstacle")
+    moves = [move_start(world), *(move for move in solids if move is not None)]
+    found += [one for one in (_shortest(move, blocked) for move in moves) if one is not None]
+    repairs = [
+        one if plans(repaired(world, one)) else replace(one, text=f"{one.text}, which frees the start alone")
+        for one in smallest_first(world, found)
+    ]
+    told = mended(repairs, [f"move {move.name} by up to {FARTHEST:g} m" for move in moves])
+    return replace(quick, reason=f"{quick.reason} {told}", repairs=tuple(repairs))
+
+
+def _shortest(move: Move, blocked: Asked) -> Repair | None:
+    """The shortest of some steps on the floor that free the start, if any does."""
+    best, found = FARTHEST, None
+    for way in circle(16):
+        change = move.along(way, FARTHEST)
+        length = START.first(_frees(change, blocked), best)
+        if length is not None and (found is None or length < best):
+            best, found = length, change.repair(length + SPARE)
+    return found
+
+
+def _frees(change: Change, blocked: Asked) -> Callable[[float], bool]:
+    """Test whether amounts of a change free the start."""
+    return lambda amount: not blocked(change.at(amount))

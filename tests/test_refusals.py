@@ -1,0 +1,116 @@
+"""What `plan` refuses `why` explains, with the same verdict and causes, and with repairs where one helps."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from regionik.explain.changes import repaired
+from regionik.explain.failures import blocked_start
+from regionik.parking.stops import stops
+from regionik.pipeline import plan, why
+from regionik.reachability.reach import reach
+from regionik.view.page import to_html
+from regionik.view.world_picture import picture_of_explanation
+from regionik.worlds.errors import Explanation, NoPlanFound
+from regionik.worlds.obstacles import Box
+from regionik.worlds.scene import Start, Target, World
+from tests.test_random_worlds import random_world
+from tests.test_skipping import SPOTS, hall
+
+TUBE = tuple(  # round the first set-point, too high for the base to touch
+    Box(f"side {k}", np.array([0.02, 0.5, 0.4]), np.array([*way, 0.4]), k * np.pi / 2)
+    for k, way in enumerate(((0.2, 0.0), (0.0, 0.2), (-0.2, 0.0), (0.0, -0.2)))
+)
+POST = Box("post", np.array([0.4, 0.4, 0.5]), np.array([-0.6, 0.0, 0.25]))
+
+
+def refused(world: World) -> Explanation:
+    """Return why a world is not planned, by both doors."""
+    with pytest.raises(NoPlanFound) as no:
+        plan(world)
+    found, told = no.value.explanation, why(world)
+    assert told is not None
+    assert (told.verdict, told.setpoint, told.causes) == (found.verdict, found.setpoint, found.causes)
+    assert found.causes
+    assert "mend" in found.reason or found.repairs
+    return found
+
+
+def test_a_plan_that_does_not_hold_is_explained() -> None:
+    found = refused(replace(hall(SPOTS[0], avoidance=False), obstacles=TUBE))
+    assert found.verdict == "plan-invalid"
+    assert found.causes[0].name.startswith("side ")
+
+
+def test_a_blocked_start_is_mended_by_a_short_step() -> None:
+    world = hall(SPOTS[0], SPOTS[2])
+    start = Start(np.array([-0.5, 0.0, 0.0]), world.robot.carry)
+    found = refused(replace(world, obstacles=(POST,), start=start))
+    assert found.verdict == "start-blocked"
+    assert {repair.kind for repair in found.repairs} == {"move-start", "move-obstacle"}
+    for repair in found.repairs:
+        assert repair.amount == pytest.approx(0.15, abs=0.01)
+        after = repaired(replace(world, obstacles=(POST,), start=start), repair)
+        assert blocked_start(after) is None
+        assert plan(after)
+
+
+def test_too_little_room_to_park_is_mended_by_a_smaller_circle() -> None:
+    world = hall(SPOTS[0], SPOTS[2], mode="stops", stop_tolerance=0.5)
+    found = refused(world)
+    assert [(repair.kind, repair.name) for repair in found.repairs] == [
+        ("stop-tolerance", "rules.stop_tolerance")
+    ]
+    assert found.repairs[0].amount < 0.5
+    assert stops(repaired(world, found.repairs[0]))
+
+
+@pytest.mark.parametrize(
+    "seeds", [(8, 17), pytest.param(range(60), marks=pytest.mark.slow)], ids=["few", "many"]
+)
+def test_both_doors_say_the_same(seeds: range) -> None:
+    verdicts = set()
+    for seed in seeds:
+        try:
+            plan(random_world(seed))
+        except NoPlanFound:
+            verdicts.add(refused(random_world(seed)).verdict)
+    assert {"unreachable", "start-blocked"} <= verdicts
+
+
+# Changes farther away, and pairs of them ---------------------------------------------------------------
+
+
+def test_two_small_changes_where_no_single_one_does() -> None:
+    plate = Box("plate", np.array([8.0, 8.0, 0.1]), np.array([0.0, 0.0, 0.05]))
+    world = hall()
+    target = Target(np.array([0.2, 0.0, 0.9]))
+    found = why(replace(world, obstacles=(plate,)), target)
+    assert found is not None
+    (repair,) = found.repairs
+    assert len(repair.also) == 1
+    assert repair.text.count(" m") >= 2
+    after = repaired(replace(world, obstacles=(plate,), task=(target,)), repair)
+    assert reach(after, after.task).reachable.all()
+    for single in (replace(repair, also=()), repair.also[0]):
+        alone = repaired(replace(world, obstacles=(plate,), task=(target,)), single)
+        assert not reach(alone, alone.task).reachable.any()
+
+
+def test_what_was_tried_is_said_where_nothing_helps() -> None:
+    narrow = replace(hall(), floor=replace(hall().floor, polygon=hall().floor.polygon.buffer(-0.9)))
+    found = why(narrow, [30.0, 0.0, 0.3])
+    assert found is not None
+    assert found.repairs or "No single change that was tried mends it. Tried were, at most: " in found.reason
+
+
+def test_the_page_shows_sentence_and_causes(tmp_path: Path) -> None:
+    world, target = hall(), Target(np.array([0.0, 0.0, 2.0]))
+    found = why(world, target)
+    assert found is not None
+    to_html(picture_of_explanation(world, found, target), tmp_path / "why.html")
+    page = (tmp_path / "why.html").read_text()
+    assert found.reason.split(". ")[0] in page
+    assert "in the way: youbot" in page

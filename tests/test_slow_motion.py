@@ -1,0 +1,79 @@
+"""Motions that take hours: timing costs what its states cost, whatever the clock shows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+from regionik.timing.limit_usage import largest_usage, slowdowns
+from regionik.timing.limits import MotionLimits, segments_on_path
+from regionik.timing.retime import retime
+from regionik.timing.trajectory import trajectory
+from regionik.verification.verifier import verify
+from regionik.worlds.arrays import Array
+from regionik.worlds.robot import Robot
+from regionik.worlds.speeds import Speeds
+from tests.planned import planned
+
+JERKS = {"base_jerk": 5.0, "joint_jerk": 10.0}
+
+
+@contextmanager
+def counted_states() -> Iterator[list[int]]:
+    """States whose frames are computed while this is on, in turn."""
+    seen, frames = list[int](), Robot.frames
+
+    def counting(self: Robot, base: Array, joints: Array) -> Array:
+        seen.append(int(np.prod(np.shape(base)[:-1])))
+        return frames(self, base, joints)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Robot, "frames", counting)
+        yield seen
+
+
+@pytest.mark.parametrize("jerks", [{}, JERKS], ids=["accelerations", "jerks"])
+def test_a_motion_a_thousand_times_as_slow_costs_hardly_more(jerks: dict[str, float]) -> None:
+    plan, cost = planned("free"), list[int]()
+    for speed in (0.1, 1e-4):
+        with counted_states() as seen:
+            found = retime(plan, Speeds(tool_velocity=speed, **jerks))
+        cost.append(sum(seen))
+        assert verify(found).ok
+    assert cost[1] <= (5 if jerks else 3) * cost[0]
+    assert len(found.motion) <= 20 * len(plan.motion)
+    on_path = segments_on_path(found.motion)
+    tools = found.world.robot.tool(found.motion.base, found.motion.joints)[:, :3, 3]
+    way = np.linalg.norm(np.diff(tools, axis=0), axis=1)[on_path].sum()
+    assert np.diff(found.motion.time)[on_path].sum() == pytest.approx(way / 1e-4, rel=3e-3)
+    assert found.stats["timing"]["tool"]["held"] > 0.99
+
+
+def test_slow_joints_and_a_slow_base_too() -> None:
+    cost = list[int]()
+    for speed in (0.5, 1e-4):
+        with counted_states() as seen:
+            found = retime(planned("free"), Speeds(base_velocity=speed, joint_velocity=speed))
+        cost.append(sum(seen))
+    assert verify(found).ok
+    assert found.motion.time[-1] > 10_000
+    assert cost[1] <= 8 * cost[0]
+
+
+@pytest.mark.parametrize("jerks", [{}, JERKS], ids=["accelerations", "jerks"])
+def test_the_largest_use_of_limits_is_that_of_all_instants(jerks: dict[str, float]) -> None:
+    """Times stretched by random factors: some limits are exceeded, at instants that are nothing special."""
+    found = retime(planned("free"), Speeds(tool_velocity=0.2, **jerks))
+    limits, motion = MotionLimits(found.world.robot, found.world.speeds or Speeds()), found.motion
+    used, moving = largest_usage(limits, motion), trajectory(found)
+    times = np.linspace(0.0, moving.duration, 20_001)[:-1]
+    segment = np.searchsorted(motion.time, times, side="right") - 1
+    sample = moving.sample(times)
+    seen = limits.usage(*sample.columns, segments_on_path(motion)[segment], sample.jerk)
+    for name, value in seen.items():
+        assert (used[name][segment] >= value * (1 - 1e-4) - 1e-9).all(), name
+        assert used[name].max() <= value.max() * (1 + 1e-2) + 1e-9
+    assert slowdowns(limits, motion).max() <= 1.0
