@@ -8,6 +8,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
+from regionik.areas.surroundings import about_path
 from regionik.explain import arm_failures, failures
 from regionik.explain.changes import repaired
 from regionik.explain.questions import ArmQuestion, Oracles, PathQuestion
@@ -292,8 +293,28 @@ def search(world: World, seed: int = 0) -> Plan:
 
 
 def _staged(world: World, seed: int) -> Plan:
-    """Return what the stages make of a world, which the last of them may have verified."""
+    """Return what the stages make of a world, which the last of them may have verified.
+
+    Of a map with thousands of blobs what is about the path comes first; the plan is verified in the whole.
+    """
     check_world(world)
+    near = about_path(world)
+    if near is world:
+        return _staged_within(world, seed)
+    try:
+        found = _staged_within(near, seed)
+        stats = {key: value for key, value in found.stats.items() if key != "margins"}
+        return _verified(
+            replace(
+                found, world=replace(found.world, floor=world.floor, obstacles=world.obstacles), stats=stats
+            )
+        )
+    except NoPlanFound:
+        return _staged_within(world, seed)
+
+
+def _staged_within(world: World, seed: int) -> Plan:
+    """Return what the stages make of a world that may be planned for."""
     _refuse(arm_failures.target_in_solid(world))
     if world.rules.mode == "stops":
         return _plan_stops(world, seed)

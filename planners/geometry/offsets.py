@@ -56,10 +56,11 @@ def _filled(swept: BaseGeometry, shape: BaseGeometry, by: float) -> BaseGeometry
     parts = shapely.get_parts(swept)
     if not shapely.get_num_interior_rings(parts).any():
         return swept
-    whole = []
+    whole, nearer = [], np.nextafter(by, 0.0)
+    shapely.prepare(shape)  # of a map's walls, with tens of thousands of corners
     for part in parts:
         rims = [shapely.points(shapely.get_coordinates(ring)) for ring in part.interiors]
-        true = [shapely.distance(rim, shape).min() >= by for rim in rims]
+        true = [not shapely.dwithin(shape, rim, nearer).any() for rim in rims]
         holes = [ring for ring, one in zip(part.interiors, true, strict=True) if one]
         whole.append(shapely.Polygon(part.exterior, holes))
     return shapely.union_all(whole)

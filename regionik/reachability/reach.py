@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from shapely.geometry import Point
 
 from regionik.areas.standing import LEAST_AREA, PathAreas, anywhere
+from regionik.areas.surroundings import within_reach
 from regionik.executors import Pool, map_unordered
 from regionik.explain.constraints import no_way_to, places_open
 from regionik.explain.failures import no_place
@@ -117,7 +118,8 @@ def _answered(world: World, targets: Array | list[Target], base: tuple[float, fl
     """The answers for the targets of one chunk, from anywhere or from one pose of the base."""
     asked = targets if isinstance(targets, list) else [Target(row) for row in targets]
     positions = np.array([target.position for target in asked]).reshape(-1, 3)
-    results = _decided(world, asked) if base is None else from_base(world, asked, base)
+    near = within_reach(world, positions)
+    results = _decided(near, asked) if base is None else from_base(world, asked, base)
     verdict = np.array([one.verdict for one in results], dtype="<U11")
     bases, joints = np.full((len(asked), 3), np.nan), np.full((len(asked), world.robot.chain.dof), np.nan)
     for i, result in enumerate(results):

@@ -1,0 +1,69 @@
+"""Of maps with many blobs only those within reach are prepared, and answers stay the same."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+
+from regionik.areas import surroundings
+from regionik.areas.surroundings import about_path, within_reach
+from regionik.pipeline import plan
+from regionik.reachability.reach import reach
+from regionik.verification.verifier import verify
+from regionik.worlds.bundled import robot_named
+from regionik.worlds.obstacles import Prism
+from regionik.worlds.scene import Floor, Rules, Start, Target, World
+
+
+def speckled(task: tuple[Target, ...] = ()) -> World:
+    """A floor of 60 x 60 m with 900 blobs two metres apart, and a ragged wall along all of it."""
+    spots = np.stack(np.meshgrid(*[np.arange(-29.0, 30.0, 2.0)] * 2), axis=-1).reshape(-1, 2)
+    blobs = [
+        Prism(f"blob {k}", shapely.box(x, y, x + 0.05, y + 0.05), 0.0, 0.4) for k, (x, y) in enumerate(spots)
+    ]
+    x = np.linspace(-30.0, 30.0, 601)
+    edge = 0.45 + 0.02 * np.sin(40 * x)
+    outline = np.concatenate([np.column_stack([x, edge]), [[30.0, 0.6], [-30.0, 0.6]]])
+    wall = Prism("wall", shapely.Polygon(outline), 0.0, 0.4)
+    floor = Floor(shapely.box(-30, -30, 30, 30), (*blobs, wall))
+    robot = robot_named("youbot")
+    start = Start(np.array([0.3, -0.5, 0.0]), robot.carry)
+    return World("speckled", robot, floor, (), task, Rules(clearance=0.05), start)
+
+
+def test_answers_of_reach_stay_and_far_blobs_are_not_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    world, rng = speckled(), np.random.default_rng(3)
+    targets = np.column_stack([rng.uniform(-1, 1, (9, 2)), rng.uniform(0.1, 0.7, 9)])
+    looked, shadow = list[str](), Prism.shadow
+    with monkeypatch.context() as patch:
+        patch.setattr(Prism, "shadow", lambda self, below: (looked.append(self.name), shadow(self, below))[1])
+        found = reach(world, targets)
+    assert 0 < len(set(looked)) < 100
+    monkeypatch.setattr(surroundings, "MANY", 10**9)
+    whole = reach(speckled(), targets)
+    assert found.verdict.tolist() == whole.verdict.tolist()
+    assert found.reason == whole.reason
+    assert np.allclose(found.base, whole.base, equal_nan=True, atol=1e-9)
+
+
+def test_what_is_left_out_is_out_of_reach_and_what_is_cut_is_cut_beyond_it() -> None:
+    world = speckled((Target(np.array([0.0, 0.2, 0.3])),))
+    near, path = within_reach(world, np.array([[0.0, 0.2]])), about_path(world)
+    assert len(near.solids) < len(path.solids) < len(world.solids)
+    assert {one.name for one in near.solids} < {one.name for one in world.solids}
+    (wall,) = (one for one in near.floor.cells if one.name == "wall")
+    x0, _, x1, _ = wall.polygon.bounds
+    assert -8 < x0 < -1
+    assert 1 < x1 < 8
+    few = replace(world, floor=replace(world.floor, cells=world.floor.cells[:100]))
+    assert within_reach(few, np.zeros((1, 2))) is few
+
+
+def test_a_plan_made_near_its_path_is_verified_in_the_whole_world() -> None:
+    world = speckled(tuple(Target(np.array([x, 0.1, 0.3])) for x in (0.2, 0.4, 0.6)))
+    found = plan(world)
+    assert found.world is world or found.world.floor is world.floor
+    assert verify(found).ok
