@@ -46,7 +46,7 @@ from regionik.worlds.chain import JOINT_SPARE, SPARE_SHARE, within_half_turns
 from regionik.worlds.scene import Target
 
 LEANS = 41  # pitches within a cone that are tried for a posture
-DISTANCES = 200  # of a base on a free floor from the target
+DISTANCES = 50  # of a base on a free floor from the target
 
 
 @dataclass(frozen=True, eq=False)
