@@ -28,7 +28,7 @@ def of_kind(robot: Robot, base: BaseKind) -> Robot:
 
 def strip(width: float, base: BaseKind = "omni", *, yaw: float | None = 0.0, walls: bool = False) -> World:
     """A strip of floor, or of floor between walls, with a line along it; started at a heading, if at any."""
-    floor, solids = shapely.box(0, 0, LENGTH, width), ()
+    floor, solids = shapely.box(0, 0, LENGTH, width), tuple[Box, ...]()
     if walls:
         floor = shapely.box(0, -0.5, LENGTH, width + 0.5)
         sides = {"left": width + 0.1, "right": -0.1}

@@ -12,7 +12,7 @@ from shapely.geometry import LineString
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import ground_of
-from regionik.areas.layers import grow
+from regionik.areas.layers import Geometries, grow
 from regionik.areas.standing import Index, Standing, into_span, outer_by_heading, turning
 from regionik.explain.constraints import CELLS, EDGE, join, no_way_to, setpoint_at, spot
 from regionik.planners.driving.footprint_planner import passage_width
@@ -73,7 +73,7 @@ def barrier(world: World, here: Array, there: Array) -> Barrier | None:
     return None
 
 
-def poses_in(standing: Standing, components: Sequence[BaseGeometry], side: Index) -> Array:
+def poses_in(standing: Standing, components: Geometries, side: Index) -> Array:
     """A place inside each of some components, the largest first, and a heading of its side (n, 3)."""
     order = np.argsort(-shapely.area(components), kind="stable")[:FEW].tolist()
     spots = [shapely.point_on_surface(components[k]) for k in order]

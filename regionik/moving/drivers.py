@@ -200,8 +200,9 @@ class WheeledDriver(Driver):
         """Straight on or back to where a base that touches its bounds may turn, if that leads there."""
         if fits(self.room, *here.base):
             return [here]
+        x, y, yaw = here.base
         for length in LEADS:
-            there = replace(here, base=np.array(arc_end(*here.base, length, 0.0)))
+            there = replace(here, base=np.array(arc_end(x, y, yaw, length, 0.0)))
             room = room_between(self.world, here.base, there.base)
             if fits(self.room, *there.base) and arc_is_free(room, here.base, length, 0.0):
                 return [here, *self.states(here, there, np.stack([here.base, there.base])), there]
