@@ -14,7 +14,7 @@ from regionik.pipeline import plan
 from regionik.reachability.reach import reach
 from regionik.verification.verifier import verify
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.obstacles import Prism
+from regionik.worlds.obstacles import Prism, Shadow
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 
 
@@ -38,8 +38,13 @@ def test_answers_of_reach_stay_and_far_blobs_are_not_looked_at(monkeypatch: pyte
     world, rng = speckled(), np.random.default_rng(3)
     targets = np.column_stack([rng.uniform(-1, 1, (9, 2)), rng.uniform(0.1, 0.7, 9)])
     looked, shadow = list[str](), Prism.shadow
+
+    def looking(self: Prism, below: float) -> Shadow | None:
+        looked.append(self.name)
+        return shadow(self, below)
+
     with monkeypatch.context() as patch:
-        patch.setattr(Prism, "shadow", lambda self, below: (looked.append(self.name), shadow(self, below))[1])
+        patch.setattr(Prism, "shadow", looking)
         found = reach(world, targets)
     assert 0 < len(set(looked)) < 100
     monkeypatch.setattr(surroundings, "MANY", 10**9)

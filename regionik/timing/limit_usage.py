@@ -8,7 +8,7 @@ through the largest of these and those beside it.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,8 +38,8 @@ class MotionPieces:
 
     def take(self, some: Index | Mask) -> MotionPieces:
         """Some of the pieces."""
-        rows = (one[some] for one in (self.start, self.span, self.segment, self.on_path))
-        return MotionPieces(self.limits, self.trajectory, *rows)
+        start, span = self.start[some], self.span[some]
+        return replace(self, start=start, span=span, segment=self.segment[some], on_path=self.on_path[some])
 
     def sample(self, share: Array) -> TrajectorySample:
         """The motion at shares (k, p) of the pieces, row by row, at k p instants."""

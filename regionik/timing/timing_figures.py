@@ -45,7 +45,7 @@ def _tool_speeds(limits: MotionLimits, motion: Motion, asked: float) -> tuple[Ar
         time.append(sample.time.reshape(len(LOOKS), -1).T.ravel())
         speed.append(_speed(limits, sample).reshape(len(LOOKS), -1).T.ravel())
         part.append(np.repeat(lifted[pieces.segment], len(LOOKS)))
-    t, v, run = (np.concatenate(one) for one in (time, speed, part))
+    t, v, run = np.concatenate(time), np.concatenate(speed), np.concatenate(part)
     slow = v < HELD * asked
     before = np.flatnonzero((np.diff(run) == 0) & (slow[1:] != slow[:-1]))
     low, high = _crossings(limits, motion, HELD * asked, t[before], t[before + 1], slow[before])
