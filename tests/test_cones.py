@@ -128,33 +128,33 @@ def _world(*task: Target, **rules: object) -> World:
 def test_what_a_tilted_tool_reaches_is_planned(pitch: float, cone: float, heading: float) -> None:
     """Straight down at 0.3 m nothing is in reach of a youBot; within the cone about it there is."""
     axis = rot_z(heading)[:3, :3] @ axis_at(0.0, pitch)
-    world = _world(*(Target([0.5 + 0.1 * k, 0.0, 0.3], axis, cone) for k in range(2)))
+    world = _world(*(Target(np.array([0.5 + 0.1 * k, 0.0, 0.3]), axis, cone) for k in range(2)))
     found = plan(world)
     assert verify(found).ok
     assert not admissible_area(world, world.task[0]).inner.is_empty
 
 
 def test_a_cone_of_half_a_turn_asks_for_nothing() -> None:
-    spot = [0.5, 0.0, 0.3]
-    free = Target(spot, [0.0, 0.0, 1.0], np.pi)
+    spot = np.array([0.5, 0.0, 0.3])
+    free = Target(spot, np.array([0.0, 0.0, 1.0]), np.pi)
     assert free.direction is None
     assert Target(spot, cone=np.pi, orientation=np.eye(3)).orientation is None
     bare = admissible_area(_world(Target(spot)), Target(spot))
     assert admissible_area(_world(free), free).inner.equals(bare.inner)
-    nearly = Target(spot, [0.0, 0.0, 1.0], np.pi - 1e-5)
+    nearly = Target(spot, np.array([0.0, 0.0, 1.0]), np.pi - 1e-5)
     assert admissible_area(_world(nearly), nearly).inner.area > 0.999 * bare.inner.area
 
 
 def test_postures_that_lean_meet_criteria() -> None:
     criteria = Criteria(manipulability=0.004, joint_margin=0.02)
-    world = _world(Target([0.5, 0.0, 0.3], [0.0, 0.0, -1.0], 1.4), criteria=criteria)
+    world = _world(Target(np.array([0.5, 0.0, 0.3]), np.array([0.0, 0.0, -1.0]), 1.4), criteria=criteria)
     found = plan(world)
     assert verify(found).ok
 
 
 def test_both_sides_of_the_arm_take_part() -> None:
     """Of a cone that holds the vertical, one family leans forwards and back."""
-    target = Target([0.5, 0.0, 0.3], [0.2, 0.0, -1.0], 1.0)
+    target = Target(np.array([0.5, 0.0, 0.3]), np.array([0.2, 0.0, -1.0]), 1.0)
     kinds = reach_model(YOUBOT, "direction").families(target, (FRONT, BACK), inner=True)
     assert len(kinds) == 2
     low, high = (pick(pick(band.pitches) for band in kinds[0].bands) for pick in (min, max))

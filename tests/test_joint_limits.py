@@ -101,7 +101,7 @@ def _raster(count: int) -> tuple[Target, ...]:
     targets = []
     for k in range(count):
         turn: Array = facing @ rotation_about(np.array([0.0, 0.0, 1.0]), 0.2 * k)
-        targets.append(Target([0.05 * k, 0.8, 0.8], cone=0.02, orientation=turn))
+        targets.append(Target(np.array([0.05 * k, 0.8, 0.8]), cone=0.02, orientation=turn))
     return tuple(targets)
 
 

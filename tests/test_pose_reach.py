@@ -90,6 +90,7 @@ def test_cells_are_asked_for_branches_that_were_not_led_to(name: str) -> None:
         asked = asked_cells(endless, aim, Polish(1e-4, 1e-4, 8), tight, none)
         moved = np.abs(asked.outward - tight.outward)
         assert set(np.round(np.unique(moved), 3)) <= {0.0, 0.125, 0.375}
+        assert asked.counted is not None
         i, j = np.nonzero(moved)
         assert reached_from(endless, aim, distances[i] + 0.1 * asked.outward[i, j], bearings[j]).all()
         assert reached_from(endless, aim, *tight.kept(asked.counted[tight.cells]).middles[2].T).all()

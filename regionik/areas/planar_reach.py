@@ -80,10 +80,10 @@ class PlanarReach(ReachModel):
                 which.append(np.array(members, dtype=np.intp)[member])
                 shapes.append(rings[row])
                 found += [family] * len(row)
-        target, places = np.concatenate(which), np.concatenate(shapes)
-        order = np.argsort(target, kind="stable")
-        target, kind = target[order], tuple(found[k] for k in order.tolist())
-        return target, kind, _moved(places[order], positions[target, :2])
+        rows, places = np.concatenate(which), np.concatenate(shapes)
+        order = np.argsort(rows, kind="stable")
+        rows, families = rows[order], tuple(found[k] for k in order.tolist())
+        return rows, families, _moved(places[order], positions[rows, :2])
 
     def fine_rows(self, target: Target, kinds: Sequence[Family], query: ReachQuery) -> FineRows:
         found = [self._rings(family, target.position[2:], query, None)[1] for family in kinds]
@@ -111,7 +111,9 @@ class PlanarReach(ReachModel):
             parts.append(np.concatenate(both, axis=1))
         table = np.concatenate(parts)
         owner, behind = table[:, 0].astype(np.intp), np.pi if family.facing == FRONT else 0.0
-        sectors = Sectors(np.zeros((len(table), 2)), *table[:, 1:3].T, table[:, 3] + behind, table[:, 4])
+        sectors = Sectors(
+            np.zeros((len(table), 2)), table[:, 1], table[:, 2], table[:, 3] + behind, table[:, 4]
+        )
         shapes = sector_polygons(sectors, query)
         return (owner, shapes) if len(family.bands) == 1 else _joined(owner, shapes, len(heights))
 

@@ -105,8 +105,8 @@ class PlanarSolver:
             if best is None or self._worth(found) < self._worth(best):
                 best = found
         assert best is not None
-        places = self._places(target, axis, area, mobile) if target.direction is not None else iter(())
-        others = (self._leaning(target, place, yaw, joints) for place in places)
+        spots = self._places(target, axis, area, mobile) if target.direction is not None else iter(())
+        others = (self._leaning(target, spot, yaw, joints) for spot in spots)
         return next((one for one in others if one is not None), best)
 
     def _held_straight(self, target: Target, axis: Array) -> bool:

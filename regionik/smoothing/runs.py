@@ -158,8 +158,8 @@ class _Layout:
         problem, states = _off_limits(problem, states)
         few = _coarse_rows(worked)
         coarse = self._problem(states[few], within[few], at[few], held, beyond[few])
-        limits = {"lower": problem.lower[few], "upper": problem.upper[few]}
-        coarse, keeper = replace(coarse, parameter=problem.parameter[few], **limits), self._keeper(within)
+        coarse = replace(coarse, lower=problem.lower[few], upper=problem.upper[few])
+        coarse, keeper = replace(coarse, parameter=problem.parameter[few]), self._keeper(within)
         return PathRun(first, last, owner, worked, states, within[worked], problem, coarse, keeper)
 
     def _places(self, first: int, last: int) -> Array:
