@@ -32,6 +32,7 @@ from regionik import pipeline
 from regionik.planners.search.motion_bounds import longest_levers
 from regionik.postures.poses import axis_of
 from regionik.regions import admissible_area
+from regionik.smoothing.smooth_motion import smooth_motion
 from regionik.timing import timing_figures
 from regionik.timing.limits import segments_on_path
 from regionik.timing.retime import retime
@@ -79,7 +80,7 @@ def passed(timed: Plan) -> int:
 
 def planned(name: str, smooth: bool) -> tuple[Plan, float]:
     """The plan of a world and the processor time of planning it once more."""
-    world, keep = load_world(name), pipeline.smooth_motion
+    world, keep = load_world(name), smooth_motion
     with patch.object(pipeline, "smooth_motion", keep if smooth else lambda plan, standing: plan):
         pipeline.search(world)
         start = time.process_time()

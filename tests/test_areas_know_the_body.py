@@ -30,7 +30,7 @@ def under_a_table() -> World:
     robot = robot_named("youbot-real")
     robot = replace(robot, body_height=0.29, mount=np.array([0.0, 0.0, 0.86, 0.0]), base_solids=(column,))
     top = Box("table top", np.array([1.6, 0.8, 0.04]), np.array([1.5, 0.0, 0.69]))
-    task = (Target([1.5, 0.2, 0.95]), Target([1.5, -0.2, 0.95]))
+    task = tuple(Target(np.array([1.5, y, 0.95])) for y in (0.2, -0.2))
     return World("lab", robot, Floor(shapely.box(-1, -2, 4, 2)), (top,), task, Rules(clearance=0.02))
 
 

@@ -88,7 +88,7 @@ def test_a_base_off_the_floor_or_in_a_solid_is_the_reason() -> None:
         ([1.0, 0.0, 0.3], "stands inside crate there"),
         ([0.45, 0.0, 0.0], "m from crate there, and must keep 0.1000 m"),
     ):
-        answer = rik.reach(world, [AHEAD, [5.0, 5.0, 5.0]], base=base)
+        answer = rik.reach(world, np.array([AHEAD, [5.0, 5.0, 5.0]]), base=base)
         assert answer.verdict.tolist() == ["unreachable"] * 2
         assert all(said in reason for reason in answer.reason), answer.reason
 
@@ -164,14 +164,18 @@ def test_what_a_posture_does_is_found(name: str) -> None:
 def test_a_cone_is_used_in_every_plane_of_the_arm() -> None:
     """With the base held the arm's plane is given, and only a tilted last link gets near to what is asked."""
     world, spot = empty("youbot"), np.array([0.35, 0.0, 0.3])
-    asked = [Target(spot, [np.cos(a), np.sin(a), 0.0], cone) for a, cone in ((0.5, 0.6), (0.5, 0.4))]
+    asked = [
+        Target(spot, np.array([np.cos(a), np.sin(a), 0.0]), cone) for a, cone in ((0.5, 0.6), (0.5, 0.4))
+    ]
     answer = rik.reach(world, asked, base=[0.0, 0.0, 0.0])
     assert answer.reachable.tolist() == [True, False]
     assert rik.verify_answers(world, answer, asked).ok
 
 
 def test_rules_of_heading_hold_there() -> None:
-    fixed = replace(empty(heading="fixed"), start=Start([0, 0, 0.7], robot_named("youbot-real").carry))
+    fixed = replace(
+        empty(heading="fixed"), start=Start(np.array([0, 0, 0.7]), robot_named("youbot-real").carry)
+    )
     assert rik.reach(fixed, [AHEAD], base=HERE).reachable[0]
     turned = rik.reach(fixed, [AHEAD], base=[*HERE[:2], 0.8])
     assert turned.verdict[0] == "unreachable"

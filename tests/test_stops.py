@@ -264,7 +264,7 @@ def test_no_room_to_park_is_explained() -> None:
 def test_a_heading_that_turns_is_refused() -> None:
     with pytest.raises(InputError, match="expected free or fixed"):
         stops(load_world("free"))
-    with pytest.raises(InputError, match="order: any needs rules.mode: stops"):
+    with pytest.raises(InputError, match=r"order: any needs rules\.mode: stops"):
         plan(ruled(load_world("pillar"), order="any"))
 
 

@@ -197,7 +197,8 @@ def map_reach(
         if check and scene.rules.heading == "face_target":
             raise InputError("--check: rules.heading: face_target turns the base at every target")
         if height is not None:
-            chosen, found = (), reach_slice(scene, height, cell)
+            chosen: tuple[Target, ...] = ()
+            found = reach_slice(scene, height, cell)
         else:
             chosen = scene.task if targets is None else targets_along(read_csv(targets), Target.cone)
             found = reach_field(scene, chosen, cell)

@@ -34,7 +34,7 @@ from regionik.planners.geometry.angles import wrap
 from regionik.planners.search.box_search import Verdict
 from regionik.postures.arm import aim_of
 from regionik.postures.arm_guard import SPARE
-from regionik.postures.families import BACK, FRONT, Family
+from regionik.postures.families import BACK, FRONT
 from regionik.postures.poses import Pose, axis_of
 from regionik.postures.serial_solver import serial_solver
 from regionik.reachability.any_base import can_search, rules_out_posture
@@ -46,7 +46,6 @@ from regionik.worlds.scene import Target, World
 
 CELLS = 4_000  # of postures weighed for one target of an arm in one plane
 BOXES = 8_000  # and of any arm
-ANGLES = 24  # at which the last link is held of an arm in one plane, within the cone
 EXACT = 1e-9  # rounding of distances and headings [m], [rad]
 TOUCH = 1e-6  # depth up to which a footprint at the edge of a shadow counts as beside it [m]
 
@@ -188,40 +187,11 @@ def _from_stand(stand: _Stand, target: Target) -> TargetResult:
             return _ruled_out(
                 target, stand, f"in every posture the end of the arm is in or too near to {name}"
             )
-    for family in _families(stand, target):
+    for family in model_of(stand.world, target).families(target, (FRONT, BACK), inner=True):
         pose = search.at(solver_for(stand.world, family, None, stand.span), stand.base)
         if pose is not None:
             return TargetResult("reachable", pose, 0.0, "")
     return _searched(stand, search)
-
-
-def _families(stand: _Stand, target: Target) -> list[Family]:
-    """Families of postures there; of an arm in one plane, at pitches spread over the cone.
-
-    The plane is given: it goes through the target.
-    """
-    model = model_of(stand.world, target)
-    kinds = list(model.families(target, (FRONT, BACK), inner=True))
-    if not model.exact or target.direction is None:
-        return kinds
-    ahead = target.position[:2] - stand.axis
-    for facing in (FRONT, BACK):
-        azimuth = float(np.arctan2(*(facing * ahead)[::-1]))
-        kinds += [Family(facing, pitch, azimuth) for pitch in _pitches(target, azimuth)]
-    return kinds
-
-
-def _pitches(target: Target, azimuth: float) -> list[float]:
-    """Pitches spread over those at which the last link is within the cone, its plane at an azimuth."""
-    assert target.direction is not None
-    ahead = float(target.direction[:2] @ (np.cos(azimuth), np.sin(azimuth)))
-    up = float(target.direction[2])
-    best, most = float(np.arctan2(up, ahead)), float(np.hypot(ahead, up))
-    if most <= np.cos(target.cone):
-        return []
-    half = float(np.arccos(np.clip(np.cos(target.cone) / most, -1.0, 1.0)))
-    shares = np.linspace(-1.0, 1.0, ANGLES + 1)[np.argsort(np.abs(np.linspace(-1.0, 1.0, ANGLES + 1)))]
-    return (best + (half - EXACT) * shares).tolist() if half > EXACT else [best]
 
 
 def _searched(stand: _Stand, search: TargetSearch) -> TargetResult:
