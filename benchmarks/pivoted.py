@@ -115,7 +115,7 @@ def solved(one: Case, areas: PathAreas, row: int, spot: Array) -> bool:
     robot = one.world.robot
     solver = solver_for(one.world, areas.family[row])
     base = pose_of(robot, spot, 0.0)
-    return solver.hold(one.target.position, base, robot.carry).converged
+    return solver.hold(one.target, base, robot.carry).converged
 
 
 def searched(one: Case, spot: Array, starts: int, rng: np.random.Generator) -> float:

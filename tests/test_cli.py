@@ -147,12 +147,12 @@ def test_no_as_json(run: Run, no: tuple[No, Path]) -> None:
     done = run("plan", world, "--json")
     assert done.code == 1
     document = json.loads(done.out)
-    assert set(document) == {"ok", "verdict", "setpoint", "reason", "causes", "repairs"}
+    assert set(document) == {"ok", "verdict", "setpoint", "reason", "causes", "repairs", "failures"}
     assert document["ok"] is False
     assert (document["verdict"], document["setpoint"]) == (what.verdict, what.setpoint)
     assert document["reason"] in done.err
     assert all(set(cause) == {"kind", "name", "margin"} for cause in document["causes"])
-    fields = {"kind", "name", "amount", "unit", "vector", "text"}
+    fields = {"kind", "name", "amount", "unit", "vector", "text", "also"}
     assert all(set(repair) == fields for repair in document["repairs"])
     assert document["causes"]
 

@@ -39,9 +39,9 @@ def test_answers_of_reach_stay_and_far_blobs_are_not_looked_at(monkeypatch: pyte
     targets = np.column_stack([rng.uniform(-1, 1, (9, 2)), rng.uniform(0.1, 0.7, 9)])
     looked, shadow = list[str](), Prism.shadow
 
-    def looking(self: Prism, below: float) -> Shadow | None:
+    def looking(self: Prism, *heights: float) -> Shadow | None:
         looked.append(self.name)
-        return shadow(self, below)
+        return shadow(self, *heights)
 
     with monkeypatch.context() as patch:
         patch.setattr(Prism, "shadow", looking)

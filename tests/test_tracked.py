@@ -105,7 +105,7 @@ def test_a_solid_that_leaves_no_heading_is_named() -> None:
         )
         for k, a in enumerate(np.arange(8) * np.pi / 4)
     )
-    with pytest.raises(NoPlanFound, match=r"25 ways .* all headings .* comes within") as no:
+    with pytest.raises(NoPlanFound, match=r"25 ways .* all headings .* inside bench") as no:
         plan(replace(world, obstacles=(*world.obstacles, *crates), task=world.task[:5]))
     assert no.value.explanation.causes[0].kind == "obstacle"
 

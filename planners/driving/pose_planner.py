@@ -296,7 +296,7 @@ def drive_wheeled(
     Examples
     --------
     >>> from shapely import box
-    >>> from regionik.planners.driving.footprint import footprint_scene
+    >>> from regionik.planners.driving.footprint_scene import footprint_scene
     >>> scene = footprint_scene([[-0.1, -0.1], [0.1, -0.1], [0, 0.1]], box(0, 0, 4, 4))
     >>> path = drive_wheeled(scene, [1, 1, 0], [2, 1, 1], seed=0)
     >>> [segment.kind for segment in path.segments], path.length, path.turning

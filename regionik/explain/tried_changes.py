@@ -52,8 +52,10 @@ def mended_motion(world: World, quick: Explanation, plans: Asked) -> Explanation
     for group in groups:
         found = (one for one in group if plans(repaired(part, one, i - first)))
         helped += [one for one in [next(found, None)] if one is not None]
-    small = smallest_first(world, helped)[:ASKED]
-    repairs = tuple(one for one in small if part is world or plans(repaired(world, one, i)))
+    small = smallest_first(world, helped)
+    # A lift-off is asked about whatever its size: the search itself says that one more would do.
+    asked = [one for k, one in enumerate(small) if k < ASKED or one.kind == "lift-off"]
+    repairs = tuple(one for one in asked if part is world or plans(repaired(world, one, i)))
     tried = [group[-1].text for group in groups if group]
     return replace(quick, reason=f"{quick.reason} {mended(repairs, tried)}", repairs=repairs)
 
