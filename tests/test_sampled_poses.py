@@ -168,3 +168,31 @@ def test_faces_of_an_overlay_are_all_that_discs_share() -> None:
     spots = rng.uniform(0, 1, (2000, 2))
     inside = np.column_stack([shapely.contains_xy(area, spots) for area in areas])
     assert all((found.inside >= row).all(axis=1).any() for row in inside[inside.any(axis=1)])
+
+
+def test_of_areas_that_share_a_place_only_that_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Laid over each other, with many corners each, they had thousands of faces, all but two of no use."""
+    made = list[int]()
+    monkeypatch.setattr(shapely, "polygonize", lambda lines: made.append(len(lines)))
+    rng = np.random.default_rng(2)
+    centers = np.concatenate([at + rng.uniform(-0.2, 0.2, (60, 2)) for at in (0.0, 3.0)])
+    found = overlay_faces(np.array([shapely.Point(at).buffer(1.0, 40) for at in centers], dtype=object))
+    assert not made
+    assert sorted(found.inside.tolist()) == [[False] * 60 + [True] * 60, [True] * 60 + [False] * 60]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_groups_of_areas_have_the_faces_of_all_of_them(seed: int) -> None:
+    """Of each group alone, some with a place that all share: no spot lies in more areas than a face tells."""
+    rng = np.random.default_rng(seed)
+    centers = np.concatenate(
+        [at + rng.uniform(0, spread, (5, 2)) for at, spread in ((0, 0.3), (2, 0.8), (4, 1.5))]
+    )
+    areas = np.array([shapely.Point(at).buffer(0.4) for at in centers], dtype=object)
+    found = overlay_faces(areas)
+    spots = np.concatenate([centers, rng.uniform(-0.5, 6, (3000, 2))])
+    inside = np.column_stack([shapely.contains_xy(area, spots) for area in areas])
+    assert all((found.inside >= row).all(axis=1).any() for row in inside)
+    assert undominated(found.inside).all()
+    for face, row in zip(found.polygon, found.inside, strict=True):
+        assert all(area.buffer(1e-9).covers(face) for area in areas[row])

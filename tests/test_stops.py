@@ -11,17 +11,19 @@ import numpy as np
 import pytest
 import shapely
 from shapely.geometry import Point
+from shapely.geometry.base import BaseGeometry
 
 from regionik.cli.app import run
 from regionik.output.plan_file import load_plan
+from regionik.parking import fewest_stops
 from regionik.parking.fewest_stops import park
 from regionik.parking.placements import PlacementSearch
 from regionik.parking.stops import in_sequence, stops
 from regionik.pipeline import plan
 from regionik.planners.coverage import set_cover
-from regionik.planners.coverage.set_cover import least_cover, undominated
+from regionik.planners.coverage.set_cover import least_cover, overlay_faces, undominated
 from regionik.postures.families import BACK, FRONT
-from regionik.regions import path_areas
+from regionik.regions import outer_areas, path_areas
 from regionik.values import Plan
 from regionik.verification.led_postures import _excess, _Goals, _residual_and_jacobian
 from regionik.verification.verifier import verify
@@ -195,6 +197,21 @@ def test_some_of_many_areas_are_enough_for_a_cover_and_a_bound(
     for group in found.groups:
         for i in group.setpoints:
             assert areas[i].buffer(1e-9).covers(group.places[0])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_bound_asks_for_few_outer_areas(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those of a few set-points bound the stops as those of all do, which take long for many an arm."""
+    world, asked = scattered(seed, 3.0), list[int]()
+    every = overlay_faces(fewest_stops._outer_places(world, world.task))
+
+    def counted(world: World, targets: list[Target]) -> list[BaseGeometry]:
+        asked.append(len(targets))
+        return outer_areas(world, targets)
+
+    monkeypatch.setattr(fewest_stops, "outer_areas", counted)
+    assert park(world).lower == least_cover(every.inside).lower
+    assert 2 * sum(asked) < len(world.task)
 
 
 def test_what_a_place_serves_does_not_depend_on_what_was_asked_before() -> None:

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.csgraph import connected_components
 from shapely.geometry.base import BaseGeometry
 
 from regionik.worlds.arrays import Mask
@@ -38,7 +39,8 @@ class SetCover:
     chosen: tuple[int, ...]
     # no fewer faces do: the bound of the linear relaxation, or of branch and bound where that is higher
     lower: int
-    apart: int  # areas found of which no face hits two: a lower bound that can be checked by hand
+    # areas found of which no face hits two: how many is a lower bound that can be checked by hand
+    apart: tuple[int, ...]
 
 
 def overlay_faces(areas: Geometries, some: Index | None = None) -> OverlayFaces:
@@ -53,9 +55,7 @@ def overlay_faces(areas: Geometries, some: Index | None = None) -> OverlayFaces:
         in them. By default all.
     """
     laid = areas if some is None else areas[some]
-    lines = shapely.union_all(shapely.boundary(laid[~shapely.is_empty(laid)]))
-    polygon = shapely.get_parts(shapely.polygonize([lines]))
-    polygon = polygon[shapely.area(polygon) > LEAST]
+    polygon = np.concatenate([np.empty(0, dtype=object), *map(_faces_that_count, _clusters(laid))])
     inside = _holding(polygon, laid)
     order = np.lexsort((-shapely.area(polygon), -inside.sum(axis=1)))  # of equal faces the largest first
     polygon, inside = polygon[order], inside[order]
@@ -64,6 +64,31 @@ def overlay_faces(areas: Geometries, some: Index | None = None) -> OverlayFaces:
     polygon, inside = polygon[first], inside[first]
     best = undominated(inside) & inside.any(axis=1)
     return OverlayFaces(polygon[best], inside[best] if some is None else _holding(polygon[best], areas))
+
+
+def _clusters(areas: Geometries) -> list[Geometries]:
+    """Areas that are not empty, those together that meet or have others between them that do."""
+    real = areas[~shapely.is_empty(areas)]
+    if not len(real):
+        return []
+    shapely.prepare(real)
+    pairs = shapely.STRtree(real).query(real, predicate="intersects")
+    graph = coo_array((np.ones(pairs.shape[1], dtype=np.int8), tuple(pairs)), shape=(len(real), len(real)))
+    count, label = connected_components(graph, directed=False)
+    return [real[label == k] for k in range(count)]
+
+
+def _faces_that_count(areas: Geometries) -> Geometries:
+    """Faces among which are all of the overlay that no other dominates: where all share a place, that."""
+    shared = shapely.get_parts(shapely.intersection_all(areas))
+    shared = shared[
+        (shapely.get_type_id(shared) == shapely.GeometryType.POLYGON) & (shapely.area(shared) > LEAST)
+    ]
+    if _holding(shared, areas).all(axis=1).any():
+        return shared
+    lines = shapely.union_all(shapely.boundary(areas))
+    polygon = shapely.get_parts(shapely.polygonize([lines]))
+    return polygon[shapely.area(polygon) > LEAST]
 
 
 def _holding(faces: Geometries, areas: Geometries) -> Mask:
@@ -159,6 +184,7 @@ def least_cover_by_faces(parts: Sequence[Geometries]) -> tuple[Index, OverlayFac
             np.concatenate([overlay.inside for overlay in overlays]),
         )
         bound = least_cover(faces.inside[:, some])
+        bound = replace(bound, apart=tuple(some[list(bound.apart)].tolist()))
         if step == 1:
             return which, faces, bound
         if faces.inside.any(axis=0).all():
@@ -179,17 +205,17 @@ def _greedy(inside: Mask) -> list[int]:
     return chosen
 
 
-def _independent(inside: Mask) -> int:
-    """Size of a greedy set of areas of which no two share a face, those that share with fewest first."""
+def _independent(inside: Mask) -> tuple[int, ...]:
+    """A greedy set of areas of which no two share a face, those that share with fewest first."""
     numbers = inside.astype(np.float32)
     near = (numbers.T @ numbers) > 0
     left = np.ones(len(near), dtype=bool)
-    count = 0
+    apart = []
     for k in np.argsort(near.sum(axis=1), kind="stable").tolist():
         if left[k]:
             left &= ~near[k]
-            count += 1
-    return count
+            apart.append(k)
+    return tuple(apart)
 
 
 @dataclass(frozen=True, eq=False)

@@ -41,6 +41,7 @@ from regionik.planners.geometry.offsets import shrunk
 from regionik.planners.progress import track
 from regionik.pruning import cut_off_from
 from regionik.regions import outer_areas, ways_to_stand
+from regionik.worlds.arrays import Array, Mask
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 from regionik.worlds.scene import Target, World
 
@@ -109,16 +110,41 @@ def _covered(world: World, parking_areas: ParkingAreas) -> Parking:
     part, faces, cover = least_cover_by_faces([parking_areas.areas_at(s) for s in sides])
     side = np.array(sides, dtype=np.intp)[part]
     groups = _assigned(world.task, faces, side, cover, parking_areas)
-    some = world.task[:: stride(len(world.task))]  # none does with fewer than some of the set-points need
-    outer = _outer_places(world, some)
-    bound = least_cover(overlay_faces(outer).inside)
+    lower = _fewest_by_outer_areas(world, parking_areas, cover)
     known: dict[str, int | bool | str] = {
-        "lower_bound": bound.lower, "bound": "outer areas",
-        "fewest_of_inner_areas": cover.lower, "apart": cover.apart, "faces": len(faces.polygon),
+        "lower_bound": lower, "bound": "outer areas",
+        "fewest_of_inner_areas": cover.lower, "apart": len(cover.apart), "faces": len(faces.polygon),
     }  # fmt: skip
     middle = shapely.get_coordinates(shapely.point_on_surface(faces.polygon))
     spots = {s: middle[side == s] for s in sides}
-    return Parking(parking_areas, tuple(groups), bound.lower, known, spots)
+    return Parking(parking_areas, tuple(groups), lower, known, spots)
+
+
+def _fewest_by_outer_areas(world: World, parking_areas: ParkingAreas, cover: SetCover) -> int:
+    """Lower bound of the stops in any order, whatever the headings and postures.
+
+    No base does all set-points with fewer stops than some of them need. So outer areas, which take long, are
+    made for those of which no place serves two, and then only for more that the places found so far miss.
+    """
+    rows = np.arange(0, len(world.task), stride(len(world.task)))
+    asked, outer, more = list[int](), np.empty(0, dtype=object), list(cover.apart)
+    while True:
+        asked += more
+        outer = np.concatenate([outer, _outer_places(world, [world.task[i] for i in more])])
+        faces = overlay_faces(outer)
+        bound = least_cover(faces.inside)
+        spots = shapely.get_coordinates(shapely.point_on_surface(faces.polygon[list(bound.chosen)]))
+        missed = rows[~_served(parking_areas, spots)[rows] & ~np.isin(rows, asked)]
+        if bound.lower >= len(cover.chosen) or not len(missed):
+            return bound.lower
+        more = missed[:: -(-len(missed) // len(asked))].tolist()
+
+
+def _served(parking_areas: ParkingAreas, spots: Array) -> Mask:
+    """Mask (n,) of the set-points with an inner area around any of some spots (k, 2)."""
+    areas = np.concatenate([parking_areas.areas_at(s)[:, None] for s in parking_areas.sides], axis=1)
+    around: Mask = shapely.intersects_xy(areas[:, None], *spots.T[:, :, None]).any(axis=(1, 2))
+    return around
 
 
 def _assigned(
