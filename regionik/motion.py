@@ -86,7 +86,7 @@ class _Connection:
             return whole
         way, first = self._arrive(i, here)
         run = search.run(i, count, first, self._ahead)
-        if not wheels and len(run.longest(SOON)) < count:
+        if len(run.longest(SOON)) < count:
             whole = self._all_together(i, count, here, self._elsewhere(i, here, first))
             if whole is not None:
                 return whole

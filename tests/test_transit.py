@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,12 +16,15 @@ from regionik.areas.ground import ground_of
 from regionik.areas.standing import anywhere
 from regionik.moving import transit
 from regionik.moving.base_motion import TURN_STRIDE
-from regionik.moving.drivers import driver_for
+from regionik.moving.drivers import WheeledDriver, WheeledPaths, driver_for
 from regionik.moving.transit import TransitPlanner
+from regionik.planners.driving import pose_planner
 from regionik.planners.driving.point_planner import NoPathError
+from regionik.planners.driving.sampling import connect_poses
 from regionik.planners.geometry.angles import wrap
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import LARGEST_BEND, Pose, axis_of, distinct, pose_between, pose_of
+from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.drives import BaseKind
 from regionik.worlds.obstacles import Box, Cylinder, Solid
@@ -292,3 +296,29 @@ def test_poses_apart_by_rounding_are_one_and_both_ends_stay() -> None:
     near = [Pose(one.base + hair, one.joints - hair) for one in (first, second, last)]
     assert distinct([first, near[0], second, near[1], near[2], last]) == [first, second, last]
     assert distinct([first, near[0]]) == [first]
+
+
+def test_a_base_on_wheels_is_searched_a_way_once_and_none_while_the_tool_is_on_its_path(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """What is asked of the sampling planner is counted: the wall has to be driven round."""
+    wall, asked = Box("wall", np.array([0.1, 2.4, 0.3]), np.array([0.0, 0.0, 0.15])), list[int]()
+
+    def connected(*given: Any, **options: Any) -> Array | None:
+        asked.append(options["seed"])
+        return connect_poses(*given, **options)
+
+    monkeypatch.setattr(pose_planner, "connect_poses", connected)
+    world = world_of("youbot", wall)
+    car = replace(world, robot=replace(world.robot, base="car", turning_radius=0.3))
+    here, there = posed(car, np.array([-1.0, 0.0, 0.0])), posed(car, np.array([1.0, 0.0, 0.0]))
+    driver = WheeledDriver(car, anywhere(car), 0)
+    assert not list(WheeledPaths(driver).between(0, 0, here.base, there.base))
+    assert not asked
+    near = here.base + (-0.3, 0.0, 0.0)
+    assert len(list(WheeledPaths(driver).between(0, 0, here.base, near))) == 3
+    way = driver.route(here, there, 0)
+    searched = len(asked)
+    assert searched
+    np.testing.assert_array_equal(driver.route(here, replace(there, joints=there.joints + 0.1), 0), way)
+    assert len(asked) == searched

@@ -30,6 +30,7 @@ MOST_WORDS = 8  # of a car that are tried between two poses
 NEGLIGIBLE = 1e-12  # shorter motions and smaller turns are none [m], [rad]
 ITERATIONS = 8000  # of RRTConnect in an attempt
 ATTEMPTS = 3  # the cheapest is kept
+SHORT = 1.25  # of the shortest path if nothing were in the way, up to which no other attempt is made
 ROUNDS = (24, 31, 40)  # poses along a path between which shortcuts are tried, in turn
 TURN_WEIGHT = 0.2  # cost of a turn on the spot against driving [m/rad]
 
@@ -127,14 +128,22 @@ def plan_poses(
 ) -> tuple[Array | None, float]:
     """Poses (k, 3) of the cheapest path from start to goal, each steered freely to the next, and its cost.
 
-    The best of a few attempts; None where the first finds nothing.
+    The best of a few attempts, up to one that is hardly longer than if nothing were in the way; None where
+    the first finds nothing.
     """
-    best, least = None, np.inf
+    best, least, enough = None, np.inf, SHORT * _unhindered(base, start, goal)
     for poses in _attempts(scene, base, start, goal, seed):
         kept, cost = shortcut(scene, base, poses)
         if cost < least:
             best, least = kept, cost
+        if least <= enough:
+            break
     return best, least
+
+
+def _unhindered(base: Steering, a: Array, b: Array) -> float:
+    """Cost of the shortest path of a car if nothing is in the way; 0 of another base."""
+    return float(words_between(a, b, base.radius)[1][0]) if base.kind == REEDS_SHEPP else 0.0
 
 
 def _attempts(scene: FootprintScene, base: Steering, start: Array, goal: Array, seed: int) -> Iterator[Array]:
@@ -304,8 +313,7 @@ def drive_wheeled(
     >>> round(drive_wheeled(scene, [1, 1, 0], [1, 1.5, 0], turning_radius=0.5, seed=0).length, 3)
     1.318
     """
-    car = Steering(REEDS_SHEPP, float(turning_radius), 0.0)
-    base = car if turning_radius else Steering(SPIN, 0.0, TURN_WEIGHT)
+    base = _wheels(turning_radius)
     a, b = checked_ends(scene, start, goal, seed)
     if same_pose(a, b):
         return WheeledPath(a, (), "still")
@@ -317,6 +325,20 @@ def drive_wheeled(
         ends = f"from {pose_text(a)} to {pose_text(b)}"
         raise NoPathError(f"no way with {kind} {ends} was found in {ITERATIONS} iterations")
     return _steered(scene, base, poses, "ompl")
+
+
+def steered_path(scene: FootprintScene, a: Array, b: Array, *, turning_radius: float) -> WheeledPath | None:
+    """Path that steering leads on from pose to pose; None where that is not free."""
+    base = _wheels(turning_radius)
+    if not all(fits(scene, *pose) for pose in (a, b)) or direct(scene, base, a, b) is None:
+        return None
+    return _steered(scene, base, np.stack([a, b]), "straight")
+
+
+def _wheels(turning_radius: float) -> Steering:
+    """Steering of a car, or where the radius is 0 of a base that turns on the spot."""
+    car = Steering(REEDS_SHEPP, float(turning_radius), 0.0)
+    return car if turning_radius else Steering(SPIN, 0.0, TURN_WEIGHT)
 
 
 def _steered(scene: FootprintScene, base: Steering, poses: Array, method: str) -> WheeledPath:

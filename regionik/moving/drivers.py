@@ -28,10 +28,10 @@ from regionik.moving.base_motion import TURN_STRIDE, BasePath, Driver, halting, 
 from regionik.planners.driving.arcs import WheeledPath, arc_end
 from regionik.planners.driving.footprint import arc_is_free, fits, slide_is_free
 from regionik.planners.driving.footprint_planner import drive_footprint, path_through_slabs
-from regionik.planners.driving.footprint_scene import FootprintScene, footprint_scene
+from regionik.planners.driving.footprint_scene import footprint_scene
 from regionik.planners.driving.heading_slabs import Slab
 from regionik.planners.driving.point_planner import NoPathError, drive_point, drive_point_inside
-from regionik.planners.driving.pose_planner import drive_wheeled
+from regionik.planners.driving.pose_planner import drive_wheeled, steered_path
 from regionik.planners.geometry.polygons import FlatPolygon, segment_in_either
 from regionik.planners.geometry.polylines import spread_along
 from regionik.postures.poses import LARGEST_BEND, Pose, axis_of, pose_of
@@ -191,10 +191,22 @@ class ByHeadingDriver(Driver):
 class WheeledDriver(Driver):
     """A base that rolls along lines and arcs, or turns on the spot."""
 
-    def path(self, room: FootprintScene, a: Array, b: Array) -> WheeledPath:
-        """Path on wheels from one pose to another; raises NoPathError."""
-        radius = self.world.robot.drive.turning_radius
-        return drive_wheeled(room, a, b, turning_radius=radius, seed=self.seed)
+    _paths: dict[tuple[bytes, bytes, float], WheeledPath | NoPathError] = field(default_factory=dict)
+
+    def path(self, a: Array, b: Array, berth: float = 0.0) -> WheeledPath:
+        """Path on wheels from one pose to another, searched for once; raises NoPathError."""
+        key = (a.tobytes(), b.tobytes(), berth)
+        if key not in self._paths:
+            room, radius = room_between(self.world, a, b), self.world.robot.drive.turning_radius
+            room = room.with_berth(berth) if berth else room
+            try:
+                self._paths[key] = drive_wheeled(room, a, b, turning_radius=radius, seed=self.seed)
+            except NoPathError as refusal:
+                self._paths[key] = refusal
+        found = self._paths[key]
+        if isinstance(found, NoPathError):
+            raise found
+        return found
 
     def onto(self, here: Pose, label: int) -> list[Pose]:
         """Straight on or back to where a base that touches its bounds may turn, if that leads there."""
@@ -210,9 +222,7 @@ class WheeledDriver(Driver):
 
     def route(self, here: Pose, there: Pose, label: int, berth: float = 0.0) -> Array:
         """Of the base, (n, 3), each hop a line, an arc or a turn on the spot."""
-        room = room_between(self.world, here.base, there.base)
-        room = room.with_berth(berth) if berth else room
-        path = self.path(room, here.base, there.base)
+        path = self.path(here.base, there.base, berth)
         self.count(path.method)
         return path.sample(self.world.rules.step)
 
@@ -345,7 +355,10 @@ class ByHeadingPaths:
 
 @dataclass(frozen=True, eq=False)
 class WheeledPaths:
-    """A base that rolls: while the tool goes on, after it, or before."""
+    """A base that rolls: while the tool goes on, after it, or before.
+
+    It goes as it is steered; on a way that has to be searched for the arm hardly ever holds the tool.
+    """
 
     driver: WheeledDriver
 
@@ -353,7 +366,10 @@ class WheeledPaths:
         if np.array_equal(here, goal):
             yield simultaneous(True, np.stack([here, here]))
             return
-        path = self.driver.path(self.driver.room, here, goal)
+        radius = self.driver.world.robot.drive.turning_radius
+        path = steered_path(self.driver.room, here, goal, turning_radius=radius)
+        if path is None:
+            return
         poses = np.array(path.sample(self.driver.world.rules.step))
         poses[-1] = goal
         yield simultaneous(True, poses)
