@@ -56,21 +56,21 @@ def proven_irreducible(world: World, found: Explanation) -> bool:
     return ruled_out(names) and not any(ruled_out(names - {name}) for name in names)
 
 
-def as_small_as_brute_force(world: World, repair: Repair) -> bool:
+def as_small_as_brute_force(world: World, repair: Repair, near: float = NEAR) -> bool:
     """Whether no smaller repair along the same direction, of many, brings the target within reach.
 
     What leaves no inner area at every heading, or brings the target into a solid, does not. Of the others the
     areas know the base alone: from each the arm might touch something, so the target is asked for again.
     """
-    return not any(_helps(world, less) for less in smaller(world, repair))
+    return not any(_helps(world, less) for less in smaller(world, repair, near))
 
 
-def smaller(world: World, repair: Repair) -> list[World]:
-    """The world with ever more of a repair made, up to `NEAR` less than all of it."""
+def smaller(world: World, repair: Repair, near: float = NEAR) -> list[World]:
+    """The world with ever more of a repair made, up to a share ``near`` less than all of it."""
     if repair.kind == "lift-off":
         return [repaired(world, replace(repair, amount=float(n))) for n in range(round(repair.amount))]
     size = _size(world, repair)
-    least = (size - ROUNDING) / (1 + NEAR)
+    least = (size - ROUNDING) / (1 + near)
     shares = np.linspace(0, least / size, SAMPLES + 1)[1:] if least > 0 else np.empty(0)
     return [repaired(world, part_of(world, repair, share)) for share in shares.tolist()]
 
