@@ -25,13 +25,12 @@ def verify_areas(plan: Plan) -> Report:
     """Check a plan's areas against its world, by the planner's own stages; `regionik.verify` does the rest.
 
     The areas of a continuous plan are computed again. Those of stops and of Xu's tracker depend on the search
-    that found the motion: of them each set-point's base must stand in the pruned part.
+    that found the motion: of them each set-point's base must stand in the pruned part. Set-points that are
+    left out as unreachable are asked for again.
 
     Parameters
     ----------
     plan : Plan
-
-    Set-points that are left out as unreachable are asked for again.
 
     Returns
     -------
