@@ -25,9 +25,7 @@ Band = tuple[float, float]
 SIDES = 16  # of the polygons that stand for round outlines
 BULGES = (-0.8, 0.0, 0.8)  # heights of the discs that stand for a ball from within, in radii
 ALIKE = 0.7  # share of the outer outline that the inner one takes where a band is left whole
-INSET = (
-    0.02  # share of a band's height that the inner prism may leave out at either end, as of a leaning post
-)
+INSET = 0.02  # share of a band's height that an inner prism may leave out at either end, of what leans
 SHORTEST = 0.05  # band that is not cut [m]
 HALVINGS = 2  # of a solid's height, at most
 LEAST_AREA = 1e-6  # of an outline that is worth looking at [m2]

@@ -8,8 +8,10 @@ from functools import cached_property, lru_cache
 from typing import get_args
 
 import numpy as np
+import shapely
 from numpy.typing import ArrayLike
 from shapely.geometry import MultiPoint, Polygon
+from shapely.geometry.base import BaseGeometry
 
 from regionik.worlds.arrays import Array, freeze, frozen, one_line
 from regionik.worlds.chain import Chain, planar_pose
@@ -179,6 +181,12 @@ class Robot:
         tool = self.chain.T_last_tool[:3, 3]
         own = [solid for solid in self.solids if solid.link == len(self.chain.joints) - 1]
         return max([(0.0, ""), *((solid.depth(tool), solid.name) for solid in own)])
+
+    def outline(self, base: Array) -> BaseGeometry:
+        """Return the footprint on the floor, the base at a pose (3,)."""
+        x, y, yaw = base.tolist()
+        c, s = np.cos(yaw), np.sin(yaw)
+        return shapely.convex_hull(shapely.multipoints(self.footprint @ np.array([[c, s], [-s, c]]) + (x, y)))
 
     def T_world_arm(self, base: Array) -> Array:
         """Return the arm base frame in the world, (..., 4, 4), for base poses (..., 3)."""

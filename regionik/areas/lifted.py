@@ -6,6 +6,7 @@ areas keep all of that range clear, outer ones are cut by what is taken at each 
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 
 import numpy as np
@@ -35,23 +36,28 @@ def lifted_rejection(
     With ``inner`` those from which a lift may bring its load too near to something, else those from which
     each lift does.
     """
-    lift = lift_for(world.robot, height, world.rules.tolerance)
-    if lift is None:
-        return Polygon()
-    low, high = lift_range(world.robot)
-    wide = max(low, STEP * np.floor(lift[0] / STEP)), min(high, STEP * np.ceil(lift[1] / STEP))
-    return _rejection(world, (float(wide[0]), float(wide[1])), span, inner=inner)
+    lift = _allowed(world, height)
+    return Polygon() if lift is None else _rejection(world, lift, span, inner=inner)
 
 
 def lifted_rejections(world: World, height: float) -> list[tuple[str, str, BaseGeometry]]:
     """Return what `lifted_rejection` is made of at every heading: solid, part of the robot, and places."""
-    lift = lift_for(world.robot, height, world.rules.tolerance)
+    lift = _allowed(world, height)
     layers = () if lift is None else _layers(world, lift, inner=True)
     return [
         (name, layer.part, taken)
         for layer in layers
         for name, taken in zip(layer.names, layer.taken(inner=True), strict=True)
     ]
+
+
+def _allowed(world: World, height: float) -> tuple[float, float] | None:
+    """How far lifts may raise the arm for a tool at a height, widened by steps; None where none brings it."""
+    lift = lift_for(world.robot, height, world.rules.tolerance)
+    if lift is None:
+        return None
+    low, high = lift_range(world.robot)
+    return max(low, STEP * math.floor(lift[0] / STEP)), min(high, STEP * math.ceil(lift[1] / STEP))
 
 
 @lru_cache(maxsize=256)

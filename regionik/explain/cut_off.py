@@ -34,6 +34,11 @@ class Barrier(NamedTuple):
     proven: bool  # by outer areas: there is no way at all
 
     @property
+    def floor_words(self) -> str:
+        """What there is to say of the floor beyond."""
+        return "that the base cannot get to" if self.proven else "to which no way was found for the base"
+
+    @property
     def words(self) -> str:
         """The names in a sentence, and what they do."""
         named = join([f"the {name}" if name == CELLS else name for name in self.names or ("the floor",)])
@@ -135,9 +140,8 @@ def cut_off(
     if i > 0:
         where = spot(world.task[i].position)
         lead = f"between set-points {i} and {i + 1} of {count}: the latter at {where}"
-    known = "that the base cannot get to" if found.proven else "to which no way was found for the base"
     reason = (
-        f"No way was found {lead} has known places only on floor {known}: {found.words}. "
+        f"No way was found {lead} has known places only on floor {found.floor_words}: {found.words}. "
         f"The nearest such place is {gap:.3f} m beyond the floor the base can drive on, at a clearance of "
         f"{world.base_clearance:.3f} m."
     )
@@ -160,12 +164,11 @@ def walled_off(world: World, i: int, found: Barrier, closest: str) -> Explanatio
 
     ``closest`` tells of the contact of the posture nearest to being clear, if it was none that is.
     """
-    known = "that the base cannot get to" if found.proven else "to which no way was found for the base"
     at_best = f" (at best {closest})" if closest else ""
     reason = (
         f"{no_way_to(setpoint_at(world.task, i))}: from where the base gets to, the arm was clear in none of "
-        f"the postures that were looked at{at_best}, and its other known places are on floor {known}: "
-        f"{found.words}."
+        f"the postures that were looked at{at_best}, and its other known places are on floor "
+        f"{found.floor_words}: {found.words}."
     )
     return Explanation("ladder-broken", i, reason, found.causes())
 
@@ -208,7 +211,7 @@ def _clear_floor(world: World) -> BaseGeometry:
 def crossed(world: World, bridge: BaseGeometry) -> list[str]:
     """Obstacles whose grown shadows a line on the floor runs through."""
     ground = ground_of(world)
-    by = ground.clearance + ground.far
-    shadows = zip(ground.names, ground.shadows, strict=True)
-    names = (name for name, shadow in shadows if grow(shadow, by, inner=True).intersects(bridge))
+    names = (
+        name for name, _, taken in ground.rejections(bridge, ground.clearance) if taken.intersects(bridge)
+    )
     return list(dict.fromkeys(names))[:6]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
 import shapely
 from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
@@ -215,10 +214,8 @@ def blocked_start(world: World) -> Explanation | None:
     if world.start is None:
         return None
     robot, ground = world.robot, ground_of(world)
-    x, y, yaw = world.start.base
-    c, s = np.cos(yaw), np.sin(yaw)
-    corners = robot.footprint @ np.array([[c, s], [-s, c]]) + (x, y)
-    outline = Point(corners[0]) if len(corners) == 1 else shapely.Polygon(corners)
+    x, y, _ = world.start.base
+    outline = robot.outline(world.start.base)
     where = f"The start at ({x:z.3f}, {y:z.3f})"
     if not shapely.buffer(world.drivable_floor, TOUCH, join_style="mitre").covers(outline):
         off = farthest_outside(outline, world.drivable_floor)

@@ -31,6 +31,7 @@ from regionik.planners.avoidance.posture_proof import (
 from regionik.planners.collision.proximity import describe, nearest, room_of
 from regionik.planners.collision.robot_bodies import bodies_from
 from regionik.planners.geometry.angles import wrap
+from regionik.planners.geometry.depths import farthest_outside
 from regionik.planners.search.box_search import Verdict
 from regionik.postures.arm import aim_of
 from regionik.postures.arm_guard import SPARE
@@ -124,11 +125,9 @@ def _blocked(world: World, base: Array) -> str:
         fixed = span_of_rules(world)[0]
         if abs(wrap(float(base[2]) - fixed)) > EXACT:
             return f"the rules fix the heading of the base at {fixed:z.4f} rad"
-    ground, outline = ground_of(world), _footprint(world, base)
+    ground, outline = ground_of(world), world.robot.outline(base)
     if not shapely.covers(shapely.buffer(ground.floor, EXACT), outline):
-        outside = shapely.points(shapely.get_coordinates(outline))
-        off = float(shapely.distance(outside, ground.floor).max())
-        return f"the base stands off the floor there, by {off:.4f} m"
+        return f"the base stands off the floor there, by {farthest_outside(outline, ground.floor):.4f} m"
     name, gap = ground.nearest(outline) or ("", np.inf)
     named = zip(ground.names, ground.shadows, strict=True) if gap == 0.0 else ()
     inside = next((name for name, shadow in named if _holds_some(shadow, outline)), "")
@@ -144,14 +143,6 @@ def _holds_some(shadow: Shadow, outline: BaseGeometry) -> bool:
     if shadow.radius > 0.0:
         return bool(shadow.core.distance(outline) < shadow.radius - EXACT)
     return bool(shapely.intersects(shapely.buffer(shadow.core, -TOUCH, join_style="mitre"), outline))
-
-
-def _footprint(world: World, base: Array) -> BaseGeometry:
-    """The outline of the base on the floor."""
-    x, y, yaw = base.tolist()
-    c, s = np.cos(yaw), np.sin(yaw)
-    corners = world.robot.footprint @ np.array([[c, s], [-s, c]]) + (x, y)
-    return shapely.convex_hull(shapely.multipoints(corners))
 
 
 def _body_room(world: World, base: Array) -> tuple[float, str]:
