@@ -55,8 +55,7 @@ class _Squares(NamedTuple):
     def meeting(self, window: tuple[float, ...]) -> NDArray[np.bool_]:
         """Mask (k,) of the squares that meet a window."""
         low, high = self.middles - self.half[:, None], self.middles + self.half[:, None]
-        met: NDArray[np.bool_] = ((low <= window[2:]) & (high >= window[:2])).all(axis=1)
-        return met
+        return np.asarray(((low <= window[2:]) & (high >= window[:2])).all(axis=1))
 
 
 def proven_pose_area(
@@ -106,8 +105,8 @@ def proven_pose_area(
     if wide >= 2 * np.pi:
         return found.area
     behind = np.remainder(found.azimuths - found.turns - lowest, 2 * np.pi)
-    kept = (behind + 2 * found.turns <= wide) & found.meeting(window)
-    return shapely.union_all(_boxes(found.middles[kept], found.half[kept]))
+    able = (behind + 2 * found.turns <= wide) & found.meeting(window)
+    return shapely.union_all(_boxes(found.middles[able], found.half[able]))
 
 
 def likely_distances(chain: Chain, rise: float, demand: PostureDemand) -> Intervals:
