@@ -110,6 +110,20 @@ def test_squares_as_large_as_proven_hold_postures_at_their_corners(name: str, ki
         assert low == 0.0 or is_met(narrow, aim, low * np.array([x, y]), 0.0, q)
 
 
+def test_in_a_window_is_proven_what_is_without_and_little_around_it() -> None:
+    """Thousands of squares were united at every slice of yaw, to be cut to where a base may park."""
+    first, *others = ARMS["ur"].joints
+    chain = Chain((replace(first, lower=-0.4, upper=0.6), *others), ARMS["ur"].T_last_tool)
+    aim, _ = aim_of_posture(chain, 3, ORIENTATION, CONE)
+    every = proven_pose_area(chain, HEIGHT, aim, span=(0.0, 0.5))
+    x, y = shapely.get_coordinates(every).mean(axis=0)
+    window = shapely.box(x - 0.1, y - 0.05, x + 0.1, y + 0.05)
+    some = proven_pose_area(chain, HEIGHT, aim, span=(0.0, 0.5), window=window.bounds)
+    assert (every & window).area > 0
+    assert (some & window).symmetric_difference(every & window).area < 1e-12
+    assert 4 * shapely.get_num_coordinates(some) < shapely.get_num_coordinates(every)
+
+
 def test_headings_and_the_pivots_limits_bound_what_is_proven() -> None:
     """At one heading, with a pivot that turns a little, each place has a posture within its limits."""
     first, *others = ARMS["ur"].joints

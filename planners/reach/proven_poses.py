@@ -38,6 +38,7 @@ AMPLE = 0.3  # share of a threshold, by which postures are to meet it
 CENTRED = 0.3  # of the way to the middles of the joints' limits that the arm's self-motion goes
 
 EVERY = -np.inf, np.inf
+EVERYWHERE = -np.inf, -np.inf, np.inf, np.inf
 ASKED = {POSITION: 3, DIRECTION: 5, ORIENTATION: 6}  # numbers that an aim fixes
 CORNERS = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
 
@@ -51,6 +52,11 @@ class _Squares(NamedTuple):
     turns: Array  # (k,) that it differs by at other places, at most [rad]
     area: BaseGeometry
 
+    def meeting(self, window: tuple[float, ...]) -> NDArray[np.bool_]:
+        """Mask (k,) of the squares that meet a window."""
+        low, high = self.middles - self.half[:, None], self.middles + self.half[:, None]
+        return np.asarray(((low <= window[2:]) & (high >= window[:2])).all(axis=1))
+
 
 def proven_pose_area(
     chain: Chain,
@@ -60,6 +66,7 @@ def proven_pose_area(
     span: tuple[float, float] = (-np.inf, np.inf),
     guard: float = 0.0,
     demand: PostureDemand | None = None,
+    window: tuple[float, ...] = EVERYWHERE,
 ) -> BaseGeometry:
     """Return an area from all of which some posture within limits meets an aim.
 
@@ -79,6 +86,8 @@ def proven_pose_area(
         That the pivot keeps from its limits, for errors of the heading [rad].
     demand : PostureDemand, optional
         That the posture meets besides.
+    window : (4,), optional
+        Least x and y, and most, of places that matter: the area may lack others [m].
 
     Returns
     -------
@@ -96,8 +105,8 @@ def proven_pose_area(
     if wide >= 2 * np.pi:
         return found.area
     behind = np.remainder(found.azimuths - found.turns - lowest, 2 * np.pi)
-    missed = behind + 2 * found.turns > wide
-    return found.area - shapely.union_all(_boxes(found.middles[missed], found.half[missed]))
+    able = (behind + 2 * found.turns <= wide) & found.meeting(window)
+    return shapely.union_all(_boxes(found.middles[able], found.half[able]))
 
 
 def likely_distances(chain: Chain, rise: float, demand: PostureDemand) -> Intervals:

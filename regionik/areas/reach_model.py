@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from regionik.areas.ground import EVERY
 from regionik.areas.layers import GUARD, Geometries
+from regionik.planners.reach.proven_poses import EVERYWHERE
 from regionik.planners.solvers.planar_kinematics import LIMIT_SLACK
 from regionik.postures.arm import Arm
 from regionik.postures.families import BACK, FRONT, Family
@@ -35,7 +36,7 @@ class ReachQuery(NamedTuple):
 
     With ``coarse``, heights near to each other may share a reach where that saves work: outer rings are
     larger then, and inner ones likely, not proven. With ``proven``, inner areas that are sampled otherwise
-    are cut to what is proven, which takes a second each.
+    are cut to what is proven, which takes a second each. Then they may lack places outside of a ``window``.
     """
 
     rules: Rules
@@ -45,6 +46,7 @@ class ReachQuery(NamedTuple):
     arcs: int = ARC_POINTS  # vertices of a full circle
     coarse: bool = False
     proven: bool = False
+    window: tuple[float, ...] = EVERYWHERE  # least x and y, and most, of places that matter [m]
 
     @property
     def inner(self) -> bool:

@@ -208,7 +208,9 @@ class PivotedReach(ReachModel):
             low, high = (angle + float(self.robot.mount[3]) for angle in query.span)
             chain = with_pivot_limits(self.chain, *self.pivot(query.rules))
             aim = aim_of(target)
-            area &= proven_pose_area(chain, self.height, aim, heading, (low, high), query.guard, demand)
+            area &= proven_pose_area(
+                chain, self.height, aim, heading, (low, high), query.guard, demand, query.window
+            )
         return area
 
     def _rings(self, targets: Sequence[Target], query: ReachQuery) -> Rows:

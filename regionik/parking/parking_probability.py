@@ -160,11 +160,12 @@ def _reaching(
     # A fixed heading would have the reach of some arms sampled; that of the query is as fixed, and proven.
     turning = replace(errors, heading_error=errors.heading_error + half)
     rules = replace(world.rules, heading="free", execution=turning)
-    query = ReachQuery(rules, GUARD, (yaw, yaw), arcs=ARCS, proven=True)
+    off = world.axis_error + half * float(np.hypot(*axis))
+    axes = translate(window, *axis).buffer(off, join_style="mitre")
+    query = ReachQuery(rules, GUARD, (yaw, yaw), arcs=ARCS, proven=True, window=axes.bounds)
     targets = [world.task[i] for i in setpoints]
     which, _, shapes = rows_of(world, targets, query)
-    off = world.axis_error + half * float(np.hypot(*axis))
-    shapes = shapely.intersection(shapes, translate(window, *axis).buffer(off, join_style="mitre"))
+    shapes = shapely.intersection(shapes, axes)
     areas = [shapely.union_all(shapes[which == n]) for n in range(len(targets))]
     common = shapely.intersection_all(areas)
     return translate(shrunk(common, off, outside=False) if off else common, *-axis)
