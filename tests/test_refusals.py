@@ -117,7 +117,7 @@ def test_repairs_are_tried_with_hardly_more_tries_than_the_search_made(
     quick = Explanation("no-posture", 1, "It is closed.", tuple(Cause("obstacle", one.name) for one in TUBE))
 
     def closed(_: World) -> bool:
-        for _ in range(10):
+        for _k in range(10):
             count_tries()
         return False
 
