@@ -26,6 +26,7 @@ from regionik.parking.stop_motion import connect_stops
 from regionik.parking.stops import check as check_stops
 from regionik.parking.stops import in_sequence
 from regionik.planners.progress import Progress, listening, track
+from regionik.planners.tries import count_tries, counted
 from regionik.postures.poses import lift_offs, motion_stats
 from regionik.pruning import choose_chain, solvers_along, spans, start_place, start_pose, whole_path
 from regionik.reachability.any_base import can_search, search_any_base
@@ -88,7 +89,7 @@ def plan(world: World, *, seed: int = 0, say: Say | None = None, progress: Progr
     >>> plan(load_world("free")).lift_offs
     0
     """
-    with listening(progress):
+    with listening(progress), counted():
         return _planned(world, seed, lambda left, quick: _explained(left, quick, seed, say or unsaid))
 
 
@@ -191,7 +192,7 @@ def why(
     >>> [(cause.kind, repair.kind) for cause, repair in zip(found.causes, found.repairs)]
     [('reach', 'move-target')]
     """
-    with listening(progress):
+    with listening(progress), counted():
         if target is None:
             return _why_path(world, 0, say or unsaid)
         return _why_target(world, target, say or unsaid)
@@ -248,7 +249,8 @@ def _explained(world: World, quick: Explanation, seed: int, say: Say) -> Explana
         found = _explained_arm(world, i, quick, say)
         if found is not quick:
             return found
-    return _said(mended_motion(world, quick, plans), say)
+    with counted() as tries:
+        return _said(mended_motion(world, quick, plans, tries.made), say)
 
 
 def _said(found: Explanation, say: Say) -> Explanation:
@@ -315,6 +317,7 @@ def _staged(world: World, seed: int) -> Plan:
 
 def _staged_within(world: World, seed: int) -> Plan:
     """Return what the stages make of a world that may be planned for."""
+    count_tries()
     _refuse(arm_failures.target_in_solid(world))
     if world.rules.mode == "stops":
         return _plan_stops(world, seed)

@@ -6,14 +6,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from regionik.explain import tried_changes
 from regionik.explain.changes import repaired
 from regionik.explain.failures import blocked_start
 from regionik.parking.stops import stops
 from regionik.pipeline import plan, why
+from regionik.planners.tries import count_tries, counted
 from regionik.reachability.reach import reach
 from regionik.view.page import to_html
 from regionik.view.world_picture import picture_of_explanation
-from regionik.worlds.errors import Explanation, NoPlanFound
+from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Start, Target, World
 from tests.test_random_worlds import random_world
@@ -104,6 +106,26 @@ def test_what_was_tried_is_said_where_nothing_helps() -> None:
     found = why(narrow, [30.0, 0.0, 0.3])
     assert found is not None
     assert found.repairs or "No single change that was tried mends it. Tried were, at most: " in found.reason
+
+
+@pytest.mark.parametrize("made", [40, 400])
+def test_repairs_are_tried_with_hardly_more_tries_than_the_search_made(
+    made: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tried_changes, "SPARE_TRIES", 5)
+    world = replace(hall(*SPOTS), obstacles=TUBE)
+    quick = Explanation("no-posture", 1, "It is closed.", tuple(Cause("obstacle", one.name) for one in TUBE))
+
+    def closed(_: World) -> bool:
+        for _k in range(10):
+            count_tries()
+        return False
+
+    with counted() as tries:
+        found = tried_changes.mended_motion(world, quick, closed, made)
+    assert tries.made <= made + 2 * 5
+    assert not found.repairs
+    assert ("Tried were" in found.reason) == (made == 400)  # nothing is said to be tried that was not
 
 
 def test_the_page_shows_sentence_and_causes(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +21,7 @@ from regionik.explain.changes import (
 )
 from regionik.explain.constraints import ARM_CLEARANCE, CLEARANCE, mended
 from regionik.explain.minimal_change import Scan, circle
+from regionik.planners.tries import TooManyTriesError, at_most
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Explanation, Repair
 from regionik.worlds.scene import World
@@ -28,6 +30,7 @@ Asked = Callable[[World], bool]
 
 SHARES = (0.5, 1.0)  # of a clearance that is given up
 LENGTHS = (0.1, 0.3)  # of moves [m]
+SPARE_TRIES = 100  # of searches for repairs, beside as many as half of those of the search that failed
 ASKED = 2  # of the smallest repairs, whether the whole path is planned with them
 FEW = 4  # set-points, up to which a whole path is asked about where a part of it can be planned
 START = Scan(40, 1e-3, 0.01)  # of lengths by which a start is moved
@@ -35,29 +38,31 @@ SPARE = 1e-3  # of a start beyond what frees it, so that the base can drive off 
 FARTHEST = 2.0  # of them [m]
 
 
-def mended_motion(world: World, quick: Explanation, plans: Asked) -> Explanation:
+def mended_motion(world: World, quick: Explanation, plans: Asked, made: int = 0) -> Explanation:
     """The explanation of a search that failed, with the changes with which the path is planned.
 
-    Changes are tried at the set-point that failed and the one before it, then with the whole path.
+    Changes are tried at the set-point that failed and the one before it, then with the whole path: all of
+    this makes hardly more tries than the search that failed has ``made``.
     """
     i = 0 if quick.setpoint is None else quick.setpoint
     first = max(0, i - 1)
-    part = replace(world, task=world.task[first : i + 1])
-    if plans(part):  # it is not these two alone
-        if len(world.task) > FEW:
-            return quick
-        part, first = world, 0
-    helped = list[Repair]()
-    groups = [list(group) for group in _groups(world, i, quick)]
-    for group in groups:
-        found = (one for one in group if plans(repaired(part, one, i - first)))
-        helped += [one for one in [next(found, None)] if one is not None]
-    small = smallest_first(world, helped)
-    # A lift-off is asked about whatever its size: the search itself says that one more would do.
-    asked = [one for k, one in enumerate(small) if k < ASKED or one.kind == "lift-off"]
-    repairs = tuple(one for one in asked if part is world or plans(repaired(world, one, i)))
-    tried = [group[-1].text for group in groups if group]
-    return replace(quick, reason=f"{quick.reason} {mended(repairs, tried)}", repairs=repairs)
+    part, most = replace(world, task=world.task[first : i + 1]), made // 2 + SPARE_TRIES
+    helped, tried, small = list[Repair](), list[str](), list[Repair]()
+    with suppress(TooManyTriesError), at_most(most):
+        if plans(part):  # it is not these two alone
+            if len(world.task) > FEW:
+                return quick
+            part, first = world, 0
+        for group in map(list, _groups(world, i, quick)):
+            found = (one for one in group if plans(repaired(part, one, i - first)))
+            helped += [one for one in [next(found, None)] if one is not None]
+            tried += [group[-1].text] if group else []
+    with suppress(TooManyTriesError), at_most(most):
+        ranked = smallest_first(world, helped)
+        # A lift-off is asked about whatever its size: the search itself says that one more would do.
+        for one in (one for k, one in enumerate(ranked) if k < ASKED or one.kind == "lift-off"):
+            small += [one] if part is world or plans(repaired(world, one, i)) else []
+    return replace(quick, reason=f"{quick.reason} {mended(tuple(small), tried)}", repairs=tuple(small))
 
 
 def _groups(world: World, i: int, quick: Explanation) -> Iterator[Iterator[Repair]]:

@@ -29,6 +29,7 @@ from regionik.planners.driving.pose_lattice import HEADINGS, LatticeMove, car_mo
 from regionik.planners.driving.pose_planner import REEDS_SHEPP, SPIN, Steering, steer
 from regionik.planners.driving.reeds_shepp import MOTIONS
 from regionik.planners.progress import track
+from regionik.planners.tries import count_tries
 from regionik.postures.families import BACK, FRONT
 from regionik.postures.poses import axis_of
 from regionik.worlds.arms import with_pivot
@@ -111,6 +112,7 @@ class LayeredSearch:
 
     def _valued(self, i: int, after: Layer | None) -> Layer:
         """Nodes of set-point i, given those of the next one: one step of dynamic programming."""
+        count_tries()
         corner, owner = self._nodes(i)
         free = owner >= 0
         value = np.full(owner.shape, np.inf)

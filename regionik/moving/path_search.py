@@ -25,6 +25,7 @@ from regionik.moving.path_following import PathFollower, ResolvedMotion
 from regionik.moving.transit import TransitPlanner
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.progress import tell
+from regionik.planners.tries import count_tries
 from regionik.postures.arm_guard import Guard, guard_of
 from regionik.postures.poses import Pose, Row, arrays, axis_of, columns, lifted_rows
 from regionik.values import Configuration, Motion
@@ -104,10 +105,12 @@ class PathSearch:
     ) -> Iterator[tuple[Candidate, list[Pose] | None]]:
         floor, asked = self.sampler.ladder.floor, list[Candidate]()
         for candidate in candidates:
+            count_tries()
             asked.append(candidate)
             yield candidate, plain(here, candidate.pose, int(floor[candidate.component]))
         asked.sort(key=lambda one: float(np.abs(one.found.joints - here.joints).max()))
         for candidate in asked[:hard]:
+            count_tries()
             yield candidate, self.transits.sampled(here, candidate.pose, int(floor[candidate.component]))
 
     def run(self, i: int, count: int, first: Candidate, ahead: Ahead) -> RunSearch:
@@ -219,6 +222,7 @@ class RunSearch:
         return self.best
 
     def _try(self, candidate: Candidate) -> None:
+        count_tries()
         self.tried += 1
         k = self.first + len(self.steps)
         step = self.search.step(k, self.steps[-1].candidate, candidate, self.ahead)
