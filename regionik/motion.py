@@ -6,8 +6,9 @@ set-point are tried. Where a run ends, the tool is lifted and the base drives ov
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from itertools import islice
 
 from regionik.areas.standing import Standing
@@ -19,11 +20,12 @@ from regionik.planners.progress import tell
 from regionik.postures.poses import Pose, Row
 from regionik.pruning import Pruned
 from regionik.values import Configuration
+from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Explanation, NoPlanFound
 from regionik.worlds.scene import World
 
 TRIES = 16  # candidates tried at the next set-point, or to begin a run from
-SOON = 24  # candidates tried without getting farther before base and joints go on together from elsewhere
+BEGUN = 3  # of the longest runs of base and joints together, of which one is gone on with by search
 FEW = 60  # set-points that they may go through and fail in any case
 WAYS = 2, 12  # times as many as the farthest of them went, and on wheels
 
@@ -77,38 +79,36 @@ class _Connection:
     def _run(self, i: int, here: Pose | None) -> tuple[list[Row], list[SearchStep]]:
         """Move to set-point i with the tool lifted, and the longest run found from there.
 
-        A base on wheels may need no graph of its poses: first base and joints go on together all of the way.
+        First base and joints go on together along the path, from one start after the other. Where they get
+        stuck, the graph of configurations is searched from where they came farthest.
         """
-        search = self.search
         count = min((k for k in self.pruned.breaks if k > i), default=len(self.nominal)) - i
-        wheels = search.sampler.layers is not None
-        if wheels and (whole := self._all_together(i, count, here, self._starts(i, here))):
-            return whole
-        way, first = self._arrive(i, here)
-        run = search.run(i, count, first, self._ahead)
-        if len(run.longest(SOON)) < count:
-            whole = self._all_together(i, count, here, self._elsewhere(i, here, first))
-            if whole is not None:
-                return whole
-        return way, run.longest()
-
-    def _all_together(
-        self, i: int, count: int, here: Pose | None, starts: Iterable[Candidate]
-    ) -> tuple[list[Row], list[SearchStep]] | None:
-        """A whole run of base and joints together from one of some starts, and the way there; None for none.
-
-        Given up when those that failed have gone through more than `FEW` set-points, and than `WAYS` times as
-        many as the farthest of them.
-        """
-        ways, failed, farthest = WAYS[self.search.sampler.layers is not None], 0, 0
-        for first in starts:
-            steps = self.search.run(i, count, first, self._together).longest()
-            if len(steps) == count and (way := self._unfolded(i, here, first)) is not None:
-                return way, steps
-            failed, farthest = failed + len(steps), max(farthest, len(steps))
-            if failed > max(FEW, ways * farthest):
+        tried = list[list[SearchStep]]()
+        for first in self._starts(i, here):
+            ahead = partial(self._together, first.found.joints)
+            tried.append(self.search.run(i, count, first, ahead).longest())
+            if len(tried[-1]) == count and (way := self._unfolded(i, here, first)) is not None:
+                return way, tried[-1]
+            if self._in_vain(tried):
                 break
-        return None
+        way, begun = self._begun(i, here, tried)
+        return way, self.search.resumed(i, count, begun, self._ahead).longest()
+
+    def _in_vain(self, tried: list[list[SearchStep]]) -> bool:
+        """Whether no more starts are tried, by the set-points that those before went through."""
+        lengths = [len(steps) for steps in tried]
+        return sum(lengths) > max(FEW, WAYS[self.search.sampler.layers is not None] * max(lengths))
+
+    def _begun(
+        self, i: int, here: Pose | None, tried: list[list[SearchStep]]
+    ) -> tuple[list[Row], list[SearchStep]]:
+        """The longest of some runs that the robot gets to with the tool lifted, and the way there."""
+        for steps in sorted(tried, key=len, reverse=True)[:BEGUN]:
+            way = self._unfolded(i, here, steps[0].candidate)
+            if way is not None:
+                return way, steps
+        way, first = self._arrive(i, here)
+        return way, [SearchStep(first, [], iter(()))]
 
     def _unfolded(self, i: int, here: Pose | None, first: Candidate) -> list[Row] | None:
         """The way to where a run begins with the tool lifted, the arm folded on it; None without one."""
@@ -123,12 +123,6 @@ class _Connection:
             yield from sampler.nearest(i, kept, here)
         yield from sampler.nominal(i, kept, here or goal.pose, goal)
         yield from sampler.roomy(i, kept, goal.pose)
-
-    def _elsewhere(self, i: int, here: Pose | None, first: Candidate) -> Iterator[Candidate]:
-        """Where a run may begin but at a first candidate: far from joint limits, then as `_arrive` has it."""
-        sampler, kept, goal = self.search.sampler, self._kept(i), self.nominal[i]
-        yield from sampler.roomy(i, kept, first.pose)
-        yield from islice(sampler.arrivals(i, kept, here or goal.pose, goal), TRIES)
 
     def _arrive(self, i: int, here: Pose | None) -> tuple[list[Row], Candidate]:
         """Move to a first candidate at set-point i with the tool lifted, from the start or the last run."""
@@ -152,11 +146,11 @@ class _Connection:
         found = sampler.options(i + 1, components, here.pose, goal, together=bool(here.way))
         return islice(found, TRIES)
 
-    def _together(self, i: int, here: Candidate) -> Iterator[Candidate]:
+    def _together(self, home: Array, i: int, here: Candidate) -> Iterator[Candidate]:
         """The candidate to which base and joints go on together from set-point i."""
         if i + 1 >= len(self.nominal):
             return iter(())
-        return self.search.sampler.resolved_onward(i + 1, here.pose)
+        return self.search.sampler.resolved_onward(i + 1, here.pose, home)
 
     def _kept(self, i: int) -> list[int]:
         """Components of a set-point that the pruning left, the chosen one first."""

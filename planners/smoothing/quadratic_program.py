@@ -60,14 +60,21 @@ def minimize_quadratic(
 
 
 def least_weighted(
-    weight: Array, rows: Array, asked: Array, half_spaces: Array, least: Array, lower: Array, upper: Array
+    weight: Array,
+    wished: Array,
+    rows: Array,
+    asked: Array,
+    half_spaces: Array,
+    least: Array,
+    lower: Array,
+    upper: Array,
 ) -> Array | None:
-    """Return the x (n,) of the least weighted square that meets linear equations and half-spaces.
+    """Return the x (n,) nearest to a wished one that meets linear equations and half-spaces.
 
     Parameters
     ----------
     weight : (n,) array
-        Of the square of each part of x, above 0.
+        Of the square of how far each part of x is from the ``wished`` (n,), above 0.
     rows, asked : (k, n), (k,) array
         ``rows @ x`` is ``asked``.
     half_spaces, least : (m, n), (m,) array
@@ -79,5 +86,5 @@ def least_weighted(
     solver.settings.eps_abs = solver.settings.eps_rel = ACCURACY
     bounded = least > UNBOUNDED
     half_spaces, least, most = half_spaces[bounded], least[bounded], np.full(bounded.sum(), np.inf)
-    solver.setup(np.diag(weight), np.zeros(len(weight)), rows, asked, half_spaces, least, most, lower, upper)
+    solver.setup(np.diag(weight), -weight * wished, rows, asked, half_spaces, least, most, lower, upper)
     return np.array(solver.result.x) if solver.solve() == piqp.PIQP_SOLVED else None

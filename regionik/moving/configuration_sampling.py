@@ -216,13 +216,13 @@ class ConfigurationSampler:
         order = np.argsort(shapely.distance(parts, axis) + TURN_WEIGHT * np.array(turns), kind="stable")
         return [components[m] for m in order.tolist()]
 
-    def resolved_onward(self, i: int, here: Pose) -> Iterator[Candidate]:
+    def resolved_onward(self, i: int, here: Pose, home: Array | None = None) -> Iterator[Candidate]:
         """The configuration to which base and joints go on together by the least motion, in any component.
 
         Areas of set-points far apart need not overlap for that, nor need they show where it stands. See
         `ResolvedMotion.onward`.
         """
-        way = None if self.resolved is None else self.resolved.onward(i - 1, here)
+        way = None if self.resolved is None else self.resolved.onward(i - 1, here, home)
         if way is None:
             return
         found = Configuration(way[-1].base, way[-1].joints, 0.0, 0, True)  # measured on arrival

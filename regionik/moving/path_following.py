@@ -42,6 +42,7 @@ TURN_SLACK = 1e-7  # rounding allowed at the edge of a cone [rad]
 DEEPEST = 6  # halvings before a segment counts as discontinuous
 LOOKED_AT = np.array([0.25, 0.5, 0.75])  # shares of the way between two states
 AT_ONCE = 16  # states tried in one call: after one that fails, the rest is tried anew
+HALVINGS = 4  # of a hop of base and joints together before it counts as blocked
 CLOSEST = 3  # halvings before a motion that is not proven clear counts as blocked
 
 
@@ -233,32 +234,50 @@ class ResolvedMotion:
     world: World
     guard: Guard
 
-    def onward(self, i: int, here: Pose) -> list[Pose] | None:
-        """States with the tool on its path from set-point i to the next; None where no such way is free."""
-        asked = self._asked(i)
-        aims = in_columns([aim_of(target) for target in asked])
-        poses = [here]
-        for k in range(len(asked)):
-            pose = self.states.state(aims.part(slice(k, k + 1)), poses[-1])
-            if pose is None or math.dist(poses[-1].base[:2], pose.base[:2]) > self.world.rules.step:
-                return None
-            poses.append(pose)
-        return poses[1:] if self._holds([self.world.task[i], *asked], poses) else None
+    def onward(self, i: int, here: Pose, home: Array | None = None) -> list[Pose] | None:
+        """States with the tool on its path from set-point i to the next; None where no such way is free.
+
+        What redundancy leaves open goes back towards joints at ``home``. A hop that is not proven is halved,
+        as often as it may help.
+        """
+        a, b = self.world.task[i : i + 2]
+        count = self._count(a, b)
+        ahead, passed, at = list(np.arange(count, 0, -1) / count), [here], 0.0
+        while ahead:
+            tried = [at]
+            states = [passed[-1]]
+            while len(tried) <= min(len(ahead), AT_ONCE):
+                pose = self._next(goal_between(a, b, ahead[-len(tried)]), states[-1], home)
+                if pose is None:
+                    break
+                tried.append(ahead[-len(tried)])
+                states.append(pose)
+            done = self._held([goal_between(a, b, share) for share in tried], states)
+            passed += states[1 : done + 1]
+            at = tried[done]
+            del ahead[len(ahead) - done :]
+            if done < AT_ONCE and ahead:
+                if (ahead[-1] - at) * count < 0.5**HALVINGS:
+                    return None
+                ahead.append((at + ahead[-1]) / 2)
+        return passed[1:]
+
+    def _next(self, target: Target, near: Pose, home: Array | None) -> Pose | None:
+        pose = self.states.state(in_columns([aim_of(target)]), near, home=home)
+        far = pose is not None and math.dist(near.base[:2], pose.base[:2]) > self.world.rules.step
+        return None if far else pose
 
     @cached_property
     def states(self) -> ResolvedStates:
         return ResolvedStates(self.world, self.guard)
 
-    def _asked(self, i: int) -> list[Target]:
-        """Targets at most a stride apart from set-point i to the next, that one the last."""
-        a, b = self.world.task[i : i + 2]
+    def _count(self, a: Target, b: Target) -> int:
+        """Number of hops from one set-point to the next, a stride at most each."""
         turn = 0.0
         if a.direction is not None and b.direction is not None:
             turn = math.acos(min(max(float(a.direction @ b.direction), -1.0), 1.0))
         stride = min(TOOL_STRIDE, REACH_STRIDE * reach_bound(self.world.robot.chain).length)
-        way = math.dist(a.position, b.position)
-        count = max(1, math.ceil(way / stride), math.ceil(turn / TURN_STRIDE))
-        return [*goals_between(a, b, np.arange(1, count) / count), b]
+        return max(1, math.ceil(math.dist(a.position, b.position) / stride), math.ceil(turn / TURN_STRIDE))
 
     def drives(self, poses: list[Pose]) -> bool:
         """Whether the base's way through poses is proven free."""
@@ -270,10 +289,13 @@ class ResolvedMotion:
             for a, b, rolled, turn in hops
         )
 
-    def _holds(self, asked: list[Target], poses: list[Pose]) -> bool:
-        """Whether the base's way is free, and the tool led along its path with the arm clear."""
+    def _held(self, asked: list[Target], poses: list[Pose]) -> int:
+        """Number of hops on which the base's way is free, and the tool led along its path, the arm clear."""
         line = np.array([target.position for target in asked])
-        return self.drives(poses) and proven_hops(self.guard, poses, line, asked)[0] == len(asked) - 1
+        count = proven_hops(self.guard, poses, line, asked)[0]
+        while count and not self.drives(poses[: count + 1]):
+            count -= 1
+        return count
 
 
 def proven_hops(

@@ -8,7 +8,7 @@ to a candidate from which the next run begins.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -118,8 +118,12 @@ class PathSearch:
 
         Given a set-point and a candidate there, ``ahead`` has those of the next one, the likeliest first.
         """
-        steps = [SearchStep(first, [], ahead(i, first))]
-        return RunSearch(self, i, count, ahead, steps, list(steps))
+        return self.resumed(i, count, [SearchStep(first, [], iter(()))], ahead)
+
+    def resumed(self, i: int, count: int, steps: Sequence[SearchStep], ahead: Ahead) -> RunSearch:
+        """The search for a run that goes on where steps from set-point i have led, or back from there."""
+        own = [replace(step, ahead=ahead(k, step.candidate)) for k, step in enumerate(steps, i)]
+        return RunSearch(self, i, count, ahead, own, list(own))
 
     def step(self, k: int, here: Candidate, goal: Candidate, ahead: Ahead) -> SearchStep | None:
         """The step from a candidate to one at set-point k; None where the tool cannot be led there."""

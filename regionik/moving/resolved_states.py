@@ -34,6 +34,7 @@ ROUNDS = 20  # of Newton's method
 PATIENCE = 4  # of these that bring the tool no nearer than it was, after which it ends
 EXACT = 1e-6  # miss of the tool, angles as lengths [m]
 TO_SPARE = 0.002  # of what is near, left for the way between states [m]
+HOMEWARD = 0.2  # share of the way home that joints are wished to go in a step
 NEAREST = 0.999  # share of the way from the middle of a joint's range to its end that weighs most
 
 
@@ -57,15 +58,20 @@ class ResolvedStates:
         start: Pose,
         still: Sequence[int] = (),
         bend: float = LARGEST_BEND,
+        home: Array | None = None,
     ) -> Pose | None:
         """The state that meets one aim by the least motion from a start; None for none.
 
-        Some coordinates of the base's motion stay ``still``; no joint goes farther than ``bend``.
+        Some coordinates of the base's motion stay ``still``; no joint goes farther than ``bend``. What
+        redundancy leaves open goes back towards joints at ``home`` (dof,).
         """
         if self.world.rules.heading == "face_target":  # which no motion of base and joints together keeps
             return None
         chain, n = self.world.robot.chain, self.base_parts
         motion, rows = np.zeros(len(self._speeds)), self._floor_rows(start)
+        wished = np.zeros(len(motion))
+        if home is not None:
+            wished[n:] = HOMEWARD * (home - start.joints)
         low, high = np.full((2, len(motion)), [[-np.inf], [np.inf]])
         low[n:] = np.maximum(chain.lower - start.joints, -bend)
         high[n:] = np.minimum(chain.upper - start.joints, bend)
@@ -94,13 +100,14 @@ class ResolvedStates:
             asked = rows + self._arc_rows(motion)
             weight = np.where(fixed, 1.0, self._lightness(start.joints, motion)) ** -2
             step = least_weighted(
-                weight, J[:led], miss[:led],
+                weight, wished, J[:led], miss[:led],
                 np.array([row.change for row in asked]).reshape(-1, len(motion)),
                 np.array([row.least - row.change @ motion for row in asked]),
                 low - motion, high - motion,
             )  # fmt: skip
             if step is None:
                 return None
+            wished = np.zeros(len(motion))
             motion = np.clip(motion + step, low, high)
         return None
 
