@@ -104,7 +104,7 @@ def _pieces(spots: Geometries, side: Index, standing: Standing) -> Index:
     """Label of the piece of free floor around each spot, -1 for none."""
     piece = np.full(len(spots), -1, dtype=np.intp)
     polygons, sides, label = standing.pieces
-    which, found = shapely.STRtree(polygons).query(spots, predicate="intersects")
+    found, which = shapely.STRtree(spots).query(polygons, predicate="intersects")  # few and large ones
     own = side[which] == sides[found]
     piece[which[own]] = label[found[own]]
     return piece

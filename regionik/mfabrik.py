@@ -7,7 +7,7 @@ any other. Algorithm 2, the base's way between two configurations, is `driving.g
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
@@ -38,7 +38,6 @@ from regionik.worlds.robot import Robot, with_joint_margin
 from regionik.worlds.scene import Heading, Target, World
 
 NOWHERE = FlatPolygon(np.empty((0, 2)), np.zeros(1, dtype=np.int64))
-_NONE_KNOWN: Mapping[int, Configuration] = {}
 LED = np.pi / 2  # a joint that changes by more is not led on from where it was [rad]
 HEADINGS: dict[Heading, int] = {"free": FREE, "face_target": FACE_TARGET, "fixed": FIXED}
 
@@ -329,17 +328,15 @@ def configurations(
     task: Iterable[Target],
     solvers: Iterable[Method],
     start: tuple[Array, Array],
-    known: Mapping[int, Configuration] = _NONE_KNOWN,
 ) -> tuple[Configuration, ...]:
     """One configuration for each set-point, each solved from the one before, the first from base and joints.
 
-    Of the solvers each set-point has its own, such as a `Solver` for the area that is chosen there. Those
-    that are ``known`` are not solved.
+    Of the solvers each set-point has its own, such as a `Solver` for the area that is chosen there.
     """
     base, joints = start
     found: list[Configuration] = []
     for target, solver in zip(task, solvers, strict=True):
-        found.append(known.get(len(found)) or solver(target, base, joints))
+        found.append(solver(target, base, joints))
         base, joints = found[-1].base, found[-1].joints
     return tuple(found)
 

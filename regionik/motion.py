@@ -8,18 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from itertools import islice
 
 from regionik.areas.standing import Standing
 from regionik.explain import arm_failures
+from regionik.mfabrik import configurations
 from regionik.moving.base_motion import Candidate
 from regionik.moving.layered_search import LayeredSearch
-from regionik.moving.path_search import JoinedMotion, PathSearch, SearchStep, path_search
-from regionik.planners.progress import tell
+from regionik.moving.path_search import Ahead, JoinedMotion, PathSearch, SearchStep, path_search
+from regionik.parking.standing_runs import standing_runs
+from regionik.planners.progress import tell, track
 from regionik.postures.poses import Pose, Row
-from regionik.pruning import Pruned
-from regionik.values import Configuration
+from regionik.pruning import Pruned, choose_chain, solvers_along, start_place, start_pose
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Explanation, NoPlanFound
 from regionik.worlds.scene import World
@@ -30,25 +31,16 @@ FEW = 60  # set-points that they may go through and fail in any case
 WAYS = 2, 12  # times as many as the farthest of them went, and on wheels
 
 
-def connect_configurations(
-    world: World,
-    pruned: Pruned,
-    chain: list[int],
-    goals: tuple[Configuration, ...],
-    standing: Standing,
-    seed: int,
-) -> JoinedMotion:
-    """Join configurations, one for each set-point, to one motion.
+def connect_setpoints(world: World, pruned: Pruned, standing: Standing, seed: int) -> JoinedMotion:
+    """Join the set-points of a world to one motion.
 
-    ``chain`` has the component of each. Raises NoPlanFound where the arm touches something in every posture
-    that was looked at, or cannot get there.
+    Raises NoPlanFound where the arm touches something in every posture that was looked at, or cannot get
+    there.
     """
-    ladder, layers = pruned.ladder, None
+    layers = None
     if world.robot.drive.rolls:
-        layers = LayeredSearch(world, ladder, pruned.keep, pruned.breaks, standing)
-    search = path_search(world, ladder, standing, seed, layers)
-    nominal = tuple(Candidate(goal, k) for goal, k in zip(goals, chain, strict=True))
-    return _Connection(pruned, nominal, search).made()
+        layers = LayeredSearch(world, pruned.ladder, pruned.keep, pruned.breaks, standing)
+    return _Connection(pruned, standing, path_search(world, pruned.ladder, standing, seed, layers)).made()
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,21 +48,46 @@ class _Connection:
     """Runs through the ladder, within the components that pruning left."""
 
     pruned: Pruned
-    nominal: tuple[Candidate, ...]
+    standing: Standing
     search: PathSearch
+
+    @property
+    def world(self) -> World:
+        return self.search.world
+
+    @cached_property
+    def held(self) -> dict[int, Candidate]:
+        """Configurations of the runs that are done from one place."""
+        return standing_runs(self.world, self.pruned, self.standing)
+
+    @cached_property
+    def nominal(self) -> tuple[Candidate, ...]:
+        """What M-FABRIK finds at each set-point from the one before, in components of the least base way.
+
+        Raises NoPlanFound where it does not converge and no search for other postures is allowed.
+        """
+        world, pruned, standing = self.world, self.pruned, self.standing
+        chain = choose_chain(pruned, standing, start_place(world))
+        solvers = solvers_along(world, pruned.ladder, standing, chain)
+        task = track("configurations", world.task)
+        goals = configurations(task, solvers, start_pose(world, pruned, chain[0]))
+        left = [i for i, goal in enumerate(goals) if not goal.converged]
+        if left and not world.rules.avoidance:
+            raise NoPlanFound(arm_failures.no_posture(world, left[0]))
+        return tuple(Candidate(goal, k) for goal, k in zip(goals, chain, strict=True))
 
     def made(self) -> JoinedMotion:
         """Join run after run until the path is complete."""
         rows, done, lifts = self.search.start(), list[Candidate](), 0
-        most = self.search.world.rules.max_lift_offs
+        most, count = self.world.rules.max_lift_offs, len(self.world.task)
         while True:
             way, steps = self._run(len(done), rows[-1].pose if rows else None)
             rows += way
             for step in steps:
                 rows += [*step.rows, Row(step.candidate.pose, "setpoint", len(done))]
                 done.append(step.candidate)
-                tell("motion", len(done), len(self.nominal))
-            if len(done) == len(self.nominal):
+                tell("motion", len(done), count)
+            if len(done) == count:
                 return self.search.joined(rows, done)
             lifts += 1
             if most is not None and lifts > most:
@@ -79,13 +96,13 @@ class _Connection:
     def _run(self, i: int, here: Pose | None) -> tuple[list[Row], list[SearchStep]]:
         """Move to set-point i with the tool lifted, and the longest run found from there.
 
-        First base and joints go on together along the path, from one start after the other. Where they get
-        stuck, the graph of configurations is searched from where they came farthest.
+        First the base stands still, where one place does for all of it; then base and joints go on together
+        along the path, from one start after the other. Where they get stuck, the graph of configurations is
+        searched from where they came farthest.
         """
-        count = min((k for k in self.pruned.breaks if k > i), default=len(self.nominal)) - i
+        count = min((k for k in self.pruned.breaks if k > i), default=len(self.world.task)) - i
         tried = list[list[SearchStep]]()
-        for first in self._starts(i, here):
-            ahead = partial(self._together, first.found.joints)
+        for first, ahead in self._begins(i, here):
             tried.append(self.search.run(i, count, first, ahead).longest())
             if len(tried[-1]) == count and (way := self._unfolded(i, here, first)) is not None:
                 return way, tried[-1]
@@ -116,19 +133,36 @@ class _Connection:
         arrived = search.arrive(i, here, [first], search.transits.folded, hard=0)
         return None if arrived is None else arrived[0]
 
+    def _begins(self, i: int, here: Pose | None) -> Iterator[tuple[Candidate, Ahead]]:
+        """Configurations that a run may begin with, and how it goes on from there without a search."""
+        if i in self.held:
+            yield self.held[i], self._standing
+        for first in self._starts(i, here):
+            yield first, partial(self._together, first.found.joints)
+
     def _starts(self, i: int, here: Pose | None) -> Iterator[Candidate]:
-        """Where base and joints may begin to go on together: the least motion away, or as M-FABRIK found."""
-        sampler, kept, goal = self.search.sampler, self._kept(i), self.nominal[i]
+        """Where base and joints may begin to go on together: the least motion away, or as M-FABRIK finds."""
+        sampler, goal = self.search.sampler, self._goal(i)
+        kept = self._kept(i, goal)
         if here is not None:
             yield from sampler.nearest(i, kept, here)
         yield from sampler.nominal(i, kept, here or goal.pose, goal)
         yield from sampler.roomy(i, kept, goal.pose)
 
+    def _goal(self, i: int) -> Candidate:
+        """What M-FABRIK finds at a set-point: at the first one, where no chain is needed, in the widest area."""
+        if i > 0:
+            return self.nominal[i]
+        ladder, world = self.pruned.ladder, self.world
+        k = max(self.pruned.kept(0), key=lambda k: ladder.component[k].area)
+        (solver,) = solvers_along(world, ladder, self.standing, [k])
+        return Candidate(solver(world.task[0], *start_pose(world, self.pruned, k)), k)
+
     def _arrive(self, i: int, here: Pose | None) -> tuple[list[Row], Candidate]:
         """Move to a first candidate at set-point i with the tool lifted, from the start or the last run."""
         search, goal = self.search, self.nominal[i]
         start = here or goal.pose
-        for components in (self._kept(i), self._cut(i)):
+        for components in (self._kept(i, goal), self._cut(i)):
             found = search.sampler.arrivals(i, components, start, goal)
             arrived = search.arrive(i, here, islice(found, TRIES), search.transits.folded)
             if arrived is not None:
@@ -137,24 +171,28 @@ class _Connection:
 
     def _ahead(self, i: int, here: Candidate) -> Iterator[Candidate]:
         """Candidates at the set-point after i, in components that the base can move to."""
-        if i + 1 >= len(self.nominal):
+        if i + 1 >= len(self.world.task):
             return iter(())
         ladder = self.pruned.ladder  # a base may turn into another component where it has come to
         after = set(ladder.group[ladder.ahead[here.component]].tolist())
-        components = [k for k in self._kept(i + 1) if int(ladder.group[k]) in after]
         goal, sampler = self.nominal[i + 1], self.search.sampler
+        components = [k for k in self._kept(i + 1, goal) if int(ladder.group[k]) in after]
         found = sampler.options(i + 1, components, here.pose, goal, together=bool(here.way))
         return islice(found, TRIES)
 
+    def _standing(self, i: int, here: Candidate) -> Iterator[Candidate]:
+        """The configuration after set-point i of a run from one place."""
+        return iter([self.held[i + 1]] if i + 1 in self.held else [])
+
     def _together(self, home: Array, i: int, here: Candidate) -> Iterator[Candidate]:
         """The candidate to which base and joints go on together from set-point i."""
-        if i + 1 >= len(self.nominal):
+        if i + 1 >= len(self.world.task):
             return iter(())
         return self.search.sampler.resolved_onward(i + 1, here.pose, home)
 
-    def _kept(self, i: int) -> list[int]:
-        """Components of a set-point that the pruning left, the chosen one first."""
-        return sorted(self.pruned.kept(i), key=lambda k: (k != self.nominal[i].component, k))
+    def _kept(self, i: int, goal: Candidate) -> list[int]:
+        """Components of a set-point that the pruning left, that of what M-FABRIK found first."""
+        return sorted(self.pruned.kept(i), key=lambda k: (k != goal.component, k))
 
     def _cut(self, i: int) -> list[int]:
         """Components of a set-point that the pruning cut, as ways are known that no areas show."""
@@ -162,7 +200,7 @@ class _Connection:
         return [k for k in range(rungs[i], rungs[i + 1]) if not keep[k]]
 
     def _one_lift_too_many(self, i: int) -> Explanation:
-        world, guard, touch = self.search.world, self.search.guard, self.search.follower.stops.get(i - 1)
+        world, guard, touch = self.world, self.search.guard, self.search.follower.stops.get(i - 1)
         if touch is None:
             return arm_failures.arm_must_lift(world, i, "the arm would have to jump", None)
         return arm_failures.arm_must_lift(world, i, guard.words(touch), guard.cause(touch))

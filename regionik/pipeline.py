@@ -16,19 +16,17 @@ from regionik.explain.several import failures_of, in_order, naming_all, naming_a
 from regionik.explain.skipping import Explained, leaving_out, naming_each, with_skipped
 from regionik.explain.tried_changes import mended_motion, mended_start
 from regionik.explain.why import Say, explained, explained_target, target_name, unsaid
-from regionik.mfabrik import configurations
-from regionik.motion import connect_configurations
+from regionik.motion import connect_setpoints
 from regionik.moving.path_search import JoinedMotion
 from regionik.moving.whole_turns import brought_to_the_middle
 from regionik.parking.fewest_stops import park
-from regionik.parking.standing_runs import standing_runs
 from regionik.parking.stop_motion import connect_stops
 from regionik.parking.stops import check as check_stops
 from regionik.parking.stops import in_sequence
-from regionik.planners.progress import Progress, listening, track
+from regionik.planners.progress import Progress, listening
 from regionik.planners.tries import count_tries, counted
 from regionik.postures.poses import lift_offs, motion_stats
-from regionik.pruning import choose_chain, solvers_along, spans, start_place, start_pose, whole_path
+from regionik.pruning import spans, whole_path
 from regionik.reachability.any_base import can_search, search_any_base
 from regionik.reachability.reach import reach
 from regionik.reachability.target_search import TargetSearch
@@ -327,15 +325,7 @@ def _staged_within(world: World, seed: int) -> Plan:
 def _plan_path(world: World, seed: int) -> Plan:
     """A plan with the tool on its path wherever the base can move with it."""
     standing, areas, pruned = whole_path(world)
-    chain = choose_chain(pruned, standing, start_place(world))
-    chain, known = standing_runs(world, pruned, chain, standing)
-    solvers = solvers_along(world, pruned.ladder, standing, chain)
-    task = track("configurations", world.task)
-    goals = configurations(task, solvers, start_pose(world, pruned, chain), known)
-    left = [i for i, goal in enumerate(goals) if not goal.converged]
-    if left and not world.rules.avoidance:  # no search for other postures is allowed
-        raise NoPlanFound(arm_failures.no_posture(world, left[0]))
-    joined = connect_configurations(world, pruned, chain, goals, standing, seed)
+    joined = connect_setpoints(world, pruned, standing, seed)
     shown = planned_areas(world, areas, pruned.area)
     found = _verified(_finished(world, seed, joined, shown))
     return smooth_motion(found, standing)

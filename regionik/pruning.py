@@ -204,11 +204,11 @@ def solvers_along(world: World, ladder: Ladder, standing: Standing, chain: Seque
         yield solver_for(world, ladder.family[k], ladder.flat(k), standing.sides[ladder.side[k]].span)
 
 
-def start_pose(world: World, pruned: Pruned, chain: list[int]) -> tuple[Array, Array]:
-    """Base and joints that M-FABRIK starts from: the world's start, or the middle of the first area."""
+def start_pose(world: World, pruned: Pruned, component: int) -> tuple[Array, Array]:
+    """Base and joints that M-FABRIK starts from: the world's start, or the middle of a component."""
     if world.start is not None:
         return world.start.base, world.start.joints
-    spot = pruned.ladder.component[chain[0]].representative_point()
+    spot = pruned.ladder.component[component].representative_point()
     return np.array([spot.x, spot.y, 0.0]), world.robot.carry
 
 

@@ -18,6 +18,7 @@ from shapely.geometry.base import BaseGeometry
 from regionik.areas.ground import united
 from regionik.areas.reachable import model_of
 from regionik.areas.standing import Standing, into_span, spread
+from regionik.moving.base_motion import Candidate
 from regionik.parking.held_postures import PostureCarrier
 from regionik.postures.arm import deviation, goals_between
 from regionik.postures.arm_guard import guard_of
@@ -35,20 +36,16 @@ BEAMS = 48, 192  # postures carried on at once, at first and then
 STRIDE, TURN = 0.02, 0.05  # longest way of the tool between two targets, and its largest turn [m], [rad]
 
 
-def standing_runs(
-    world: World, pruned: Pruned, chain: Sequence[int], standing: Standing
-) -> tuple[list[int], dict[int, Configuration]]:
-    """Components and configurations of the runs that are done from one place.
+def standing_runs(world: World, pruned: Pruned, standing: Standing) -> dict[int, Candidate]:
+    """Configurations of the runs that are done from one place, by set-point, each in a component around it.
 
-    Components are those of ``chain``, one a set-point, but that runs done from one place have some around it.
-    Configurations are those of these runs, by set-point; none where the base rolls or has to face its
-    targets.
+    There are none where the base rolls or has to face its targets.
     """
-    chosen, found = list(chain), dict[int, Configuration]()
-    bounds = [0, *pruned.breaks, len(chain)]
+    found = dict[int, Candidate]()
+    bounds = [0, *pruned.breaks, len(world.task)]
     faces = world.rules.heading == "face_target"  # the base would have to turn
     if faces or world.robot.drive.rolls or not world.rules.avoidance:
-        return chosen, found
+        return found
     for first, end in zip(bounds[:-1], bounds[1:], strict=True):
         targets = world.task[first:end]
         if any(one.direction is None or model_of(world, one).exact for one in targets):
@@ -58,12 +55,9 @@ def standing_runs(
             continue
         side, area = shared
         bases = islice(_bases(world, area, standing.sides[side].span, targets), TRIES)
-        done = _from_one(world, *_laid_out(targets), list(bases))
-        if done:
-            axis = Point(axis_of(world.robot, done[0].base))
-            chosen[first:end] = [_around(pruned, i, side, axis) for i in range(first, end)]
-            found |= {first + k: one for k, one in enumerate(done)}
-    return chosen, found
+        for i, one in enumerate(_from_one(world, *_laid_out(targets), list(bases)), first):
+            found[i] = Candidate(one, _around(pruned, i, side, Point(axis_of(world.robot, one.base))))
+    return found
 
 
 def _shared(pruned: Pruned, first: int, end: int) -> tuple[int, BaseGeometry] | None:
