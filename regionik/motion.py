@@ -11,12 +11,14 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import islice
 
+import numpy as np
+
 from regionik.areas.standing import Standing
 from regionik.explain import arm_failures
 from regionik.mfabrik import configurations
 from regionik.moving.base_motion import Candidate
 from regionik.moving.layered_search import LayeredSearch
-from regionik.moving.path_search import Ahead, JoinedMotion, PathSearch, SearchStep, path_search
+from regionik.moving.path_search import PATIENCE, Ahead, JoinedMotion, PathSearch, SearchStep, path_search
 from regionik.parking.standing_runs import standing_runs
 from regionik.planners.progress import tell, track
 from regionik.postures.poses import Pose, Row
@@ -27,6 +29,8 @@ from regionik.worlds.scene import World
 
 TRIES = 16  # candidates tried at the next set-point, or to begin a run from
 BEGUN = 3  # of the longest runs of base and joints together, of which one is gone on with by search
+SOON = 24  # candidates tried without getting farther before base and joints go on together
+ROOM = 0.1  # share of a joint's range that is left to its limits where a run goes back to
 FEW = 60  # set-points that they may go through and fail in any case
 WAYS = 2, 12  # times as many as the farthest of them went, and on wheels
 
@@ -96,36 +100,52 @@ class _Connection:
     def _run(self, i: int, here: Pose | None) -> tuple[list[Row], list[SearchStep]]:
         """Move to set-point i with the tool lifted, and the longest run found from there.
 
-        First the base stands still, where one place does for all of it; then base and joints go on together
-        along the path, from one start after the other. Where they get stuck, the graph of configurations is
-        searched from where they came farthest.
+        Where the tool may turn as it will, what M-FABRIK found is followed first. Else, and where that leads
+        nowhere soon, base and joints go on together along the path, from one start after the other. Where all
+        of these get stuck, configurations are searched from where they came farthest, then from the first.
         """
         count = min((k for k in self.pruned.breaks if k > i), default=len(self.world.task)) - i
-        tried = list[list[SearchStep]]()
-        for first, ahead in self._begins(i, here):
+        found, tried = list[tuple[list[Row], list[SearchStep]]](), list[list[SearchStep]]()
+        if self._follows(i, count):
+            found.append(self._searched(i, count, here, SOON))
+        for first, ahead in self._begins(i, here) if not _whole(found, count) else ():
             tried.append(self.search.run(i, count, first, ahead).longest())
             if len(tried[-1]) == count and (way := self._unfolded(i, here, first)) is not None:
                 return way, tried[-1]
             if self._in_vain(tried):
                 break
-        way, begun = self._begun(i, here, tried)
-        return way, self.search.resumed(i, count, begun, self._ahead).longest()
+        if not _whole(found, count):
+            found += self._resumed(i, count, here, tried)
+        if not _whole(found, count):
+            found.append(self._searched(i, count, here))
+        return max(found, key=lambda one: len(one[1]))
+
+    def _follows(self, i: int, count: int) -> bool:
+        """Whether configurations of M-FABRIK are followed first, as the tool may be turned as it will."""
+        bare = all(target.direction is None for target in self.world.task[i : i + count])
+        return bare and not self.world.robot.drive.rolls
+
+    def _searched(
+        self, i: int, count: int, here: Pose | None, patience: int = PATIENCE
+    ) -> tuple[list[Row], list[SearchStep]]:
+        """The longest run that a search finds from where the robot gets to first, and the way there."""
+        way, first = self._arrive(i, here)
+        return way, self.search.run(i, count, first, self._ahead).longest(patience)
+
+    def _resumed(
+        self, i: int, count: int, here: Pose | None, tried: list[list[SearchStep]]
+    ) -> list[tuple[list[Row], list[SearchStep]]]:
+        """The longest of some runs that the robot gets to, gone on with by a search; none without one."""
+        for steps in sorted(tried, key=len, reverse=True)[:BEGUN]:
+            way = self._unfolded(i, here, steps[0].candidate)
+            if way is not None:
+                return [(way, self.search.resumed(i, count, steps, self._ahead).longest())]
+        return []
 
     def _in_vain(self, tried: list[list[SearchStep]]) -> bool:
         """Whether no more starts are tried, by the set-points that those before went through."""
         lengths = [len(steps) for steps in tried]
         return sum(lengths) > max(FEW, WAYS[self.search.sampler.layers is not None] * max(lengths))
-
-    def _begun(
-        self, i: int, here: Pose | None, tried: list[list[SearchStep]]
-    ) -> tuple[list[Row], list[SearchStep]]:
-        """The longest of some runs that the robot gets to with the tool lifted, and the way there."""
-        for steps in sorted(tried, key=len, reverse=True)[:BEGUN]:
-            way = self._unfolded(i, here, steps[0].candidate)
-            if way is not None:
-                return way, steps
-        way, first = self._arrive(i, here)
-        return way, [SearchStep(first, [], iter(()))]
 
     def _unfolded(self, i: int, here: Pose | None, first: Candidate) -> list[Row] | None:
         """The way to where a run begins with the tool lifted, the arm folded on it; None without one."""
@@ -138,7 +158,19 @@ class _Connection:
         if i in self.held:
             yield self.held[i], self._standing
         for first in self._starts(i, here):
-            yield first, partial(self._together, first.found.joints)
+            yield first, partial(self._together, self._home(first))
+
+    def _home(self, first: Candidate) -> Array | None:
+        """Joints that a run from a configuration goes back to: its own ones, off their limits.
+
+        On wheels the base cannot make room for that at once.
+        """
+        if self.world.robot.drive.rolls:
+            return None
+        chain = self.world.robot.chain
+        room = np.where(np.isfinite(chain.upper - chain.lower), ROOM * (chain.upper - chain.lower), 0.0)
+        home: Array = np.clip(first.found.joints, chain.lower + room, chain.upper - room)
+        return home
 
     def _starts(self, i: int, here: Pose | None) -> Iterator[Candidate]:
         """Where base and joints may begin to go on together: the least motion away, or as M-FABRIK finds."""
@@ -150,7 +182,7 @@ class _Connection:
         yield from sampler.roomy(i, kept, goal.pose)
 
     def _goal(self, i: int) -> Candidate:
-        """What M-FABRIK finds at a set-point: at the first one, where no chain is needed, in the widest area."""
+        """What M-FABRIK finds at a set-point: at the first, before a chain is made, in its widest area."""
         if i > 0:
             return self.nominal[i]
         ladder, world = self.pruned.ladder, self.world
@@ -184,7 +216,7 @@ class _Connection:
         """The configuration after set-point i of a run from one place."""
         return iter([self.held[i + 1]] if i + 1 in self.held else [])
 
-    def _together(self, home: Array, i: int, here: Candidate) -> Iterator[Candidate]:
+    def _together(self, home: Array | None, i: int, here: Candidate) -> Iterator[Candidate]:
         """The candidate to which base and joints go on together from set-point i."""
         if i + 1 >= len(self.world.task):
             return iter(())
@@ -204,3 +236,8 @@ class _Connection:
         if touch is None:
             return arm_failures.arm_must_lift(world, i, "the arm would have to jump", None)
         return arm_failures.arm_must_lift(world, i, guard.words(touch), guard.cause(touch))
+
+
+def _whole(found: list[tuple[list[Row], list[SearchStep]]], count: int) -> bool:
+    """Whether any of some runs goes through so many set-points."""
+    return any(len(steps) == count for _, steps in found)

@@ -32,7 +32,7 @@ def prepared(name: str) -> tuple[World, Pruned, tuple[Candidate, ...]]:
     standing, _, pruned = whole_path(world)
     chain = choose_chain(pruned, standing, start_place(world))
     solvers = solvers_along(world, pruned.ladder, standing, chain)
-    goals = configurations(world.task, solvers, start_pose(world, pruned, chain))
+    goals = configurations(world.task, solvers, start_pose(world, pruned, chain[0]))
     return world, pruned, tuple(Candidate(goal, k) for goal, k in zip(goals, chain, strict=True))
 
 

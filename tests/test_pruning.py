@@ -1,5 +1,4 @@
 import itertools
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,11 +7,10 @@ import shapely
 from regionik.areas.ground import Side
 from regionik.areas.standing import Standing, anywhere
 from regionik.ladder import Ladder, build_ladder
-from regionik.mfabrik import configurations
-from regionik.motion import connect_configurations
+from regionik.motion import connect_setpoints
 from regionik.postures.families import FRONT, Family
 from regionik.postures.poses import lift_offs
-from regionik.pruning import choose_chain, prune, solvers_along, start_place, whole_path
+from regionik.pruning import Pruned, choose_chain, prune, start_place, whole_path
 from regionik.regions import path_areas
 from regionik.worlds.documents.world_file import load_world
 
@@ -115,10 +113,9 @@ def test_l_shape_without_pruning_lifts_off() -> None:
         spot = shapely.Point(shapely.shortest_line(ladder.component[chain[-1]], spot).coords[0])
     edges = set(map(tuple, ladder.edges.tolist()))
     breaks = tuple(i + 1 for i, pair in enumerate(itertools.pairwise(chain)) if pair not in edges)
-    solvers = solvers_along(world, ladder, standing, chain)
-    goals = configurations(world.task, solvers, (world.start.base, world.start.joints))
-    everything = prune(ladder, np.ones(len(ladder.component), dtype=bool))
-    joined = connect_configurations(world, replace(everything, breaks=breaks), chain, goals, standing, 0)
+    keep = np.zeros(len(ladder.component), dtype=bool)
+    keep[chain] = True
+    joined = connect_setpoints(world, Pruned(ladder, keep, breaks), standing, 0)
     assert lift_offs(joined.motion) >= 1
 
 

@@ -45,8 +45,10 @@ def test_the_tool_is_led_as_the_base_drives(base: BaseKind, bearing: float, far:
         return
     robot, (bases, joints) = world.robot, arrays([here, *states])
     tools = robot.tool(bases, joints)[:, :3, 3]
-    share = np.linspace(0, 1, len(tools))
+    share = (tools - tools[0]) @ way / (way @ way)
     assert np.abs(tools - tools[0] - share[:, None] * way).max() < 1e-6
+    assert share[-1] == pytest.approx(1, abs=1e-6 / far)
+    assert (np.diff(share) > 0).all()
     slid, length = robot.drive.parts(bases[:-1], bases[1:])
     assert base == "omni" or np.abs(slid[:, :2]).max() < 1e-12
     assert (np.abs(slid[:, 2]) * robot.drive.turning_radius <= np.abs(length) + 1e-9).all()

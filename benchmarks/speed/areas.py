@@ -19,7 +19,7 @@ from benchmarks.bench_areas import crowded, loop
 from benchmarks.bench_drive import MAPS, STEP, clutter, length, shortest
 from benchmarks.speed.harness import Row, Rows, Size, Spread, Wanted, Work, against, counted, timed
 from regionik.mfabrik import configurations
-from regionik.motion import connect_configurations
+from regionik.motion import connect_setpoints
 from regionik.moving.drivers import driver_for
 from regionik.moving.transit import ITERATIONS, TransitPlanner, WholeBodyPlanner
 from regionik.pipeline import search
@@ -103,10 +103,10 @@ def search_stages(world: World) -> dict[str, float]:
     standing, _, pruned = whole_path(world)
     marks.append(time.perf_counter())
     chain = choose_chain(pruned, standing, start_place(world))
-    start = start_pose(world, pruned, chain)
-    goals = configurations(world.task, solvers_along(world, pruned.ladder, standing, chain), start)
+    start = start_pose(world, pruned, chain[0])
+    configurations(world.task, solvers_along(world, pruned.ladder, standing, chain), start)
     marks.append(time.perf_counter())
-    connect_configurations(world, pruned, chain, goals, standing, 0)
+    connect_setpoints(world, pruned, standing, 0)
     marks.append(time.perf_counter())
     names = ("areas and pruning", "configurations", "motion")
     return dict(zip(names, np.diff(marks).tolist(), strict=True))

@@ -146,7 +146,7 @@ def experiment(name: str) -> list[Row]:
     world = load_world(name)
     standing, _, pruned = whole_path(world)
     chain = choose_chain(pruned, standing, start_place(world))
-    base, joints = start_pose(world, pruned, chain)
+    base, joints = start_pose(world, pruned, chain[0])
     solvers = solvers_along(world, pruned.ladder, standing, chain)
     free = shapely.union_all(standing.pieces.polygon)
     rows = []
