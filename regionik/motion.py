@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import islice
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from regionik.explain import arm_failures
 from regionik.mfabrik import configurations
 from regionik.moving.base_motion import Candidate
 from regionik.moving.layered_search import LayeredSearch
-from regionik.moving.path_search import PATIENCE, Ahead, JoinedMotion, PathSearch, SearchStep, path_search
+from regionik.moving.path_search import Ahead, JoinedMotion, PathSearch, SearchStep, path_search
 from regionik.parking.standing_runs import standing_runs
 from regionik.planners.progress import tell, track
 from regionik.postures.poses import Pose, Row
@@ -33,6 +34,16 @@ SOON = 24  # candidates tried without getting farther before base and joints go 
 ROOM = 0.1  # share of a joint's range that is left to its limits where a run goes back to
 FEW = 60  # set-points that they may go through and fail in any case
 WAYS = 2, 12  # times as many as the farthest of them went, and on wheels
+
+
+Start = tuple[Candidate, Ahead]  # of a run, and how it goes on from there without a search
+
+
+class Run(NamedTuple):
+    """A run of set-points, and the way to the first of them with the tool lifted."""
+
+    way: list[Row]
+    steps: list[SearchStep]
 
 
 def connect_setpoints(world: World, pruned: Pruned, standing: Standing, seed: int) -> JoinedMotion:
@@ -58,6 +69,10 @@ class _Connection:
     @property
     def world(self) -> World:
         return self.search.world
+
+    @property
+    def _rolls(self) -> bool:
+        return self.world.robot.drive.rolls
 
     @cached_property
     def held(self) -> dict[int, Candidate]:
@@ -97,55 +112,61 @@ class _Connection:
             if most is not None and lifts > most:
                 raise NoPlanFound(self._one_lift_too_many(len(done)))
 
-    def _run(self, i: int, here: Pose | None) -> tuple[list[Row], list[SearchStep]]:
+    def _run(self, i: int, here: Pose | None) -> Run:
         """Move to set-point i with the tool lifted, and the longest run found from there.
 
-        Where the tool may turn as it will, what M-FABRIK found is followed first. Else, and where that leads
-        nowhere soon, base and joints go on together along the path, from one start after the other. Where all
-        of these get stuck, configurations are searched from where they came farthest, then from the first.
+        Where the tool is turned as asked, and on wheels, base and joints go on together first. Else, and
+        where they get stuck, configurations are searched, those of M-FABRIK first; where that leads nowhere
+        soon, base and joints go on together from elsewhere before the search ends.
         """
         count = min((k for k in self.pruned.breaks if k > i), default=len(self.world.task)) - i
-        found, tried = list[tuple[list[Row], list[SearchStep]]](), list[list[SearchStep]]()
-        if self._follows(i, count):
-            found.append(self._searched(i, count, here, SOON))
-        for first, ahead in self._begins(i, here) if not _whole(found, count) else ():
+        best: Run | None = None
+        if self._rolls or any(one.direction is not None for one in self.world.task[i : i + count]):
+            best = self._together(i, count, here, self._starts(i, here), resumed=not self._rolls)
+        if best is None or len(best.steps) < count:
+            best = self._searched(i, count, here, best)
+        return best
+
+    def _searched(self, i: int, count: int, here: Pose | None, known: Run | None) -> Run:
+        """The longest run that a search finds, or that is known, or a whole one begun elsewhere."""
+        try:
+            way, first = self._arrive(i, here)
+        except NoPlanFound:
+            if known is None:
+                raise
+            return known
+        run = self.search.run(i, count, first, self._ahead)
+        if len(run.longest(SOON)) < count:
+            whole = self._together(i, count, here, self._elsewhere(i, here, first), resumed=False)
+            if whole is not None:
+                return whole
+        found = Run(way, run.longest())
+        return found if known is None or len(known.steps) < len(found.steps) else known
+
+    def _together(
+        self, i: int, count: int, here: Pose | None, starts: Iterator[Start], *, resumed: bool
+    ) -> Run | None:
+        """A whole run of base and joints together from one of some starts; None for none.
+
+        The longest one is ``resumed`` by a search, which may end sooner.
+        """
+        tried = list[list[SearchStep]]()
+        for first, ahead in starts:
             tried.append(self.search.run(i, count, first, ahead).longest())
             if len(tried[-1]) == count and (way := self._unfolded(i, here, first)) is not None:
-                return way, tried[-1]
+                return Run(way, tried[-1])
             if self._in_vain(tried):
                 break
-        if not _whole(found, count):
-            found += self._resumed(i, count, here, tried)
-        if not _whole(found, count):
-            found.append(self._searched(i, count, here))
-        return max(found, key=lambda one: len(one[1]))
-
-    def _follows(self, i: int, count: int) -> bool:
-        """Whether configurations of M-FABRIK are followed first, as the tool may be turned as it will."""
-        bare = all(target.direction is None for target in self.world.task[i : i + count])
-        return bare and not self.world.robot.drive.rolls
-
-    def _searched(
-        self, i: int, count: int, here: Pose | None, patience: int = PATIENCE
-    ) -> tuple[list[Row], list[SearchStep]]:
-        """The longest run that a search finds from where the robot gets to first, and the way there."""
-        way, first = self._arrive(i, here)
-        return way, self.search.run(i, count, first, self._ahead).longest(patience)
-
-    def _resumed(
-        self, i: int, count: int, here: Pose | None, tried: list[list[SearchStep]]
-    ) -> list[tuple[list[Row], list[SearchStep]]]:
-        """The longest of some runs that the robot gets to, gone on with by a search; none without one."""
-        for steps in sorted(tried, key=len, reverse=True)[:BEGUN]:
+        for steps in sorted(tried, key=len, reverse=True)[: BEGUN * resumed]:
             way = self._unfolded(i, here, steps[0].candidate)
             if way is not None:
-                return [(way, self.search.resumed(i, count, steps, self._ahead).longest())]
-        return []
+                return Run(way, self.search.resumed(i, count, steps, self._ahead).longest())
+        return None
 
     def _in_vain(self, tried: list[list[SearchStep]]) -> bool:
         """Whether no more starts are tried, by the set-points that those before went through."""
         lengths = [len(steps) for steps in tried]
-        return sum(lengths) > max(FEW, WAYS[self.search.sampler.layers is not None] * max(lengths))
+        return sum(lengths) > max(FEW, WAYS[self._rolls] * max(lengths))
 
     def _unfolded(self, i: int, here: Pose | None, first: Candidate) -> list[Row] | None:
         """The way to where a run begins with the tool lifted, the arm folded on it; None without one."""
@@ -153,37 +174,43 @@ class _Connection:
         arrived = search.arrive(i, here, [first], search.transits.folded, hard=0)
         return None if arrived is None else arrived[0]
 
-    def _begins(self, i: int, here: Pose | None) -> Iterator[tuple[Candidate, Ahead]]:
-        """Configurations that a run may begin with, and how it goes on from there without a search."""
+    def _starts(self, i: int, here: Pose | None) -> Iterator[Start]:
+        """Where a run may begin: the one place that does for it, the least motion away, or M-FABRIK's."""
+        sampler, goal = self.search.sampler, self._goal(i)
+        kept = self._kept(i, goal)
         if i in self.held:
             yield self.held[i], self._standing
-        for first in self._starts(i, here):
-            yield first, partial(self._together, self._home(first))
+        if here is not None:
+            yield from self._going(sampler.nearest(i, kept, here))
+        yield from self._going(sampler.nominal(i, kept, here or goal.pose, goal))
+        yield from self._going(sampler.roomy(i, kept, goal.pose))
+
+    def _elsewhere(self, i: int, here: Pose | None, first: Candidate) -> Iterator[Start]:
+        """Where a run may begin but at a first candidate: far from joint limits, then as `_arrive` has it."""
+        sampler, goal = self.search.sampler, self.nominal[i]
+        kept = self._kept(i, goal)
+        yield from self._going(sampler.roomy(i, kept, first.pose))
+        yield from self._going(islice(sampler.arrivals(i, kept, here or goal.pose, goal), TRIES))
+
+    def _going(self, begun: Iterator[Candidate]) -> Iterator[Start]:
+        """Configurations from which base and joints go on together, the joints back towards their home."""
+        return ((first, partial(self._onward, self._home(first))) for first in begun)
 
     def _home(self, first: Candidate) -> Array | None:
         """Joints that a run from a configuration goes back to: its own ones, off their limits.
 
         On wheels the base cannot make room for that at once.
         """
-        if self.world.robot.drive.rolls:
+        if self._rolls:
             return None
         chain = self.world.robot.chain
         room = np.where(np.isfinite(chain.upper - chain.lower), ROOM * (chain.upper - chain.lower), 0.0)
         home: Array = np.clip(first.found.joints, chain.lower + room, chain.upper - room)
         return home
 
-    def _starts(self, i: int, here: Pose | None) -> Iterator[Candidate]:
-        """Where base and joints may begin to go on together: the least motion away, or as M-FABRIK finds."""
-        sampler, goal = self.search.sampler, self._goal(i)
-        kept = self._kept(i, goal)
-        if here is not None:
-            yield from sampler.nearest(i, kept, here)
-        yield from sampler.nominal(i, kept, here or goal.pose, goal)
-        yield from sampler.roomy(i, kept, goal.pose)
-
     def _goal(self, i: int) -> Candidate:
         """What M-FABRIK finds at a set-point: at the first, before a chain is made, in its widest area."""
-        if i > 0:
+        if i > 0 or self._rolls:
             return self.nominal[i]
         ladder, world = self.pruned.ladder, self.world
         k = max(self.pruned.kept(0), key=lambda k: ladder.component[k].area)
@@ -216,7 +243,7 @@ class _Connection:
         """The configuration after set-point i of a run from one place."""
         return iter([self.held[i + 1]] if i + 1 in self.held else [])
 
-    def _together(self, home: Array | None, i: int, here: Candidate) -> Iterator[Candidate]:
+    def _onward(self, home: Array | None, i: int, here: Candidate) -> Iterator[Candidate]:
         """The candidate to which base and joints go on together from set-point i."""
         if i + 1 >= len(self.world.task):
             return iter(())
@@ -236,8 +263,3 @@ class _Connection:
         if touch is None:
             return arm_failures.arm_must_lift(world, i, "the arm would have to jump", None)
         return arm_failures.arm_must_lift(world, i, guard.words(touch), guard.cause(touch))
-
-
-def _whole(found: list[tuple[list[Row], list[SearchStep]]], count: int) -> bool:
-    """Whether any of some runs goes through so many set-points."""
-    return any(len(steps) == count for _, steps in found)

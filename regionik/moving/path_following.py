@@ -42,7 +42,7 @@ TURN_SLACK = 1e-7  # rounding allowed at the edge of a cone [rad]
 DEEPEST = 6  # halvings before a segment counts as discontinuous
 LOOKED_AT = np.array([0.25, 0.5, 0.75])  # shares of the way between two states
 AT_ONCE = 16  # states tried in one call: after one that fails, the rest is tried anew
-HALVINGS = 4  # of a hop of base and joints together before it counts as blocked
+HALVINGS = 4, 0  # of a hop of base and joints together before it counts as blocked, and of one on wheels
 CLOSEST = 3  # halvings before a motion that is not proven clear counts as blocked
 
 
@@ -257,7 +257,8 @@ class ResolvedMotion:
             at = tried[done]
             del ahead[len(ahead) - done :]
             if done < AT_ONCE and ahead:
-                if (ahead[-1] - at) * count < 0.5**HALVINGS:
+                halved = -math.log2((ahead[-1] - at) * count)
+                if halved > HALVINGS[self.world.robot.drive.rolls] - 0.5:
                     return None
                 ahead.append((at + ahead[-1]) / 2)
         return passed[1:]
