@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
@@ -17,7 +18,7 @@ from tests.harness.worlds import WORLDS, document_of
 
 LONGEST = 120.0  # of a world: its plan, verification and timing [processor s]
 MEASURE = Path(__file__).parent / "measure.py"
-GIVEN_UP = "given up"
+GIVEN_UP, CRASHED = "given up", "crashed"
 Row = dict[str, Any]
 
 
@@ -46,7 +47,7 @@ def _written(name: str, folder: Path) -> str:
 
 def _measured(tree: Path, folder: Path, names: tuple[str, ...], longest: float) -> Iterator[tuple[str, Row]]:
     """Yield rows until the process ends; the world at which it ended too early is given up."""
-    command = [sys.executable, "-P", str(MEASURE), str(folder), str(longest), *names]
+    command = [sys.executable, "-P", "-X", "faulthandler", str(MEASURE), str(folder), str(longest), *names]
     environment = {**os.environ, "PYTHONPATH": str(tree), "OPENBLAS_NUM_THREADS": "1"}
     left = list(names)
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment, cwd=tree) as child:
@@ -58,5 +59,8 @@ def _measured(tree: Path, folder: Path, names: tuple[str, ...], longest: float) 
             row = json.loads(line)
             left.remove(row["name"])
             yield row.pop("name"), row
+    if child.returncode in (-signal.SIGINT, -signal.SIGTERM):
+        raise InputError(f"{tree}: the run was ended by a signal")
     if left:
-        yield left[0], {"verdict": GIVEN_UP, "exit_code": child.returncode}
+        overtime = child.returncode == -signal.SIGPROF
+        yield left[0], {"verdict": GIVEN_UP if overtime else CRASHED, "exit_code": child.returncode}
