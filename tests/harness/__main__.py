@@ -45,7 +45,7 @@ def chosen(patterns: Sequence[str], short: bool) -> list[str]:
 def figures(source: Path, names: Sequence[str]) -> dict[str, Row]:
     """Return rows by world: those of a file, or of a checkout, which is run."""
     if source.is_dir():
-        rows = {}
+        rows: dict[str, Row] = {}
         for name, row in run(source, names):
             rows[name] = row
             print(f"{name}: {row['verdict']}, {row.get('cpu', 0):.1f} s", file=sys.stderr)
@@ -140,7 +140,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         rows = figures(asked.tree, names)
         console.print(table_of(rows))
         if asked.output:
-            asked.output.write_text(json.dumps(rows, indent=1) + "\n", "utf-8")
+            lines = (f"{json.dumps(name)}: {json.dumps(row)}" for name, row in rows.items())
+            asked.output.write_text("{\n" + ",\n".join(lines) + "\n}\n", "utf-8")
         return 0
     before = figures(asked.before, names)
     return compared(before, figures(asked.after, names), names, console)

@@ -15,7 +15,7 @@ VERDICTS = {  # how much is known: a plan, a proof that there is none, or neithe
     "planned": PLAN,
     "unreachable": PROOF, "start-blocked": PROOF,
     "undecided": 2, "ladder-broken": 2, "no-posture": 2,
-    "plan-invalid": 3, "refused": 3, "given up": 3,
+    "plan-invalid": 3, "refused": 3, "given up": 3, "crashed": 3,
 }  # fmt: skip
 
 

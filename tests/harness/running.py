@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
@@ -17,7 +18,8 @@ from tests.harness.worlds import WORLDS, document_of
 
 LONGEST = 120.0  # of a world: its plan, verification and timing [processor s]
 MEASURE = Path(__file__).parent / "measure.py"
-GIVEN_UP = "given up"
+DIGITS = 6  # after the point, by which world files are compared
+GIVEN_UP, CRASHED = "given up", "crashed"
 Row = dict[str, Any]
 
 
@@ -38,15 +40,16 @@ def run(tree: Path, names: Sequence[str], longest: float = LONGEST) -> Iterator[
 
 
 def _written(name: str, folder: Path) -> str:
-    """Write the file of a world; return its digest."""
+    """Write the file of a world; return its digest, which leaves out what another processor may round."""
     text = json.dumps(document_of(WORLDS[name]()))
     (folder / f"{name}.json").write_text(text, "utf-8")
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
+    rounded = json.loads(text, parse_float=lambda number: round(float(number), DIGITS) + 0.0)
+    return hashlib.sha256(json.dumps(rounded).encode()).hexdigest()[:16]
 
 
 def _measured(tree: Path, folder: Path, names: tuple[str, ...], longest: float) -> Iterator[tuple[str, Row]]:
     """Yield rows until the process ends; the world at which it ended too early is given up."""
-    command = [sys.executable, "-P", str(MEASURE), str(folder), str(longest), *names]
+    command = [sys.executable, "-P", "-X", "faulthandler", str(MEASURE), str(folder), str(longest), *names]
     environment = {**os.environ, "PYTHONPATH": str(tree), "OPENBLAS_NUM_THREADS": "1"}
     left = list(names)
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment, cwd=tree) as child:
@@ -58,5 +61,8 @@ def _measured(tree: Path, folder: Path, names: tuple[str, ...], longest: float) 
             row = json.loads(line)
             left.remove(row["name"])
             yield row.pop("name"), row
+    if child.returncode in (-signal.SIGINT, -signal.SIGTERM):
+        raise InputError(f"{tree}: the run was ended by a signal")
     if left:
-        yield left[0], {"verdict": GIVEN_UP, "exit_code": child.returncode}
+        overtime = child.returncode == -signal.SIGPROF
+        yield left[0], {"verdict": GIVEN_UP if overtime else CRASHED, "exit_code": child.returncode}
