@@ -104,9 +104,11 @@ def _pieces(spots: Geometries, side: Index, standing: Standing) -> Index:
     """Label of the piece of free floor around each spot, -1 for none."""
     piece = np.full(len(spots), -1, dtype=np.intp)
     polygons, sides, label = standing.pieces
-    which, found = shapely.STRtree(polygons).query(spots, predicate="intersects")
+    which, found = shapely.STRtree(polygons).query(spots)
     own = side[which] == sides[found]
-    piece[which[own]] = label[found[own]]
+    which, found = which[own], found[own]
+    held = shapely.intersects(polygons[found], spots[which])  # quick: pieces are prepared, spots are not
+    piece[which[held]] = label[found[held]]
     return piece
 
 
@@ -133,15 +135,20 @@ def _overlaps(
     alike = (facing[here] == facing[there]) & (np.isnan(pitch[here]) == np.isnan(pitch[there]))
     alike &= (turn < np.pi / 2) & standing.beside(side[here], side[there])
     here, there = here[alike], there[alike]
-    shared = _shared(parts[here], parts[there], spots[here])
+    shared = _shared(parts[here], parts[there], spots[here], spots[there])
     return np.column_stack([here[shared], there[shared]])
 
 
-def _shared(one: Geometries, other: Geometries, spots: Geometries) -> Mask:
-    """Mask of pairs of prepared parts that overlap: mostly a spot of the first is well inside both."""
-    x, y = shapely.get_x(spots), shapely.get_y(spots)
-    squares = shapely.box(x - SURE, y - SURE, x + SURE, y + SURE)
-    shared: Mask = shapely.contains_properly(one, squares) & shapely.contains_properly(other, squares)
+def _shared(one: Geometries, other: Geometries, *spots: Geometries) -> Mask:
+    """Mask of pairs of prepared parts that overlap: mostly a spot of one of them is well inside both."""
+    shared = np.zeros(len(one), dtype=bool)
+    for some in spots:
+        rest = np.flatnonzero(~shared)
+        x, y = shapely.get_x(some[rest]), shapely.get_y(some[rest])
+        squares = shapely.box(x - SURE, y - SURE, x + SURE, y + SURE)
+        inside = shapely.contains_properly(one[rest], squares)
+        inside[inside] = shapely.contains_properly(other[rest[inside]], squares[inside])
+        shared[rest] = inside
     rest = np.flatnonzero(~shared)
     rest = rest[shapely.intersects(one[rest], other[rest])]
     shared[rest] = shapely.area(shapely.intersection(one[rest], other[rest])) > LEAST_AREA

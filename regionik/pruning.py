@@ -54,6 +54,11 @@ class Pruned:
         span = slice(rungs[i], rungs[i + 1])
         return united(self.ladder.component[span][self.keep[span]])
 
+    def left(self, i: int) -> BaseGeometry | None:
+        """Return what is left of the area of set-point i; None where that is all of it."""
+        rungs = self.ladder.rungs
+        return None if self.keep[rungs[i] : rungs[i + 1]].all() else self.area(i)
+
     @property
     def gap(self) -> int | None:
         """First set-point without any component left."""
@@ -187,8 +192,10 @@ def prune(ladder: Ladder, usable: Mask) -> Pruned:
 
 
 def _followed(keep: Mask, neighbours: list[list[int]]) -> Mask:
-    """Mask of the components of which a neighbour is kept."""
-    return np.array([any(keep[j] for j in row) for row in neighbours], dtype=bool)
+    """Mask of the components of which a neighbour is kept; those of one group have one row of neighbours."""
+    rows = {id(row): row for row in neighbours}
+    followed = {key: any(keep[j] for j in row) for key, row in rows.items()}
+    return np.array([followed[id(row)] for row in neighbours], dtype=bool)
 
 
 def start_place(world: World) -> Array | None:

@@ -46,9 +46,9 @@ def minkowski_sums(pieces: Sequence[Array], shape: Array) -> NDArray[np.object_]
     """Minkowski sums of convex pieces with a convex shape, as hulls of all sums of their corners."""
     if not pieces:
         return np.empty(0, dtype=object)
-    corners, owner = np.concatenate(pieces), np.repeat(np.arange(len(pieces)), [len(p) for p in pieces])
-    points = shapely.points((corners[:, None] + shape).reshape(-1, 2))
+    points = (np.concatenate(pieces)[:, None] + shape).reshape(-1, 2)
+    ends = len(shape) * np.cumsum([0, *(len(piece) for piece in pieces)])
     sums: NDArray[np.object_] = shapely.convex_hull(
-        shapely.multipoints(points, indices=np.repeat(owner, len(shape)))
+        shapely.from_ragged_array(shapely.GeometryType.MULTIPOINT, points, (ends,))
     )
     return sums
