@@ -70,15 +70,18 @@ def kept_areas(areas: Iterable[BaseGeometry]) -> NDArray[np.object_]:
     >>> str(kept_areas([Polygon([(0, 0), (1 / 3, 0), (2 / 3, 0), (1, 1)])])[0])
     'MULTIPOLYGON (((0 0, 0.6666667 0, 1 1, 0 0)))'
     """
-    shapes = np.array([MultiPolygon(_polygons(area)) for area in areas], dtype=object)
+    shapes = _multipolygons(areas)
     fine = ~shapely.equals_exact(shapes, shapely.transform(shapes, _rounded))
     bent = shapely.simplify(shapes[fine], STRAIGHT)
     kept = shapely.transform(bent, _rounded)
     torn = ~shapely.is_valid(kept)  # where edges nearly meet
-    snapped = shapely.set_precision(bent[torn], 10.0**-DECIMALS)
-    kept[torn] = [MultiPolygon(_polygons(one)) for one in shapely.transform(snapped, _rounded)]
-    shapes[fine] = kept
+    kept[torn] = shapely.transform(shapely.set_precision(bent[torn], 10.0**-DECIMALS), _rounded)
+    shapes[fine] = _multipolygons(kept)
     return shapes
+
+
+def _multipolygons(shapes: Iterable[BaseGeometry]) -> NDArray[np.object_]:
+    return np.array([MultiPolygon(_polygons(shape)) for shape in shapes], dtype=object)
 
 
 def _rounded(corners: NDArray[np.float64]) -> NDArray[np.float64]:
