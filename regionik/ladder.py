@@ -77,8 +77,9 @@ class Ladder:
 
     def _neighbours(self, pairs: Index) -> list[list[int]]:
         table: list[list[int]] = [[] for _ in range(int(self.group.max(initial=-1)) + 1)]
-        joined = np.column_stack([self.group[pairs[:, 0]], pairs[:, 1]])
-        for group, other in np.unique(joined, axis=0).tolist():
+        size = max(1, len(self.group))
+        joined = np.unique(self.group[pairs[:, 0]] * size + pairs[:, 1])
+        for group, other in zip((joined // size).tolist(), (joined % size).tolist(), strict=True):
             table[group].append(other)
         return [table[group] for group in self.group.tolist()]
 

@@ -25,7 +25,7 @@ from regionik.mfabrik import Solver, solver_for
 from regionik.planners.geometry.polygons import FlatPolygon, clamp_each
 from regionik.planners.progress import track
 from regionik.postures.poses import axis_of
-from regionik.regions import path_areas, ways_to_stand
+from regionik.regions import distinct_ways_to_stand, path_areas
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 from regionik.worlds.scene import World
@@ -75,7 +75,7 @@ def whole_path(world: World) -> tuple[Standing, PathAreas, Pruned]:
     none of them spans the path.
     """
     found: list[tuple[Standing, PathAreas, Pruned]] = []
-    for standing, facings in ways_to_stand(world):
+    for standing, facings in distinct_ways_to_stand(world):
         areas, pruned = prune_path(world, standing(world), facings)
         if isinstance(pruned, Pruned):
             found.append((standing(world), areas, pruned))
@@ -88,7 +88,9 @@ def whole_path(world: World) -> tuple[Standing, PathAreas, Pruned]:
 
 def spans(world: World) -> bool:
     """Return True where `whole_path` succeeds, without an explanation where it does not."""
-    every = (prune_path(world, standing(world), facings)[1] for standing, facings in ways_to_stand(world))
+    every = (
+        prune_path(world, standing(world), facings)[1] for standing, facings in distinct_ways_to_stand(world)
+    )
     return any(isinstance(pruned, Pruned) for pruned in every)
 
 

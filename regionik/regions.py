@@ -19,7 +19,7 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import Side, ground_of, united
 from regionik.areas.lifted import lifted_rejection, lifted_rejections
-from regionik.areas.reachable import inner_rows, reach_rows
+from regionik.areas.reachable import inner_rows, model_of, reach_rows
 from regionik.areas.standing import (
     LEAST_AREA,
     PathAreas,
@@ -179,6 +179,14 @@ def ways_to_stand(world: World) -> Iterator[tuple[Callable[[World], Standing], t
     yield from ((anywhere, (FRONT,)), (anywhere, (FRONT, BACK)))
     if turns_matter(world):
         yield from ((turning, (FRONT,)), (turning, (FRONT, BACK)))
+
+
+def distinct_ways_to_stand(world: World) -> Iterator[tuple[Callable[[World], Standing], tuple[int, ...]]]:
+    """`ways_to_stand` without those that differ in facings alone, where no target is met over the back."""
+    facings = (FRONT, BACK)
+    families = (model_of(world, target).families(target, facings, inner=True) for target in world.task)
+    over_back = any(family.facing == BACK for some in families for family in some)
+    return (way for way in ways_to_stand(world) if over_back or BACK not in way[1])
 
 
 def outer_areas(world: World, targets: Sequence[Target]) -> list[BaseGeometry]:
