@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -76,8 +77,9 @@ class Ladder:
 
     def _neighbours(self, pairs: Index) -> list[list[int]]:
         table: list[list[int]] = [[] for _ in range(int(self.group.max(initial=-1)) + 1)]
-        joined = np.column_stack([self.group[pairs[:, 0]], pairs[:, 1]])
-        for group, other in np.unique(joined, axis=0).tolist():
+        size = max(1, len(self.group))
+        joined = np.unique(self.group[pairs[:, 0]] * size + pairs[:, 1])
+        for group, other in zip((joined // size).tolist(), (joined % size).tolist(), strict=True):
             table[group].append(other)
         return [table[group] for group in self.group.tolist()]
 
@@ -93,8 +95,9 @@ def build_ladder(areas: PathAreas, count: int, standing: Standing) -> Ladder:
     shapely.prepare(parts)
     kinds, side = tuple(areas.family[k] for k in row), areas.side[row]
     spots = shapely.point_on_surface(parts)
-    forward = _overlaps(standing, parts, spots, target, side, kinds, count, ahead=1)
-    turns = _overlaps(standing, parts, spots, target, side, kinds, count, ahead=0)
+    about = _spots_of(parts, spots)
+    forward = _overlaps(standing, parts, about, target, side, kinds, count, ahead=1)
+    turns = _overlaps(standing, parts, about, target, side, kinds, count, ahead=0)
     floor = _pieces(spots, side, standing)
     shapely.destroy_prepared(parts)  # as much memory again as the components themselves
     return Ladder(count, parts, target, kinds, side, floor, forward, component_labels(len(parts), turns))
@@ -104,16 +107,18 @@ def _pieces(spots: Geometries, side: Index, standing: Standing) -> Index:
     """Label of the piece of free floor around each spot, -1 for none."""
     piece = np.full(len(spots), -1, dtype=np.intp)
     polygons, sides, label = standing.pieces
-    found, which = shapely.STRtree(spots).query(polygons, predicate="intersects")  # few and large ones
+    which, found = shapely.STRtree(polygons).query(spots)
     own = side[which] == sides[found]
-    piece[which[own]] = label[found[own]]
+    which, found = which[own], found[own]
+    held = shapely.intersects(polygons[found], spots[which])  # quick: pieces are prepared, spots are not
+    piece[which[held]] = label[found[held]]
     return piece
 
 
 def _overlaps(
     standing: Standing,
     parts: Geometries,
-    spots: Geometries,
+    spots: _Spots,
     target: Index,
     side: Index,
     kinds: Sequence[Family],
@@ -133,16 +138,31 @@ def _overlaps(
     alike = (facing[here] == facing[there]) & (np.isnan(pitch[here]) == np.isnan(pitch[there]))
     alike &= (turn < np.pi / 2) & standing.beside(side[here], side[there])
     here, there = here[alike], there[alike]
-    shared = _shared(parts[here], parts[there], spots[here])
+    shared = _shared(parts, spots, here, there)
     return np.column_stack([here[shared], there[shared]])
 
 
-def _shared(one: Geometries, other: Geometries, spots: Geometries) -> Mask:
-    """Mask of pairs of prepared parts that overlap: mostly a spot of the first is well inside both."""
+class _Spots(NamedTuple):
+    """Small squares about spots of parts, and whether they are well inside their own part."""
+
+    squares: Geometries  # (m,)
+    sure: Mask  # (m,)
+
+
+def _spots_of(parts: Geometries, spots: Geometries) -> _Spots:
     x, y = shapely.get_x(spots), shapely.get_y(spots)
     squares = shapely.box(x - SURE, y - SURE, x + SURE, y + SURE)
-    shared: Mask = shapely.contains_properly(one, squares) & shapely.contains_properly(other, squares)
+    return _Spots(squares, shapely.contains_properly(parts, squares))
+
+
+def _shared(parts: Geometries, spots: _Spots, here: Index, there: Index) -> Mask:
+    """Mask of pairs of prepared parts that overlap: mostly the spot of one is well inside the other."""
+    shared = np.zeros(len(here), dtype=bool)
+    for one, other in ((here, there), (there, here)):
+        asked = np.flatnonzero(~shared & spots.sure[one])
+        shared[asked] = shapely.contains_properly(parts[other[asked]], spots.squares[one[asked]])
     rest = np.flatnonzero(~shared)
-    rest = rest[shapely.intersects(one[rest], other[rest])]
-    shared[rest] = shapely.area(shapely.intersection(one[rest], other[rest])) > LEAST_AREA
+    a, b = parts[here[rest]], parts[there[rest]]
+    meet = shapely.intersects(a, b)
+    shared[rest[meet]] = shapely.area(shapely.intersection(a[meet], b[meet])) > LEAST_AREA
     return shared

@@ -326,7 +326,7 @@ def _plan_path(world: World, seed: int) -> Plan:
     """A plan with the tool on its path wherever the base can move with it."""
     standing, areas, pruned = whole_path(world)
     joined = connect_setpoints(world, pruned, standing, seed)
-    shown = planned_areas(world, areas, pruned.area)
+    shown = planned_areas(world, areas, standing, pruned.left)
     found = _verified(_finished(world, seed, joined, shown))
     return smooth_motion(found, standing)
 
@@ -337,7 +337,8 @@ def _plan_stops(world: World, seed: int) -> Plan:
     work = in_sequence(world, parking)
     with naming_as_given(work.order):
         done = connect_stops(work, seed)
-    shown = planned_areas(work.world, work.parking_areas.areas, lambda i: done.places[i])
+    parked = work.parking_areas
+    shown = planned_areas(work.world, parked.areas, parked.standing, lambda i: done.places[i])
     stops = {**parking.stats(len(done.stops)), "split_before": list(done.split)}
     stats: dict[str, Any] = {"stops": stops}
     if world.rules.order == "any":

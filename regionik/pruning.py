@@ -25,7 +25,7 @@ from regionik.mfabrik import Solver, solver_for
 from regionik.planners.geometry.polygons import FlatPolygon, clamp_each
 from regionik.planners.progress import track
 from regionik.postures.poses import axis_of
-from regionik.regions import path_areas, ways_to_stand
+from regionik.regions import distinct_ways_to_stand, path_areas
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 from regionik.worlds.scene import World
@@ -54,6 +54,11 @@ class Pruned:
         span = slice(rungs[i], rungs[i + 1])
         return united(self.ladder.component[span][self.keep[span]])
 
+    def left(self, i: int) -> BaseGeometry | None:
+        """Return what is left of the area of set-point i; None where that is all of it."""
+        rungs = self.ladder.rungs
+        return None if self.keep[rungs[i] : rungs[i + 1]].all() else self.area(i)
+
     @property
     def gap(self) -> int | None:
         """First set-point without any component left."""
@@ -70,7 +75,7 @@ def whole_path(world: World) -> tuple[Standing, PathAreas, Pruned]:
     none of them spans the path.
     """
     found: list[tuple[Standing, PathAreas, Pruned]] = []
-    for standing, facings in ways_to_stand(world):
+    for standing, facings in distinct_ways_to_stand(world):
         areas, pruned = prune_path(world, standing(world), facings)
         if isinstance(pruned, Pruned):
             found.append((standing(world), areas, pruned))
@@ -83,7 +88,9 @@ def whole_path(world: World) -> tuple[Standing, PathAreas, Pruned]:
 
 def spans(world: World) -> bool:
     """Return True where `whole_path` succeeds, without an explanation where it does not."""
-    every = (prune_path(world, standing(world), facings)[1] for standing, facings in ways_to_stand(world))
+    every = (
+        prune_path(world, standing(world), facings)[1] for standing, facings in distinct_ways_to_stand(world)
+    )
     return any(isinstance(pruned, Pruned) for pruned in every)
 
 
@@ -187,8 +194,10 @@ def prune(ladder: Ladder, usable: Mask) -> Pruned:
 
 
 def _followed(keep: Mask, neighbours: list[list[int]]) -> Mask:
-    """Mask of the components of which a neighbour is kept."""
-    return np.array([any(keep[j] for j in row) for row in neighbours], dtype=bool)
+    """Mask of the components of which a neighbour is kept; those of one group have one row of neighbours."""
+    rows = {id(row): row for row in neighbours}
+    followed = {key: any(keep[j] for j in row) for key, row in rows.items()}
+    return np.array([followed[id(row)] for row in neighbours], dtype=bool)
 
 
 def start_place(world: World) -> Array | None:

@@ -19,7 +19,7 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import Side, ground_of, united
 from regionik.areas.lifted import lifted_rejection, lifted_rejections
-from regionik.areas.reachable import reach_rows
+from regionik.areas.reachable import inner_rows, model_of, reach_rows
 from regionik.areas.standing import (
     LEAST_AREA,
     PathAreas,
@@ -31,7 +31,6 @@ from regionik.areas.standing import (
     turning,
     turns_matter,
 )
-from regionik.planners.progress import track
 from regionik.postures.families import BACK, FRONT
 from regionik.values import PlannedArea
 from regionik.worlds.arms import reach_bound
@@ -164,10 +163,7 @@ def path_areas(
     """
     asked = world.task if targets is None else targets
     sides = (standing or anywhere(world)).sides
-    found = [
-        reach_rows(world, asked, facings, inner=True, span=side.span, coarse=coarse)
-        for side in track("headings", sides)
-    ]
+    found = inner_rows(world, asked, facings, [side.span for side in sides], coarse=coarse)
     areas = [side.subtract(rings) for side, (_, _, rings) in zip(sides, found, strict=True)]
     by_side = PathAreas(
         np.concatenate([rows for rows, _, _ in found]),
@@ -183,6 +179,14 @@ def ways_to_stand(world: World) -> Iterator[tuple[Callable[[World], Standing], t
     yield from ((anywhere, (FRONT,)), (anywhere, (FRONT, BACK)))
     if turns_matter(world):
         yield from ((turning, (FRONT,)), (turning, (FRONT, BACK)))
+
+
+def distinct_ways_to_stand(world: World) -> Iterator[tuple[Callable[[World], Standing], tuple[int, ...]]]:
+    """`ways_to_stand` without those that differ in facings alone, where no target is met over the back."""
+    facings = (FRONT, BACK)
+    families = (model_of(world, target).families(target, facings, inner=True) for target in world.task)
+    over_back = any(family.facing == BACK for some in families for family in some)
+    return (way for way in ways_to_stand(world) if over_back or BACK not in way[1])
 
 
 def outer_areas(world: World, targets: Sequence[Target]) -> list[BaseGeometry]:
@@ -308,16 +312,31 @@ def have_known_places(world: World, targets: Sequence[Target]) -> NDArray[np.boo
 
 
 def planned_areas(
-    world: World, areas: PathAreas, pruned: Callable[[int], BaseGeometry]
+    world: World, areas: PathAreas, standing: Standing, pruned: Callable[[int], BaseGeometry | None]
 ) -> tuple[PlannedArea, ...]:
-    """Admissible, pruned and rejected parts of every set-point, as a plan carries them."""
+    """Admissible, pruned and rejected parts of every set-point, as a plan carries them.
+
+    ``pruned`` tells what is left of the area of a set-point, None where that is all of it.
+    """
     facings = sorted({family.facing for family in areas.family})
     rows, _, rings = reach_rows(world, world.task, facings, inner=True, span=span_of_rules(world))
-    ends = np.arange(len(world.task) + 1)
-    reach, admissible = (
-        np.array([united(shapes[a:b]) for a, b in pairwise(np.searchsorted(which, ends))], dtype=object)
-        for which, shapes in ((rows, rings), (areas.target, areas.inner))
-    )
+    reach = _by_target(world, rows, rings)
+    by_side = inner_rows(world, world.task, facings, [side.span for side in standing.sides])
+    if all(one is by_side[0] for one in by_side) and len(by_side) > 1:
+        # What one reach has on the floor of each side, united, is what it has on all of them united.
+        which, _, whole = by_side[0]
+        admissible = _by_target(world, which, standing.somewhere.subtract(whole))
+    else:
+        admissible = _by_target(world, areas.target, areas.inner)
     rejected = shapely.difference(reach, admissible)
-    parts = zip(admissible, rejected, strict=True)
-    return tuple(PlannedArea(one, pruned(i), other) for i, (one, other) in enumerate(parts))
+    left = [pruned(i) for i in range(len(world.task))]
+    return tuple(
+        PlannedArea(one, one if some is None else some, other)
+        for one, some, other in zip(admissible, left, rejected, strict=True)
+    )
+
+
+def _by_target(world: World, which: NDArray[np.intp], shapes: NDArray[np.object_]) -> NDArray[np.object_]:
+    """Union of the shapes of each target, by ascending numbers of targets."""
+    ends = np.searchsorted(which, np.arange(len(world.task) + 1))
+    return np.array([united(shapes[a:b]) for a, b in pairwise(ends)], dtype=object)

@@ -114,7 +114,11 @@ def replaced(part: int, change: Callable[[Any], Any]) -> Tamper:
     """Change one part of the area of a set-point."""
 
     def lie(document: Document) -> None:
-        geometries = document["areas"]["features"][7]["geometry"]["geometries"]
+        feature = document["areas"]["features"][7]
+        geometries = feature["geometry"]["geometries"]
+        if len(geometries) == 2:  # the pruned part is all of the admissible one
+            geometries.insert(1, geometries[0])
+            feature["properties"]["parts"].insert(1, "pruned")
         changed = json.loads(json.dumps(mapping(change(shape(geometries[part])))))
         multiple = changed["type"] == "MultiPolygon"
         coordinates = changed["coordinates"] if multiple else [changed["coordinates"]]

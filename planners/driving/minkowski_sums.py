@@ -46,9 +46,9 @@ def minkowski_sums(pieces: Sequence[Array], shape: Array) -> NDArray[np.object_]
     """Minkowski sums of convex pieces with a convex shape, as hulls of all sums of their corners."""
     if not pieces:
         return np.empty(0, dtype=object)
-    corners, owner = np.concatenate(pieces), np.repeat(np.arange(len(pieces)), [len(p) for p in pieces])
-    points = shapely.points((corners[:, None] + shape).reshape(-1, 2))
-    sums: NDArray[np.object_] = shapely.convex_hull(
-        shapely.multipoints(points, indices=np.repeat(owner, len(shape)))
-    )
+    closed = np.concatenate([shape, shape[:1]])  # a line has two corners at least
+    points = (np.concatenate(pieces)[:, None] + closed).reshape(-1, 2)
+    owner = np.repeat(np.arange(len(pieces)), [len(closed) * len(piece) for piece in pieces])
+    lines = shapely.linestrings(points, indices=owner)  # several times as quick to make as points
+    sums: NDArray[np.object_] = shapely.convex_hull(lines)
     return sums

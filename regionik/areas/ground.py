@@ -85,9 +85,10 @@ class Side:
     def _local(self, shapes: Geometries, which: NDArray[np.intp], part: NDArray[np.intp]) -> Geometries:
         """Parts that intersect shapes, large ones clipped to the shape's surroundings."""
         pieces: Geometries = self.parts[part]
-        for k in np.flatnonzero(shapely.get_num_coordinates(self.parts)[part] > LARGE):
-            x0, y0, x1, y1 = shapely.bounds(shapes[which[k]])
-            pieces[k] = shapely.clip_by_rect(pieces[k], x0 - 0.1, y0 - 0.1, x1 + 0.1, y1 + 0.1)
+        large = np.flatnonzero(shapely.get_num_coordinates(self.parts)[part] > LARGE)
+        around = shapely.bounds(shapes[which[large]]) + [-0.1, -0.1, 0.1, 0.1]
+        for k, bounds in zip(large.tolist(), around.tolist(), strict=True):
+            pieces[k] = shapely.clip_by_rect(pieces[k], *bounds)
         return pieces
 
 

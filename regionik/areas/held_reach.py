@@ -11,7 +11,6 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
-from scipy.stats import qmc
 
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.robot import Robot
@@ -60,6 +59,8 @@ def _seen_from(base: Array, position: Array) -> Array:
 @lru_cache(maxsize=16)
 def held_reach(robot: Robot) -> HeldReach:
     """Return where a robot's tool comes while its base stands, the arm clear of itself where it often is."""
+    from scipy.stats import qmc  # takes long to load
+
     chain = robot.chain
     endless = np.isinf(chain.upper - chain.lower)
     low, high = np.where(endless, -np.pi, chain.lower), np.where(endless, np.pi, chain.upper)

@@ -114,6 +114,10 @@ class ReachModel(ABC):
         low, high = self.pivot(rules)
         return span == EVERY or bool(high - low + span[1] - span[0] >= 2 * np.pi)
 
+    def heeds_headings(self, query: ReachQuery) -> bool:
+        """True where rows may hang on the span of headings that is asked for."""
+        return True
+
     def pivot(self, rules: Rules) -> tuple[float, float]:
         """Turns of the pivot that the rules leave; at one where the base looks where the arm does [rad]."""
         joint = self.chain.active_joints[pivot_index(self.chain)]

@@ -114,6 +114,28 @@ def reach_rows(
     return which[real], tuple(kinds[k] for k in real.tolist()), shapes[real]
 
 
+def inner_rows(
+    world: World,
+    targets: Sequence[Target],
+    facings: Sequence[int],
+    spans: Sequence[tuple[float, float]],
+    *,
+    coarse: bool = False,
+) -> list[Rows]:
+    """Inner `reach_rows` at several spans of headings: the very same where these make no difference."""
+    known: dict[tuple[float, float], Rows] = {}
+    models = {model_of(world, target): None for target in targets}
+    found = []
+    for span in track("headings", spans):
+        query = ReachQuery(world.rules, world.rules.reach_margin, span, tuple(facings), coarse=coarse)
+        heeded = lifts_matter(world) or any(model.heeds_headings(query) for model in models)
+        asked = span if heeded else EVERY
+        if asked not in known:
+            known[asked] = reach_rows(world, targets, facings, inner=True, span=asked, coarse=coarse)
+        found.append(known[asked])
+    return found
+
+
 def rows_of(world: World, targets: Sequence[Target], query: ReachQuery) -> Rows:
     """`reach_rows` as a query asks for them, whatever place an execution puts the arm axis off.
 
@@ -185,6 +207,13 @@ class PivotedReach(ReachModel):
     def _turns_all_round(self, rules: Rules) -> bool:
         """True where the base, or the pivot at a heading that the rules fix, turns all round."""
         return self.turns_freely(rules, EVERY if rules.heading != "fixed" else (0.0, 0.0))
+
+    def heeds_headings(self, query: ReachQuery) -> bool:
+        if self._is_sampled(query) != self._is_sampled(query._replace(span=EVERY)):
+            return True
+        if self._is_sampled(query):
+            return query.proven or not self._turns_all_round(query.rules)
+        return query.inner and not self.turns_freely(query.rules, query.span)
 
     def _is_sampled(self, query: ReachQuery) -> bool:
         """True where a query is answered by cells of a grid."""

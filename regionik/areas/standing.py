@@ -19,7 +19,7 @@ from scipy.sparse.csgraph import connected_components
 from shapely.geometry import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import EVERY, Ground, Side, ground_of
+from regionik.areas.ground import EVERY, Ground, Side, ground_of, united
 from regionik.areas.layers import GUARD, BodyLayer, Geometries, disjoint
 from regionik.planners.driving.footprint import fits
 from regionik.planners.driving.footprint_scene import FootprintScene, footprint_scene
@@ -93,6 +93,13 @@ class Standing:
         a, b = pairs[:, self.beside(*side[pairs])]
         real = shapely.area(shapely.intersection(polygon[a], polygon[b])) > LEAST_AREA
         return Pieces(polygon, side, component_labels(len(polygon), np.column_stack([a[real], b[real]])))
+
+    @cached_property
+    def somewhere(self) -> Side:
+        """Floor that is free at some heading of the sides, as one side."""
+        return Side(
+            united(np.array([side.free for side in self.sides], dtype=object)), np.empty(0, dtype=object)
+        )
 
     def whole(self, label: int) -> Geometries:
         """Return all parts with one label."""

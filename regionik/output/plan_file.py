@@ -13,7 +13,7 @@ import shapely
 from pydantic import Field
 from shapely.geometry import MultiPolygon, Polygon
 
-from regionik.storage.plan_document import PARTS, SIZE_LIMIT, VALUES_LIMIT, VERSION, kept_figures
+from regionik.storage.plan_document import PARTS, SIZE_LIMIT, VALUES_LIMIT, VERSIONS, kept_figures
 from regionik.values import Configuration, Motion, Plan, PlannedArea, Skipped, Stop
 from regionik.worlds.documents.world_file import world_from_document
 from regionik.worlds.errors import InputError, Verdict, located
@@ -63,17 +63,19 @@ class MultiPolygonRecord(Strict):
 
 
 class PartsRecord(Strict):
-    """A GeoJSON GeometryCollection: admissible, pruned and rejected, in this order."""
+    """A GeoJSON GeometryCollection: the parts that the properties name, in their order."""
 
     type: Literal["GeometryCollection"]
-    geometries: Annotated[list[MultiPolygonRecord], Field(min_length=3, max_length=3)]
+    geometries: Annotated[list[MultiPolygonRecord], Field(min_length=2, max_length=3)]
 
 
 class PropertiesRecord(Strict):
     """Properties of an area feature."""
 
     setpoint: Index = Field(description="counts from 0")
-    parts: Annotated[list[Literal["admissible", "pruned", "rejected"]], Field(min_length=3, max_length=3)]
+    parts: Annotated[list[Literal["admissible", "pruned", "rejected"]], Field(min_length=2, max_length=3)] = (
+        Field(description="in this order; without pruned where that is all of the admissible part")
+    )
 
 
 class AreaRecord(Strict):
@@ -122,7 +124,7 @@ class SkippedRecord(Strict):
 class PlanRecord(Strict):
     """A whole-path plan of regionik. Metres, radians, seconds; right-handed, z up, x forward."""
 
-    version: Literal[1]
+    version: Literal[1, 2]
     world: dict[str, Any] = Field(description="the world file, embedded: a plan can be verified alone")
     seed: int
     joint_names: Many[str]
@@ -203,8 +205,9 @@ def _record(document: Any, where: str) -> PlanRecord:
     if "robot" in document and "states" not in document:
         raise InputError(f"{where}: expected a plan, this is a world: regionik plan {where} makes one of it")
     version = document.get("version")
-    if version != VERSION or isinstance(version, bool):
-        raise InputError(f"{where}: version: expected {VERSION}, got {json.dumps(version)[:40]}")
+    if version not in VERSIONS or type(version) is not int:
+        expected = " or ".join(map(str, VERSIONS))
+        raise InputError(f"{where}: version: expected {expected}, got {json.dumps(version)[:40]}")
     return validated(PlanRecord, document, where)
 
 
@@ -220,10 +223,14 @@ def _mismatches(record: PlanRecord, world: World) -> Iterator[tuple[str, object,
     for k, (setpoint, target) in enumerate(zip(record.setpoints, world.task, strict=True)):
         if not np.allclose(setpoint.target, target.position, rtol=0.0, atol=1e-9):
             yield f"setpoints[{k}].target", f"the world's {target.position.tolist()}", setpoint.target
-    for k, properties in enumerate(area.properties for area in areas):
-        if properties.setpoint != k or tuple(properties.parts) != PARTS:
-            expected = f"set-point {k}, parts {list(PARTS)}"
+    for k, area in enumerate(areas):
+        properties, parts = area.properties, tuple(area.properties.parts)
+        if properties.setpoint != k or parts not in (PARTS, (PARTS[0], PARTS[2])):
+            expected = f"set-point {k}, parts {list(PARTS)}, perhaps without pruned"
             yield f"areas.features[{k}].properties", expected, f"{properties.setpoint}, {properties.parts}"
+        elif len(area.geometry.geometries) != len(parts):
+            expected = f"{len(parts)}, one for each part"
+            yield f"areas.features[{k}].geometry.geometries", expected, len(area.geometry.geometries)
     if not record.states:
         yield "states", "at least one state", "none"
     joints = {"setpoints": [s.joints for s in record.setpoints], "states": [s.joints for s in record.states]}
@@ -272,11 +279,11 @@ def _motion(record: PlanRecord, world: World) -> Motion:
 
 
 def _area(record: AreaRecord, where: str) -> PlannedArea:
-    admissible, pruned, rejected = (
+    shapes = [
         _multipolygon(part, f"{where}.geometry.geometries[{k}]")
         for k, part in enumerate(record.geometry.geometries)
-    )
-    return PlannedArea(admissible, pruned, rejected)
+    ]
+    return PlannedArea(shapes[0], shapes[-2], shapes[-1])  # pruned is the admissible part unless given
 
 
 def _multipolygon(record: MultiPolygonRecord, where: str) -> MultiPolygon:

@@ -1,6 +1,7 @@
 """A plan as a JSON document: the same plan gives the same bytes.
 
-Areas are GeoJSON (RFC 7946) in metres of the floor, not in longitude and latitude.
+Areas are GeoJSON (RFC 7946) in metres of the floor, not in longitude and latitude. Their corners are kept to
+a tenth of a micrometre, and those left out that do not bend an outline (`kept_areas`).
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
@@ -24,10 +25,13 @@ from regionik.worlds.readers.text import count_values
 if TYPE_CHECKING:
     from regionik.values import Plan, Skipped, Stop
 
-VERSION = 1
+VERSIONS = (1, 2)  # that are read; the last is written. In 1 all features have three parts.
 # Of a file that is written, and of one that is read.
 SIZE_LIMIT = 256 * 2**20  # [bytes]
-VALUES_LIMIT = 12_000_000  # depot has a thousand for each set-point, most of them corners of areas
+VALUES_LIMIT = 12_000_000  # a raster has some 300 for each set-point, most of them corners of areas
+DECIMALS = 7  # of corners of areas [m]
+COMPACT = (",", ":")  # separators within entries of long lists
+STRAIGHT = 1e-8  # from the line through its neighbours, up to which a corner does not bend an outline [m]
 _AROUND = 3  # characters beside each member
 PARTS = ("admissible", "pruned", "rejected")
 FIGURES: Mapping[str, tuple[str, ...]] = {  # of ``Plan.stats`` that files keep, and which parts, () for all
@@ -58,6 +62,32 @@ def multipolygon(geometry: BaseGeometry) -> dict[str, Any]:
     return {"type": "MultiPolygon", "coordinates": coordinates}
 
 
+def kept_areas(areas: Iterable[BaseGeometry]) -> NDArray[np.object_]:
+    """Return areas as files keep them, (n,) MultiPolygons: few corners, of few digits.
+
+    Those of a file come back as they are.
+
+    >>> str(kept_areas([Polygon([(0, 0), (1 / 3, 0), (2 / 3, 0), (1, 1)])])[0])
+    'MULTIPOLYGON (((0 0, 0.6666667 0, 1 1, 0 0)))'
+    """
+    shapes = _multipolygons(areas)
+    fine = ~shapely.equals_exact(shapes, shapely.transform(shapes, _rounded))
+    bent = shapely.simplify(shapes[fine], STRAIGHT)
+    kept = shapely.transform(bent, _rounded)
+    torn = ~shapely.is_valid(kept)  # where edges nearly meet
+    kept[torn] = shapely.transform(shapely.set_precision(bent[torn], 10.0**-DECIMALS), _rounded)
+    shapes[fine] = _multipolygons(kept)
+    return shapes
+
+
+def _multipolygons(shapes: Iterable[BaseGeometry]) -> NDArray[np.object_]:
+    return np.array([MultiPolygon(_polygons(shape)) for shape in shapes], dtype=object)
+
+
+def _rounded(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.round(corners, DECIMALS) + 0.0  # no negative zeros
+
+
 def _polygons(geometry: BaseGeometry) -> list[Polygon]:
     """Polygons of any geometry, collections opened; points and lines of a touching boundary are dropped."""
     if isinstance(geometry, Polygon):
@@ -85,9 +115,9 @@ def kept_figures(stats: Mapping[str, Any]) -> dict[str, Any]:
 def plan_to_text(plan: Plan) -> str:
     """The plan as JSON, in the layout of ``docs/plan.schema.json``: a line a set-point, state or feature.
 
-    Areas are a GeoJSON FeatureCollection with one feature per set-point. Its geometry is a
-    GeometryCollection of three MultiPolygons, some of them perhaps empty: admissible, pruned, rejected.
-    There are no features where the document would exceed `SIZE_LIMIT` or `VALUES_LIMIT` with them.
+    Areas are a GeoJSON FeatureCollection with one feature per set-point. Its geometry is a GeometryCollection
+    of MultiPolygons, some of them perhaps empty: admissible, pruned unless that is all of the admissible one,
+    rejected. There are no features where the document would exceed `SIZE_LIMIT` or `VALUES_LIMIT` with them.
 
     Raises
     ------
@@ -129,7 +159,7 @@ def _excess(members: Mapping[str, str]) -> str:
 
 def _members(plan: Plan) -> Iterator[tuple[str, Any]]:
     """Keys and values of the document; long lists are made entry by entry."""
-    yield "version", VERSION
+    yield "version", VERSIONS[-1]
     yield "world", world_to_document(plan.world)
     yield "seed", int(plan.seed)
     yield "joint_names", list(plan.world.robot.chain.names)
@@ -170,7 +200,7 @@ def _text(key: str, value: Any) -> str:
         return f'{{"type": "FeatureCollection", "features": {_text("features", value)}}}'
     if not isinstance(value, list | Iterator):
         return json.dumps(value, allow_nan=False)
-    entries = ",\n".join(json.dumps(entry, allow_nan=False) for entry in value)
+    entries = ",\n".join(json.dumps(entry, allow_nan=False, separators=COMPACT) for entry in value)
     return f"[\n{entries}\n]" if entries else "[]"
 
 
@@ -208,7 +238,10 @@ def _states(plan: Plan) -> Iterator[dict[str, Any]]:
 
 
 def _areas(plan: Plan) -> Iterator[dict[str, Any]]:
-    for k, area in enumerate(plan.areas):
-        parts = [multipolygon(getattr(area, part)) for part in PARTS]
-        geometry = {"type": "GeometryCollection", "geometries": parts}
-        yield feature(geometry, {"setpoint": k, "parts": list(PARTS)})
+    columns = [kept_areas(getattr(area, part) for area in plan.areas) for part in PARTS]
+    for k, shapes in enumerate(zip(*columns, strict=True)):
+        parts = {part: multipolygon(shape) for part, shape in zip(PARTS, shapes, strict=True)}
+        if parts["pruned"] == parts["admissible"]:
+            del parts["pruned"]
+        geometry = {"type": "GeometryCollection", "geometries": list(parts.values())}
+        yield feature(geometry, {"setpoint": k, "parts": list(parts)})

@@ -93,10 +93,8 @@ def _corners(robot: Robot, base: Array) -> Array:
 
 
 def _hulls(corners: Array) -> Shapes:
-    n, k, _ = corners.shape
-    owner = np.repeat(np.arange(n), k)
-    points = shapely.multipoints(shapely.points(corners.reshape(-1, 2)), indices=owner)
-    return shapely.convex_hull(points)
+    hulls: Shapes = shapely.convex_hull(shapely.multipoints(corners))
+    return hulls
 
 
 def verify_floor(world: World, segments: MotionSegments, names: StateNames) -> Finding:

@@ -160,9 +160,12 @@ def _overlay_area(overlay: Callable[..., Geometries], ones: Geometries, others: 
     """Areas (n,) of the overlay of geometries; what is not nothing is computed once more on a grid.
 
     GEOS overlays floating coordinates, and where edges nearly coincide a whole face may come out wrong:
-    polygons that only touch had 0.05 m2 in common, and none with the two exchanged.
+    polygons that only touch had 0.05 m2 in common, and none with the two exchanged. Or it finds no overlay.
     """
-    areas: Array = shapely.area(overlay(ones, others))
+    try:
+        areas: Array = shapely.area(overlay(ones, others))
+    except shapely.GEOSException:
+        areas = np.full(len(ones), np.inf)
     doubtful = areas > ROUNDING
     areas[doubtful] = shapely.area(overlay(ones[doubtful], others[doubtful], grid_size=GRID))
     return areas
