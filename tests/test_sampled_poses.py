@@ -51,7 +51,9 @@ def holes(columns: int, rows: int) -> World:
 
 @pytest.fixture
 def few_poses(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sampled_poses, "PLACES", 8)
+    monkeypatch.setattr(sampled_poses, "FEWEST", 100)
+    monkeypatch.setattr(sampled_poses, "DENSITY", 10)
+    monkeypatch.setattr(sampled_poses, "ROUNDS", 2)
 
 
 @pytest.mark.slow
@@ -60,11 +62,12 @@ def test_no_cover_by_the_poses_drawn_has_fewer() -> None:
     """What each pose serves is proven of all, where the cover asks for it only of those that it takes."""
     world = holes(6, 2)
     parking = park(world)
-    cover, every = PoseCover(world, parking), PoseCover(world, parking)
+    cover = PoseCover(world, parking.parking_areas)
     found = cover.fewest()
-    inside = np.zeros((len(every._drawn), len(world.task)), dtype=bool)
-    for k in range(len(inside)):
-        every._prove(k, inside)
+    inside = np.zeros((len(cover._drawn), len(world.task)), dtype=bool)
+    for row, pose in zip(inside, cover._drawn, strict=True):
+        held = cover._joined(pose)
+        row[list(held.served if held is not None else ())] = True
     served = {i for part in found for i in part.setpoints}
     assert served == set(np.flatnonzero(inside.any(axis=0)).tolist())
     assert len(found) == len(least_cover(inside[:, sorted(served)]).chosen) >= parking.lower

@@ -127,7 +127,9 @@ def travel_roadmap(world: World) -> ArmRoadmap:
     return best
 
 
-def grown_roadmap(guard: Guard, base: Array, root: Array, postures: Array) -> tuple[ArmRoadmap, Index]:
+def grown_roadmap(
+    guard: Guard, base: Array, root: Array, postures: Array, tries: int = TRIES
+) -> tuple[ArmRoadmap, Index]:
     """Roadmap from a root (dof,) to clear postures (n, dof) on a base pose, and which it holds, (k,).
 
     It holds the root, as a rule the carry posture, then these, each before those that are joined to it.
@@ -145,7 +147,7 @@ def grown_roadmap(guard: Guard, base: Array, root: Array, postures: Array) -> tu
         k = -1
         while queue and k < 0:
             _, a, b = heappop(queue)
-            if b in place or missed[b] >= TRIES:
+            if b in place or missed[b] >= tries:
                 continue
             if goes(guard, base, nodes[a], nodes[b]):
                 place[b], k = len(place), b

@@ -14,7 +14,7 @@ import numpy as np
 
 from regionik.areas.standing import into_span
 from regionik.mfabrik import Solver
-from regionik.parking.arm_roadmap import ArmRoadmap, HeldPostures, grown_roadmap, travel_roadmap
+from regionik.parking.arm_roadmap import TRIES, ArmRoadmap, HeldPostures, grown_roadmap, travel_roadmap
 from regionik.planners.avoidance.neighboring_postures import NeighboringTargets, neighboring_postures
 from regionik.planners.reach.serial_criteria import SerialThresholds, demand_of, led_along, serial_thresholds
 from regionik.planners.solvers.aims import in_columns
@@ -32,11 +32,14 @@ from regionik.worlds.scene import Target, World
 STARTS = 24  # postures at the first set-point that are looked for
 MORE_STARTS = 192  # where redundancy is resolved along the set-points
 LONGEST_TURN, LONGEST_SLIDE = 0.1, 0.02  # of a joint from one target to the next there [rad], [m]
+MORE_TRIES = 12  # motions to a posture that are looked at where few did not do
 NEAR = 8  # targets that a posture is led on to
 BEGINNINGS = 4  # postures that the search at a target begins from
 ENOUGH = 3  # of those that serve every set-point, so many are compared
 RIM = np.arange(8) * np.pi / 4  # directions in which a circle to park in is tried [rad]
 RIM_SHARE = 0.5  # of the tolerance that the tool may miss there, so that others find the posture too
+SHRINK = 0.7  # of a circle whose rim is not reached all round
+LEAST = 1e-4  # radius below which a circle is only its middle [m]
 RIM_STEPS = 4  # on the way out to its rim, each posture the start of the next
 
 
@@ -118,15 +121,30 @@ class PostureCarrier:
         return held if held is not None else self.kept(base, found, joints)
 
     def joined(self, base: Array, some: Index, joints: Array) -> HeldPostures | None:
-        """Those of clear postures (n, dof) at set-points that a roadmap joins and that keep all round."""
+        """Those of clear postures (n, dof) at set-points that a roadmap joins and that keep all round.
+
+        Where it does not join all by the few that lie between, it may go by all that the arm knows.
+        """
         travel = self._travel
         off = np.abs(joints[:, None] - travel.joints[None]).max(axis=2)
         between = travel.joints[travel.up_from(np.argmin(off, axis=1))][1:]
-        nodes = np.vstack([between, joints])
-        roadmap, held = grown_roadmap(self.guard, base, travel.joints[0], nodes)
-        held = np.sort(held[held >= len(between)]) - len(between)
+        roadmap, held = self._roadmap(base, between, joints, TRIES)
+        if len(held) < len(joints) and self.guard.proves(Pose(base, self.root)):
+            clear = [self.guard.proves(Pose(base, q)) for q in travel.joints[1:]]
+            roadmap, held = self._roadmap(base, travel.joints[1:][clear], joints, MORE_TRIES)
         found = self.kept(base, some[held], joints[held])
         return None if found is None else replace(found, roadmap=roadmap)
+
+    def _roadmap(self, base: Array, between: Array, joints: Array, tries: int) -> tuple[ArmRoadmap, Index]:
+        """Roadmap by some postures to others, and which of these it holds, (k,)."""
+        roadmap, held = grown_roadmap(self.guard, base, self.root, np.vstack([between, joints]), tries)
+        return roadmap, np.sort(held[held >= len(between)]) - len(between)
+
+    @property
+    def root(self) -> Array:
+        """Posture (dof,) that the arm is driven in, the root of its roadmaps."""
+        root: Array = self._travel.joints[0]
+        return root
 
     def kept(self, base: Array, some: Index, joints: Array) -> HeldPostures | None:
         """Those of postures (n, dof) at set-points that are clear and keep all round the rim."""
@@ -266,6 +284,17 @@ class PostureCarrier:
             if len(found) < RIM_STEPS:
                 return False
         return True
+
+    def widest_circle(self, base: Array, joints: Array, most: float) -> float:
+        """Radius of a circle around a pose, at most so large, all round which postures (n, dof) are kept.
+
+        They are those at the carrier's set-points; the circle that the rules ask for is known to be one.
+        """
+        wanted, radius = self.world.rules.stop_tolerance, most
+        for i, q in enumerate(joints):
+            while radius > wanted and not self.reaches_rim(i, base, q, radius):
+                radius = max(wanted, SHRINK * radius if radius > LEAST else 0.0)
+        return max(radius, wanted)
 
     def _carried(
         self,

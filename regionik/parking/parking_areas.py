@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.layers import Geometries
-from regionik.areas.standing import PathAreas, Standing
+from regionik.areas.standing import PathAreas, Standing, away
 from regionik.ladder import Ladder, Mask, build_ladder
 from regionik.parking.arm_roadmap import HeldPostures
 from regionik.parking.pivot_turns import ON_EDGE
@@ -22,6 +22,8 @@ from regionik.postures.poses import axis_of
 from regionik.regions import path_areas
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Order, World
+
+LEAST = 1e-3  # radius of the circle that is shown around a pose, where none is asked for [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +36,7 @@ class StopGroup:
     spot: Array | None = None
     # Postures at the set-points on a pose of the base there, where a place does not give the arm its own
     held: HeldPostures | None = None
+    poses: Array | None = None  # (n, 3) other bases there with a clear posture at each set-point
 
     def of(self, setpoints: tuple[int, ...]) -> StopGroup:
         """Return the group for some of the set-points, in the order given."""
@@ -106,9 +109,30 @@ class ParkingAreas:
         return self._areas[side]
 
     def shared(self, setpoints: Sequence[int], side: int, near: ArrayLike) -> BaseGeometry:
-        """The connected part of what areas share that is nearest to a place."""
+        """The connected part of what areas share that is nearest to a place; empty where they share none."""
         parts = shapely.get_parts(shapely.intersection_all(self.areas_at(side)[list(setpoints)]))
+        if not len(parts):
+            return shapely.Polygon()
         return parts[int(np.argmin(shapely.distance(parts, shapely.Point(near))))]
+
+    def about(self, setpoints: Sequence[int], side: int, axis: Array, tolerance: float) -> BaseGeometry:
+        """What areas share around a place that serves set-points; the circle to park in where they do not."""
+        shared = self.shared(setpoints, side, axis)
+        return (
+            shared
+            if shared.covers(shapely.Point(axis))
+            else shapely.Point(axis).buffer(max(tolerance, LEAST))
+        )
+
+    def nearest(self, setpoints: Sequence[int], axis: Array, yaw: float) -> tuple[int, ...]:
+        """Component of each set-point nearest to a pose in heading, then in place."""
+        off = np.array([away(yaw, side.span) for side in self.standing.sides])[self.ladder.side]
+        chain = list[int]()
+        for i in setpoints:
+            own = np.arange(*self.ladder.rungs[i : i + 2])
+            far = shapely.distance(self.ladder.component[own], shapely.Point(axis))
+            chain.append(int(own[np.lexsort((far, off[own]))[0]]))
+        return tuple(chain)
 
     def deepest_chain(
         self, setpoints: Sequence[int], axis: Array, side: int, linked: bool

@@ -186,8 +186,8 @@ class _StopConnection:
             part = group
             if count < len(group.setpoints):
                 some = group.setpoints[:count]
-                part = self.sequence.parking_areas.group(some, self.world.rules.order)
-                part = part if group.held is None else group.of(some)
+                areas, order = self.sequence.parking_areas, self.world.rules.order
+                part = areas.group(some, order) if group.poses is None else group.of(some)
             first = (one for one in [placements.best(part, spot)] if one is not None)
             hard = HARD_TRIES if count == 1 or self.world.rules.order == "given" else 1
             for n, placement in enumerate(islice(chain(first, placements.others(part)), PLACES)):
