@@ -13,7 +13,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from regionik.parking import arm_tour, sampled_poses
-from regionik.parking.arm_roadmap import HeldPostures
 from regionik.parking.fewest_stops import park
 from regionik.parking.held_postures import PostureCarrier
 from regionik.parking.parking_areas import StopGroup
@@ -23,6 +22,7 @@ from regionik.pipeline import plan
 from regionik.planners.coverage.set_cover import least_cover, overlay_faces, undominated
 from regionik.planners.coverage.tours import VisitingOrder
 from regionik.postures.arm_guard import guard_of
+from regionik.postures.arm_roadmap import HeldPostures
 from regionik.postures.poses import Pose
 from regionik.verification.verifier import verify
 from regionik.worlds.links import capsules_along

@@ -13,12 +13,12 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from regionik.parking.arm_roadmap import HeldPostures
 from regionik.parking.held_postures import PostureCarrier
 from regionik.parking.parking_areas import StopGroup
 from regionik.parking.placements import PlacementSearch
 from regionik.planners.coverage.tours import VisitingOrder, shortest_order, shortest_tour_of_sets
 from regionik.postures.arm_guard import guard_of
+from regionik.postures.arm_roadmap import HeldPostures
 from regionik.worlds.arms import pivot_index
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.scene import World

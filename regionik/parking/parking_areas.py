@@ -14,10 +14,10 @@ from shapely.geometry.base import BaseGeometry
 from regionik.areas.layers import Geometries
 from regionik.areas.standing import PathAreas, Standing, away
 from regionik.ladder import Ladder, Mask, build_ladder
-from regionik.parking.arm_roadmap import HeldPostures
 from regionik.parking.pivot_turns import ON_EDGE
 from regionik.planners.coverage.set_cover import fewest_runs
 from regionik.planners.geometry.offsets import shrunk
+from regionik.postures.arm_roadmap import HeldPostures
 from regionik.postures.poses import axis_of
 from regionik.regions import path_areas
 from regionik.worlds.arrays import Array
@@ -202,33 +202,42 @@ class Parking:
         return {"count": count, "proven_fewest": count <= self.lower, **self.known}
 
 
-def parking_areas_on(
-    world: World, standing: Standing, facings: tuple[int, ...], known: PathAreas | None = None
-) -> list[ParkingAreas]:
+def parking_areas_on(world: World, standing: Standing, facings: tuple[int, ...]) -> list[ParkingAreas]:
     """Areas on each piece of floor that the base may be on."""
-    areas = known or path_areas(world, facings=facings, standing=standing)
+    areas = path_areas(world, facings=facings, standing=standing)
     ladder = build_ladder(areas, len(world.task), standing)
     narrow = shrunk_by_circle(ladder.component, world, outside=False)
-    back: list[list[int]] = [[] for _ in ladder.component]
-    for m, k in ladder.edges.tolist():
-        if ladder.side[m] == ladder.side[k]:
-            back[k].append(m)
+    back = _linked(ladder)
     found = []
     for piece in _pieces(world, standing, ladder):
         usable = ladder.floor == piece
         own = narrow.copy()
         own[~usable] = shapely.Polygon()
-        linked = tuple(map(tuple, back))
-        found.append(ParkingAreas(standing, facings, piece, areas, ladder, usable, own, linked))
+        found.append(ParkingAreas(standing, facings, piece, areas, ladder, usable, own, back))
     return found
 
 
 def reordered(world: World, parking_areas: ParkingAreas, order: Sequence[int]) -> ParkingAreas:
     """Parking areas for a world of the same set-points in another order, by the index that each had."""
-    areas = parking_areas.areas
-    moved = areas.sorted_by(np.argsort(order)[areas.target])
-    found = parking_areas_on(world, parking_areas.standing, parking_areas.facings, moved)
-    return next(one for one in found if one.piece == parking_areas.piece)
+    areas, standing, place = parking_areas.areas, parking_areas.standing, np.argsort(order)
+    moved = areas.sorted_by(place[areas.target])
+    ladder = build_ladder(moved, len(world.task), standing)
+    by = np.argsort(
+        place[parking_areas.ladder.target], kind="stable"
+    )  # as rows of areas, so their components
+    narrow, usable = parking_areas.narrow[by], parking_areas.usable[by]
+    return ParkingAreas(
+        standing, parking_areas.facings, parking_areas.piece, moved, ladder, usable, narrow, _linked(ladder)
+    )
+
+
+def _linked(ladder: Ladder) -> tuple[tuple[int, ...], ...]:
+    """For each component those of the set-point before that it is joined to on its side."""
+    back: list[list[int]] = [[] for _ in ladder.component]
+    for m, k in ladder.edges.tolist():
+        if ladder.side[m] == ladder.side[k]:
+            back[k].append(m)
+    return tuple(map(tuple, back))
 
 
 def _pieces(world: World, standing: Standing, ladder: Ladder) -> list[int]:

@@ -14,7 +14,6 @@ from shapely.geometry import Point
 from regionik.areas.reachable import model_of
 from regionik.areas.standing import away, into_span, spread, stands_about
 from regionik.mfabrik import Solver, solver_for
-from regionik.parking.arm_roadmap import ArmRoadmap, HeldPostures
 from regionik.parking.held_postures import PostureCarrier
 from regionik.parking.parking_areas import ParkingAreas, StopGroup, depth
 from regionik.parking.parking_probability import (
@@ -27,6 +26,7 @@ from regionik.parking.pivot_turns import ON_EDGE, PivotTurns, gathered
 from regionik.planners.coverage.set_cover import undominated
 from regionik.planners.solvers.serial_chain import chain_frames, chain_jacobian, serial_arm
 from regionik.postures.arm_guard import guard_of
+from regionik.postures.arm_roadmap import ArmRoadmap, HeldPostures
 from regionik.postures.families import Family
 from regionik.postures.poses import Pose, axis_of, pose_of
 from regionik.values import Configuration, Stop

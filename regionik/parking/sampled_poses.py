@@ -18,11 +18,11 @@ import shapely
 
 from regionik.areas.layers import Geometries
 from regionik.areas.standing import into_spans, span_of_rules, spread
-from regionik.parking.arm_roadmap import HeldPostures
 from regionik.parking.held_postures import PostureCarrier
 from regionik.parking.parking_areas import ParkingAreas, StopPart, shrunk_by_circle
 from regionik.planners.coverage.set_cover import cover_prices, least_cover
 from regionik.postures.arm_guard import guard_of
+from regionik.postures.arm_roadmap import HeldPostures
 from regionik.postures.poses import Pose, pose_of
 from regionik.regions import round_outer_areas
 from regionik.worlds.arrays import Array, Index, Mask

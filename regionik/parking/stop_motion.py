@@ -22,12 +22,12 @@ from regionik.mfabrik import Solver
 from regionik.moving.base_motion import Candidate
 from regionik.moving.configuration_sampling import PITCHES
 from regionik.moving.path_search import HARD_TRIES, PATIENCE, JoinedMotion, PathSearch, search_from_places
-from regionik.parking.arm_roadmap import ArmRoadmap
 from regionik.parking.held_postures import PostureCarrier
 from regionik.parking.parking_areas import StopGroup
 from regionik.parking.placements import BasePlacement, PlacementSearch
 from regionik.parking.stop_sequence import StopSequence
 from regionik.planners.progress import tell
+from regionik.postures.arm_roadmap import ArmRoadmap
 from regionik.postures.poses import Pose, Row, distinct
 from regionik.values import Configuration, Stop
 from regionik.worlds.arrays import Array

@@ -12,7 +12,6 @@ from regionik.areas.standing import spread
 from regionik.explain.arm_failures import no_posture
 from regionik.explain.several import naming_all, naming_as_given
 from regionik.explain.skipping import as_given, leaving_out, naming_each
-from regionik.parking.arm_roadmap import HeldPostures
 from regionik.parking.arm_tour import in_short_order
 from regionik.parking.fewest_stops import covering_groups, park
 from regionik.parking.parking_areas import Parking, ParkingAreas, StopGroup, StopPart
@@ -20,6 +19,7 @@ from regionik.parking.placements import BasePlacement, PlacementSearch
 from regionik.parking.sampled_poses import PoseCover
 from regionik.parking.stop_sequence import StopSequence, stop_sequence
 from regionik.planners.coverage.set_cover import least_cover, undominated
+from regionik.postures.arm_roadmap import HeldPostures
 from regionik.reachability.reach import reach
 from regionik.reachability.unreached import unreached
 from regionik.values import Skipped, Stop
