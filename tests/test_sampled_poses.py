@@ -13,7 +13,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from regionik.parking import arm_tour, sampled_poses
-from regionik.parking.arm_roadmap import HeldPostures
 from regionik.parking.fewest_stops import park
 from regionik.parking.held_postures import PostureCarrier
 from regionik.parking.parking_areas import StopGroup
@@ -23,6 +22,7 @@ from regionik.pipeline import plan
 from regionik.planners.coverage.set_cover import least_cover, overlay_faces, undominated
 from regionik.planners.coverage.tours import VisitingOrder
 from regionik.postures.arm_guard import guard_of
+from regionik.postures.arm_roadmap import HeldPostures
 from regionik.postures.poses import Pose
 from regionik.verification.verifier import verify
 from regionik.worlds.links import capsules_along
@@ -51,7 +51,9 @@ def holes(columns: int, rows: int) -> World:
 
 @pytest.fixture
 def few_poses(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sampled_poses, "PLACES", 8)
+    monkeypatch.setattr(sampled_poses, "FEWEST", 100)
+    monkeypatch.setattr(sampled_poses, "DENSITY", 10)
+    monkeypatch.setattr(sampled_poses, "ROUNDS", 2)
 
 
 @pytest.mark.slow
@@ -60,11 +62,12 @@ def test_no_cover_by_the_poses_drawn_has_fewer() -> None:
     """What each pose serves is proven of all, where the cover asks for it only of those that it takes."""
     world = holes(6, 2)
     parking = park(world)
-    cover, every = PoseCover(world, parking), PoseCover(world, parking)
+    cover = PoseCover(world, parking.parking_areas)
     found = cover.fewest()
-    inside = np.zeros((len(every._drawn), len(world.task)), dtype=bool)
-    for k in range(len(inside)):
-        every._prove(k, inside)
+    inside = np.zeros((len(cover._drawn), len(world.task)), dtype=bool)
+    for row, pose in zip(inside, cover._drawn, strict=True):
+        held = cover._joined(pose)
+        row[list(held.served if held is not None else ())] = True
     served = {i for part in found for i in part.setpoints}
     assert served == set(np.flatnonzero(inside.any(axis=0)).tolist())
     assert len(found) == len(least_cover(inside[:, sorted(served)]).chosen) >= parking.lower

@@ -12,7 +12,7 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 from shapely.geometry.base import BaseGeometry
 
-from regionik.worlds.arrays import Mask
+from regionik.worlds.arrays import Array, Mask
 
 LEAST = 1e-10  # faces smaller than this are left out [m2]
 CHUNK = 512  # faces compared with others in one product, the largest first
@@ -157,6 +157,21 @@ def least_cover(inside: Mask, nodes: int = NODES) -> SetCover:
     return SetCover(tuple(sorted(chosen)), lower, _independent(inside))
 
 
+def cover_prices(inside: Mask) -> Array:
+    """Prices (n,) of areas by the linear relaxation of their least cover; 0 of those that no face hits.
+
+    No face of those known hits areas for more than 1 in all; one that did would make the relaxation less.
+    """
+    from scipy.optimize import linprog  # takes long to load
+
+    prices, hit = np.zeros(inside.shape[1]), inside.any(axis=0)
+    if hit.any():
+        incidence = csr_array(inside[:, hit].T.astype(np.float64))
+        solved = linprog(np.ones(len(inside)), A_ub=-incidence, b_ub=-np.ones(int(hit.sum())), bounds=(0, 1))
+        prices[hit] = -solved.ineqlin.marginals
+    return prices
+
+
 def stride(count: int) -> int:
     """Return every how many of so many areas are laid over each other at first."""
     return -(-count // MOST)
@@ -206,9 +221,20 @@ def _greedy(inside: Mask) -> list[int]:
 
 
 def _independent(inside: Mask) -> tuple[int, ...]:
-    """A greedy set of areas of which no two share a face, those that share with fewest first."""
+    """A greedy set of areas of which no two share a face."""
     numbers = inside.astype(np.float32)
-    near = (numbers.T @ numbers) > 0
+    return _apart((numbers.T @ numbers) > 0)
+
+
+def apart_areas(areas: Geometries) -> tuple[int, ...]:
+    """Return a greedy set of areas (n,), none empty, of which no two meet."""
+    near = np.eye(len(areas), dtype=bool)
+    near[tuple(shapely.STRtree(areas).query(areas, predicate="intersects"))] = True
+    return _apart(near)
+
+
+def _apart(near: Mask) -> tuple[int, ...]:
+    """A greedy set of areas of which no two are near (n, n), those that are near to fewest first."""
     left = np.ones(len(near), dtype=bool)
     apart = []
     for k in np.argsort(near.sum(axis=1), kind="stable").tolist():

@@ -13,12 +13,12 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from regionik.parking.arm_roadmap import HeldPostures
 from regionik.parking.held_postures import PostureCarrier
 from regionik.parking.parking_areas import StopGroup
 from regionik.parking.placements import PlacementSearch
 from regionik.planners.coverage.tours import VisitingOrder, shortest_order, shortest_tour_of_sets
 from regionik.postures.arm_guard import guard_of
+from regionik.postures.arm_roadmap import HeldPostures
 from regionik.worlds.arms import pivot_index
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.scene import World
@@ -27,7 +27,8 @@ from regionik.worlds.speeds import Speeds
 FAMILIES = 8  # of postures that are looked for
 ALIKE = 0.05  # postures that differ by less in every joint are one [rad]
 LED = 3  # rounds in which each posture is led on from the one before
-PROVEN = 12  # rounds in which what was chosen is proven
+PROVEN = 12  # rounds in which what was chosen is proven, and then only what is known to hold is chosen
+ROUNDS = 120  # in all, until a tour is chosen of which every way round is known
 ROUNDING = 1e-9  # [s]
 
 
@@ -128,7 +129,7 @@ class _ArmTour:
         """
         far, left = _times(branches.joints, self.velocity), np.ones(len(branches.owner), dtype=bool)
         holds = np.arange(len(left)) < len(self.held.joints)
-        for k in range(PROVEN):
+        for k in range(ROUNDS):
             some = np.flatnonzero(left if k < PROVEN - 1 else holds)
             tour = self._shortest(branches.of(some), far[np.ix_(some, some)])
             order = some[list(tour.order)]

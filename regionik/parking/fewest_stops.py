@@ -15,6 +15,7 @@ import numpy as np
 import shapely
 
 from regionik.areas.layers import Geometries
+from regionik.areas.reachable import model_of
 from regionik.areas.standing import Index
 from regionik.explain.changes import smaller_circle
 from regionik.explain.constraints import no_way_to, rounded_down, setpoint_at
@@ -31,6 +32,7 @@ from regionik.parking.parking_areas import (
 from regionik.planners.coverage.set_cover import (
     OverlayFaces,
     SetCover,
+    apart_areas,
     fewest_runs,
     least_cover,
     least_cover_by_faces,
@@ -40,7 +42,7 @@ from regionik.planners.coverage.set_cover import (
 from regionik.planners.geometry.offsets import shrunk
 from regionik.planners.progress import track
 from regionik.pruning import cut_off_from
-from regionik.regions import outer_areas, ways_to_stand
+from regionik.regions import outer_areas, round_outer_areas, ways_to_stand
 from regionik.worlds.arrays import Array, Mask
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 from regionik.worlds.scene import Target, World
@@ -88,9 +90,11 @@ def park_in_order(world: World) -> Parking:
 def park_in_any_order(world: World) -> Parking:
     """Fewest stops in any order: the least cover of the set-points by faces of their areas' overlay.
 
-    Headings by slab come in only where a set-point has no place at every heading.
+    Headings by slab come in only where a set-point has no place at every heading. Where a place gives the arm
+    no posture, areas only say that each set-point has a place: stops are left to poses (`PoseCover`).
     """
     refused = list[Unserved]()
+    exact = all(model_of(world, target).exact for target in world.task)
     for standing, facings in list(ways_to_stand(world))[1::2]:
         found: list[Parking] = []
         for parking_areas in parking_areas_on(world, standing(world), facings):
@@ -98,7 +102,7 @@ def park_in_any_order(world: World) -> Parking:
             if unserved[0]:
                 refused.append(unserved)
             else:
-                found.append(_covered(world, parking_areas))
+                found.append((_covered if exact else _bounded)(world, parking_areas))
         if found:
             return min(found, key=lambda one: len(one.groups))
     raise NoPlanFound(_no_rooms(world, refused))
@@ -107,48 +111,74 @@ def park_in_any_order(world: World) -> Parking:
 def _covered(world: World, parking_areas: ParkingAreas) -> Parking:
     """The least cover, every set-point assigned to one of the faces that meet it."""
     sides = parking_areas.sides
-    part, faces, cover = least_cover_by_faces([parking_areas.areas_at(s) for s in sides])
-    side = np.array(sides, dtype=np.intp)[part]
-    groups = _assigned(world.task, faces, side, cover, parking_areas)
-    lower = _fewest_by_outer_areas(world, parking_areas, cover)
-    known: dict[str, int | bool | str] = {
+    known = np.column_stack([parking_areas.areas_at(s) for s in sides])
+    groups, part, faces, cover = _least(world, parking_areas, range(len(world.task)))
+    lower = _fewest_by_outer_areas(world, known, cover.apart, len(cover.chosen))
+    told: dict[str, int | bool | str] = {
         "lower_bound": lower, "bound": "outer areas",
         "fewest_of_inner_areas": cover.lower, "apart": len(cover.apart), "faces": len(faces.polygon),
     }  # fmt: skip
-    middle = shapely.get_coordinates(shapely.point_on_surface(faces.polygon))
+    middle, side = shapely.get_coordinates(shapely.point_on_surface(faces.polygon)), np.array(sides)[part]
     spots = {s: middle[side == s] for s in sides}
-    return Parking(parking_areas, tuple(groups), lower, known, spots)
+    return Parking(parking_areas, groups, lower, told, spots)
 
 
-def _fewest_by_outer_areas(world: World, parking_areas: ParkingAreas, cover: SetCover) -> int:
-    """Lower bound of the stops in any order, whatever the headings and postures.
+def _bounded(world: World, parking_areas: ParkingAreas) -> Parking:
+    """The bound alone, of the set-points of which no place is in two outer areas and of more that need it."""
+    outer = np.array(round_outer_areas(world, world.task, coarse=True), dtype=object)
+    lower = _fewest_by_outer_areas(world, outer[:, None], apart_areas(outer), len(world.task))
+    return Parking(parking_areas, (), lower, {"lower_bound": lower, "bound": "outer areas"})
+
+
+def covering_groups(world: World, parking_areas: ParkingAreas, some: Sequence[int]) -> tuple[StopGroup, ...]:
+    """Fewest stops of which areas know that each serves its share of some set-points, in any order."""
+    return _least(world, parking_areas, some)[0] if some else ()
+
+
+def _least(
+    world: World, parking_areas: ParkingAreas, some: Sequence[int]
+) -> tuple[tuple[StopGroup, ...], Index, OverlayFaces, SetCover]:
+    """The least cover of some set-points, as stops and as `least_cover_by_faces` has it."""
+    sides, own = np.array(parking_areas.sides, dtype=np.intp), list(some)
+    part, faces, cover = least_cover_by_faces([parking_areas.areas_at(s)[own] for s in sides.tolist()])
+    groups = _assigned([world.task[i] for i in own], own, faces, sides[part], cover, parking_areas)
+    return tuple(groups), part, faces, cover
+
+
+def _fewest_by_outer_areas(world: World, known: Geometries, apart: Sequence[int], enough: int) -> int:
+    """Lower bound of the stops in any order, whatever the headings and postures; up to ``enough`` is asked.
 
     No base does all set-points with fewer stops than some of them need. So outer areas, which take long, are
-    made for those of which no place serves two, and then only for more that the places found so far miss.
+    made for those of which no place serves two, and then only for more that the places found so far miss, by
+    areas that are known of each (n, k).
     """
     rows = np.arange(0, len(world.task), stride(len(world.task)))
-    asked, outer, more = list[int](), np.empty(0, dtype=object), list(cover.apart)
+    asked, outer, more = list[int](), np.empty(0, dtype=object), list(apart)
     while True:
         asked += more
         outer = np.concatenate([outer, _outer_places(world, [world.task[i] for i in more])])
         faces = overlay_faces(outer)
         bound = least_cover(faces.inside)
         spots = shapely.get_coordinates(shapely.point_on_surface(faces.polygon[list(bound.chosen)]))
-        missed = rows[~_served(parking_areas, spots)[rows] & ~np.isin(rows, asked)]
-        if bound.lower >= len(cover.chosen) or not len(missed):
+        missed = rows[~_served(known, spots)[rows] & ~np.isin(rows, asked)]
+        if bound.lower >= enough or not len(missed):
             return bound.lower
         more = missed[:: -(-len(missed) // len(asked))].tolist()
 
 
-def _served(parking_areas: ParkingAreas, spots: Array) -> Mask:
-    """Mask (n,) of the set-points with an inner area around any of some spots (k, 2)."""
-    areas = np.concatenate([parking_areas.areas_at(s)[:, None] for s in parking_areas.sides], axis=1)
-    around: Mask = shapely.intersects_xy(areas[:, None], *spots.T[:, :, None]).any(axis=(1, 2))
+def _served(known: Geometries, spots: Array) -> Mask:
+    """Mask (n,) of the set-points of whose known areas (n, k) one is around any of some spots (k, 2)."""
+    around: Mask = shapely.intersects_xy(known[:, None], *spots.T[:, :, None]).any(axis=(1, 2))
     return around
 
 
 def _assigned(
-    task: Sequence[Target], faces: OverlayFaces, side: Index, cover: SetCover, parking_areas: ParkingAreas
+    task: Sequence[Target],
+    number: Sequence[int],
+    faces: OverlayFaces,
+    side: Index,
+    cover: SetCover,
+    parking_areas: ParkingAreas,
 ) -> list[StopGroup]:
     """Every set-point to the nearest of the chosen faces that meet it; places are what its areas share."""
     chosen = list(cover.chosen)
@@ -158,7 +188,7 @@ def _assigned(
     owner = np.argmin(far, axis=0)
     groups = []
     for n, (face, spot) in enumerate(zip(chosen, spots, strict=True)):
-        members = tuple(np.flatnonzero(owner == n).tolist())
+        members = tuple(number[m] for m in np.flatnonzero(owner == n).tolist())
         if members:
             s = int(side[face])
             groups.append(StopGroup(members, {s: parking_areas.shared(members, s, spot.coords[0])}))

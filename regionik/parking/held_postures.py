@@ -6,47 +6,37 @@ its postures at the first, and the heading of the base is one that leaves its pi
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
 from regionik.areas.standing import into_span
 from regionik.mfabrik import Solver
-from regionik.parking.arm_roadmap import ArmRoadmap, HeldPostures, grown_roadmap, travel_roadmap
-from regionik.planners.avoidance.neighboring_postures import NeighboringTargets, neighboring_postures
-from regionik.planners.reach.serial_criteria import SerialThresholds, demand_of, led_along, serial_thresholds
-from regionik.planners.solvers.aims import in_columns
-from regionik.planners.solvers.damped_least_squares import POSITION, Aims
+from regionik.planners.reach.serial_criteria import led_along
 from regionik.planners.solvers.redundancy_resolution import PathSolving, resolve_redundancy
 from regionik.planners.solvers.serial_chain import serial_arm
-from regionik.postures.arm_guard import SPARE, Guard, contact_for
+from regionik.postures.arm_roadmap import TRIES, ArmRoadmap, HeldPostures, grown_roadmap
 from regionik.postures.poses import Pose, axis_of, pose_of
-from regionik.postures.serial_solver import MOST_STEPS, SerialSolver, serial_solver
-from regionik.worlds.arms import pivot_index, pivot_joints
+from regionik.postures.posture_search import PostureSearch
+from regionik.postures.serial_solver import MOST_STEPS, SerialSolver
+from regionik.worlds.arms import pivot_index
 from regionik.worlds.arrays import Array, Index
-from regionik.worlds.robot import with_joint_margin
-from regionik.worlds.scene import Target, World
 
 STARTS = 24  # postures at the first set-point that are looked for
 MORE_STARTS = 192  # where redundancy is resolved along the set-points
 LONGEST_TURN, LONGEST_SLIDE = 0.1, 0.02  # of a joint from one target to the next there [rad], [m]
-NEAR = 8  # targets that a posture is led on to
-BEGINNINGS = 4  # postures that the search at a target begins from
+MORE_TRIES = 12  # motions to a posture that are looked at where few did not do
 ENOUGH = 3  # of those that serve every set-point, so many are compared
 RIM = np.arange(8) * np.pi / 4  # directions in which a circle to park in is tried [rad]
 RIM_SHARE = 0.5  # of the tolerance that the tool may miss there, so that others find the posture too
+SHRINK = 0.7  # of a circle whose rim is not reached all round
+LEAST = 1e-4  # radius below which a circle is only its middle [m]
 RIM_STEPS = 4  # on the way out to its rim, each posture the start of the next
 
 
 @dataclass(frozen=True, eq=False)
-class PostureCarrier:
+class PostureCarrier(PostureSearch):
     """The robot of a world, carried along set-points."""
-
-    world: World
-    guard: Guard
-    targets: Sequence[Target]
 
     def best(self, solver: Solver, axis: Array, span: tuple[float, float]) -> HeldPostures | None:
         """Postures that serve most set-points from a place of the arm axis (2,), then have most spare.
@@ -118,15 +108,30 @@ class PostureCarrier:
         return held if held is not None else self.kept(base, found, joints)
 
     def joined(self, base: Array, some: Index, joints: Array) -> HeldPostures | None:
-        """Those of clear postures (n, dof) at set-points that a roadmap joins and that keep all round."""
+        """Those of clear postures (n, dof) at set-points that a roadmap joins and that keep all round.
+
+        Where it does not join all by the few that lie between, it may go by all that the arm knows.
+        """
         travel = self._travel
         off = np.abs(joints[:, None] - travel.joints[None]).max(axis=2)
         between = travel.joints[travel.up_from(np.argmin(off, axis=1))][1:]
-        nodes = np.vstack([between, joints])
-        roadmap, held = grown_roadmap(self.guard, base, travel.joints[0], nodes)
-        held = np.sort(held[held >= len(between)]) - len(between)
+        roadmap, held = self._roadmap(base, between, joints, TRIES)
+        if len(held) < len(joints) and self.guard.proves(Pose(base, self.root)):
+            clear = [self.guard.proves(Pose(base, q)) for q in travel.joints[1:]]
+            roadmap, held = self._roadmap(base, travel.joints[1:][clear], joints, MORE_TRIES)
         found = self.kept(base, some[held], joints[held])
         return None if found is None else replace(found, roadmap=roadmap)
+
+    def _roadmap(self, base: Array, between: Array, joints: Array, tries: int) -> tuple[ArmRoadmap, Index]:
+        """Roadmap by some postures to others, and which of these it holds, (k,)."""
+        roadmap, held = grown_roadmap(self.guard, base, self.root, np.vstack([between, joints]), tries)
+        return roadmap, np.sort(held[held >= len(between)]) - len(between)
+
+    @property
+    def root(self) -> Array:
+        """Posture (dof,) that the arm is driven in, the root of its roadmaps."""
+        root: Array = self._travel.joints[0]
+        return root
 
     def kept(self, base: Array, some: Index, joints: Array) -> HeldPostures | None:
         """Those of postures (n, dof) at set-points that are clear and keep all round the rim."""
@@ -135,35 +140,6 @@ class PostureCarrier:
             return None
         spare = float(self.world.robot.chain.room_to_limits(joints[kept]).min())
         return HeldPostures(base, tuple(some[kept].tolist()), joints[kept], spare)
-
-    def neighboring(self, base: Array, some: Index) -> tuple[Index, Array]:
-        """Those of some set-points at which a clear posture was soon found, and the postures (n, dof)."""
-        return next(self._neighboring(base, some, [slice(None, BEGINNINGS)]))
-
-    def families(self, base: Array, some: Index, count: int) -> Iterator[tuple[Index, Array]]:
-        """As `neighboring`, so many times: each from one start, so that the postures are of another kind."""
-        return self._neighboring(base, some, [slice(n, n + 1) for n in range(count)])
-
-    def _neighboring(self, base: Array, some: Index, parts: Sequence[slice]) -> Iterator[tuple[Index, Array]]:
-        """As `neighboring`, from each part of the starts, the likeliest of which come first."""
-        axis, yaw = axis_of(self.world.robot, base), float(base[2] + self.world.robot.mount[3])
-        if not len(some):
-            yield some, np.empty((0, self.world.robot.chain.dof))
-            return
-        aims, effort = self._aims(axis, yaw, some), self._bound.effort
-        spots = aims.positions
-        far = np.linalg.norm(spots[:, None] - spots[None], axis=2)
-        near = np.argsort(far, axis=1, kind="stable")[:, 1 : NEAR + 1]
-        guard, margin = self.guard, SPARE if self.guard.on else -np.inf
-        targets = NeighboringTargets(
-            guard.bodies.scene(guard.contact), margin, base, self._asked, serial_arm(self._bound.chain), aims,
-            self._tool_on[some], np.ascontiguousarray(near), effort.reach, effort.tolerance,
-        )  # fmt: skip
-        starts, more = self._starts(aims, parts[-1].stop), self._bound.chain.dof - self.world.robot.chain.dof
-        for part in parts:
-            postures = np.zeros((len(some), self._bound.chain.dof))
-            found = neighboring_postures(targets, np.ascontiguousarray(starts[:, part]), postures)
-            yield some[found], postures[found][:, more:]
 
     def led(self, base: Array, some: Index, joints: Array) -> Array:
         """Postures (n, dof) at set-points, each led on from the one before, or else the given one."""
@@ -175,47 +151,6 @@ class PostureCarrier:
             first += max(1, len(held))
         return found
 
-    def _starts(self, aims: Aims, count: int) -> Array:
-        """Postures (n, s, k) to begin from: of the travel roadmap, turned to the target, the nearest."""
-        chain, (postures, points, axes) = self._bound.chain, self._known
-        bearing = np.arctan2(aims.positions[:, 1], aims.positions[:, 0])[:, None]
-        pivot, turn = chain.active_joints[self._pivot], bearing - np.arctan2(points[:, 1], points[:, 0])
-        turned = postures[:, self._pivot] + turn
-        if np.isfinite(pivot.upper - pivot.lower):
-            middle = (pivot.lower + pivot.upper) / 2
-            within = middle + np.remainder(turned - middle + np.pi, 2 * np.pi) - np.pi
-            turned = np.clip(within, pivot.lower, pivot.upper)
-            turn = turn + turned - within
-        c, s = np.cos(turn), np.sin(turn)
-        moved = [
-            np.stack([c * p[:, 0] - s * p[:, 1], s * p[:, 0] + c * p[:, 1], c * 0 + p[:, 2]], -1)
-            for p in (points, axes)
-        ]
-        off = np.linalg.norm(moved[0] - aims.positions[:, None], axis=2)
-        if (aims.kinds != POSITION).all():
-            off += self._bound.effort.reach * (1 - (moved[1] * aims.turns[:, None, :, 2]).sum(axis=2)) / 2
-        best = np.argsort(off, axis=1, kind="stable")[:, :count]
-        starts = postures[best]
-        starts[:, :, self._pivot] = np.take_along_axis(turned, best, axis=1)
-        return starts
-
-    @cached_property
-    def _travel(self) -> ArmRoadmap:
-        return travel_roadmap(self.world)
-
-    @cached_property
-    def _known(self) -> tuple[Array, Array, Array]:
-        """Postures of the travel roadmap as the solver has them, and their tools' points and axes."""
-        postures = self._behind(self._travel.joints)
-        tools = np.array([self._bound.chain.forward(q) for q in postures])
-        return postures, tools[:, :3, 3], tools[:, :3, 2]
-
-    @cached_property
-    def _tool_on(self) -> Index:
-        """Obstacle that the tool works on at each set-point, -1 for none."""
-        owners = [contact_for(self.world, [target]).owner for target in self.targets]
-        return np.array([own[0] if len(own) else -1 for own in owners], dtype=np.int64)
-
     def keeps(self, i: int, base: Array, joints: Array) -> bool:
         """True if a posture at set-point i is clear, and kept all round the circle that the rules ask for."""
         wanted = self.world.rules.stop_tolerance
@@ -226,10 +161,6 @@ class PostureCarrier:
     def _holds(self, base: Array, joints: Array) -> bool:
         """True if a posture is clear and meets the rules' criteria."""
         return self.guard.proves(Pose(base, joints)) and self._bound.meets(self._behind(joints))
-
-    def _behind(self, joints: Array) -> Array:
-        """Postures (..., dof) as the solver has them."""
-        return pivot_joints(self.world.robot.chain, joints)
 
     def _from(
         self, base: Array, joints: Array, axis: Array, span: tuple[float, float]
@@ -267,6 +198,17 @@ class PostureCarrier:
                 return False
         return True
 
+    def widest_circle(self, base: Array, joints: Array, most: float) -> float:
+        """Radius of a circle around a pose, at most so large, all round which postures (n, dof) are kept.
+
+        They are those at the carrier's set-points; the circle that the rules ask for is known to be one.
+        """
+        wanted, radius = self.world.rules.stop_tolerance, most
+        for i, q in enumerate(joints):
+            while radius > wanted and not self.reaches_rim(i, base, q, radius):
+                radius = max(wanted, SHRINK * radius if radius > LEAST else 0.0)
+        return max(radius, wanted)
+
     def _carried(
         self,
         solver: SerialSolver,
@@ -297,40 +239,3 @@ class PostureCarrier:
             return heading
         some = free[:, self._pivot]
         return float(heading + (some.max() + some.min() - pivot.lower - pivot.upper) / 2)
-
-    def _aims(self, axis: Array, yaw: float, some: Index | slice) -> Aims:
-        """Set-points as an arm sees them whose base frame stands at a place with a heading."""
-        c, s = np.cos(yaw), np.sin(yaw)
-        back = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-        goals = self._goals.part(some)
-        seen = goals.positions - (0.0, 0.0, self.world.robot.mount[2])
-        seen[:, :2] -= axis
-        return goals._replace(positions=seen @ back.T, turns=back @ goals.turns)
-
-    @cached_property
-    def _goals(self) -> Aims:
-        goals = [self._free.goal_for(target) for target in self.targets]
-        angles = np.array([goal.effort.angle_tolerance for goal in goals])
-        return in_columns([goal.aim for goal in goals])._replace(angle_tolerances=angles)
-
-    @cached_property
-    def _free(self) -> SerialSolver:
-        return self._arm(turns=True)
-
-    @cached_property
-    def _bound(self) -> SerialSolver:
-        return self._arm(turns=False)
-
-    def _arm(self, *, turns: bool) -> SerialSolver:
-        """Solver with a pivot that has no limits, or its own."""
-        rules, robot = self.world.rules, with_joint_margin(self.world.robot, self.world.rules.criteria)
-        demand = demand_of(robot, rules.criteria)
-        return serial_solver(robot.chain, float(robot.mount[2]), rules.tolerance, turns=turns, demand=demand)
-
-    @property
-    def _asked(self) -> SerialThresholds:
-        return serial_thresholds(self._bound.demand, self._bound.chain.dof)
-
-    @property
-    def _pivot(self) -> int:
-        return pivot_index(self._bound.chain)

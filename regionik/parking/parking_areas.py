@@ -12,16 +12,18 @@ from numpy.typing import ArrayLike
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.layers import Geometries
-from regionik.areas.standing import PathAreas, Standing
+from regionik.areas.standing import PathAreas, Standing, away
 from regionik.ladder import Ladder, Mask, build_ladder
-from regionik.parking.arm_roadmap import HeldPostures
 from regionik.parking.pivot_turns import ON_EDGE
 from regionik.planners.coverage.set_cover import fewest_runs
 from regionik.planners.geometry.offsets import shrunk
+from regionik.postures.arm_roadmap import HeldPostures
 from regionik.postures.poses import axis_of
 from regionik.regions import path_areas
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Order, World
+
+LEAST = 1e-3  # radius of the circle that is shown around a pose, where none is asked for [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +36,7 @@ class StopGroup:
     spot: Array | None = None
     # Postures at the set-points on a pose of the base there, where a place does not give the arm its own
     held: HeldPostures | None = None
+    poses: Array | None = None  # (n, 3) other bases there with a clear posture at each set-point
 
     def of(self, setpoints: tuple[int, ...]) -> StopGroup:
         """Return the group for some of the set-points, in the order given."""
@@ -106,9 +109,30 @@ class ParkingAreas:
         return self._areas[side]
 
     def shared(self, setpoints: Sequence[int], side: int, near: ArrayLike) -> BaseGeometry:
-        """The connected part of what areas share that is nearest to a place."""
+        """The connected part of what areas share that is nearest to a place; empty where they share none."""
         parts = shapely.get_parts(shapely.intersection_all(self.areas_at(side)[list(setpoints)]))
+        if not len(parts):
+            return shapely.Polygon()
         return parts[int(np.argmin(shapely.distance(parts, shapely.Point(near))))]
+
+    def about(self, setpoints: Sequence[int], side: int, axis: Array, tolerance: float) -> BaseGeometry:
+        """What areas share around a place that serves set-points; the circle to park in where they do not."""
+        shared = self.shared(setpoints, side, axis)
+        return (
+            shared
+            if shared.covers(shapely.Point(axis))
+            else shapely.Point(axis).buffer(max(tolerance, LEAST))
+        )
+
+    def nearest(self, setpoints: Sequence[int], axis: Array, yaw: float) -> tuple[int, ...]:
+        """Component of each set-point nearest to a pose in heading, then in place."""
+        off = np.array([away(yaw, side.span) for side in self.standing.sides])[self.ladder.side]
+        chain = list[int]()
+        for i in setpoints:
+            own = np.arange(*self.ladder.rungs[i : i + 2])
+            far = shapely.distance(self.ladder.component[own], shapely.Point(axis))
+            chain.append(int(own[np.lexsort((far, off[own]))[0]]))
+        return tuple(chain)
 
     def deepest_chain(
         self, setpoints: Sequence[int], axis: Array, side: int, linked: bool
@@ -178,33 +202,42 @@ class Parking:
         return {"count": count, "proven_fewest": count <= self.lower, **self.known}
 
 
-def parking_areas_on(
-    world: World, standing: Standing, facings: tuple[int, ...], known: PathAreas | None = None
-) -> list[ParkingAreas]:
+def parking_areas_on(world: World, standing: Standing, facings: tuple[int, ...]) -> list[ParkingAreas]:
     """Areas on each piece of floor that the base may be on."""
-    areas = known or path_areas(world, facings=facings, standing=standing)
+    areas = path_areas(world, facings=facings, standing=standing)
     ladder = build_ladder(areas, len(world.task), standing)
     narrow = shrunk_by_circle(ladder.component, world, outside=False)
-    back: list[list[int]] = [[] for _ in ladder.component]
-    for m, k in ladder.edges.tolist():
-        if ladder.side[m] == ladder.side[k]:
-            back[k].append(m)
+    back = _linked(ladder)
     found = []
     for piece in _pieces(world, standing, ladder):
         usable = ladder.floor == piece
         own = narrow.copy()
         own[~usable] = shapely.Polygon()
-        linked = tuple(map(tuple, back))
-        found.append(ParkingAreas(standing, facings, piece, areas, ladder, usable, own, linked))
+        found.append(ParkingAreas(standing, facings, piece, areas, ladder, usable, own, back))
     return found
 
 
 def reordered(world: World, parking_areas: ParkingAreas, order: Sequence[int]) -> ParkingAreas:
     """Parking areas for a world of the same set-points in another order, by the index that each had."""
-    areas = parking_areas.areas
-    moved = areas.sorted_by(np.argsort(order)[areas.target])
-    found = parking_areas_on(world, parking_areas.standing, parking_areas.facings, moved)
-    return next(one for one in found if one.piece == parking_areas.piece)
+    areas, standing, place = parking_areas.areas, parking_areas.standing, np.argsort(order)
+    moved = areas.sorted_by(place[areas.target])
+    ladder = build_ladder(moved, len(world.task), standing)
+    by = np.argsort(
+        place[parking_areas.ladder.target], kind="stable"
+    )  # as rows of areas, so their components
+    narrow, usable = parking_areas.narrow[by], parking_areas.usable[by]
+    return ParkingAreas(
+        standing, parking_areas.facings, parking_areas.piece, moved, ladder, usable, narrow, _linked(ladder)
+    )
+
+
+def _linked(ladder: Ladder) -> tuple[tuple[int, ...], ...]:
+    """For each component those of the set-point before that it is joined to on its side."""
+    back: list[list[int]] = [[] for _ in ladder.component]
+    for m, k in ladder.edges.tolist():
+        if ladder.side[m] == ladder.side[k]:
+            back[k].append(m)
+    return tuple(map(tuple, back))
 
 
 def _pieces(world: World, standing: Standing, ladder: Ladder) -> list[int]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
+from itertools import chain, islice
 
 import numpy as np
 import shapely
@@ -13,7 +14,6 @@ from shapely.geometry import Point
 from regionik.areas.reachable import model_of
 from regionik.areas.standing import away, into_span, spread, stands_about
 from regionik.mfabrik import Solver, solver_for
-from regionik.parking.arm_roadmap import ArmRoadmap, HeldPostures
 from regionik.parking.held_postures import PostureCarrier
 from regionik.parking.parking_areas import ParkingAreas, StopGroup, depth
 from regionik.parking.parking_probability import (
@@ -26,16 +26,18 @@ from regionik.parking.pivot_turns import ON_EDGE, PivotTurns, gathered
 from regionik.planners.coverage.set_cover import undominated
 from regionik.planners.solvers.serial_chain import chain_frames, chain_jacobian, serial_arm
 from regionik.postures.arm_guard import guard_of
+from regionik.postures.arm_roadmap import ArmRoadmap, HeldPostures
 from regionik.postures.families import Family
 from regionik.postures.poses import Pose, axis_of, pose_of
 from regionik.values import Configuration, Stop
 from regionik.worlds.arms import pivot_index
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Index
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import NoPlanFound
 from regionik.worlds.scene import World
 
 PLACES = 24  # of a stop that are looked at before the best is bettered
+TRIED, ROOMIEST = 48, 3  # poses of a stop that are asked whether they serve all of it, first for room
 CARRIED = 6  # of these, where a place gives the arm no posture, or its score takes as long
 FINEST = 1e-3  # steps by which it is bettered, at the least [m]
 COARSE, WORTH = 0.01, 1e-4  # steps [m] and gains by which a probability is bettered, at the least
@@ -106,7 +108,7 @@ class PlacementSearch:
 
     def _first(self, group: StopGroup, setpoints: tuple[int, ...]) -> StopGroup:
         """Group of the first set-points of a stop, at all their places."""
-        if group.held is not None:
+        if group.poses is not None:
             return group.of(setpoints)
         return self.parking_areas.group(setpoints, self.world.rules.order)
 
@@ -120,9 +122,11 @@ class PlacementSearch:
         """Best placement by the criterion alone; see `best`."""
         widest = self._leading(self.widest(group), group)
         if widest is None:
-            widest = self.widest(replace(group, setpoints=group.setpoints[:1]))
+            widest = self.widest(replace(group.of(group.setpoints[:1]), held=None))
         if widest is None:
             return None
+        if group.poses is not None:
+            return self._best_of_poses(group, widest, at)
         part, criterion = StopGroup(widest.setpoints, group.places), self.world.rules.stop_criterion
         if at is not None:
             return self._served([self.at(part, at, s) for s in part.places], part) or widest
@@ -143,6 +147,9 @@ class PlacementSearch:
 
     def widest(self, group: StopGroup) -> BasePlacement | None:
         """The placement that serves most set-points, and of those the one with the largest circle found."""
+        if group not in self._widest and group.poses is not None:
+            known = [] if group.held is None else [self._on(group, group.held)]
+            self._widest[group] = next(chain(known, self._on_poses(group)), None)
         if group not in self._widest:
             found = [one for s in sorted(group.places) for one in self._wide(group, s)]
             most = max(found, key=lambda one: (len(one.setpoints), one.tolerance), default=None)
@@ -153,8 +160,6 @@ class PlacementSearch:
         """Placement in the middle of the largest circle of a side; others too where it does not serve all."""
         area = group.places[side]
         known = None if group.spot is None else self.at(group, group.spot, side)
-        if known is not None and group.held is not None:
-            return [known]
         middle = self.at(group, np.array(shapely.maximum_inscribed_circle(area).coords[0]), side)
         if middle is not None and len(middle.setpoints) == len(group.setpoints):
             return [middle]
@@ -176,12 +181,48 @@ class PlacementSearch:
 
     def others(self, group: StopGroup) -> Iterator[BasePlacement]:
         """Yield other placements, spread over a stop."""
-        for s in sorted(group.places):
-            for placement in self._spread(group, s):
-                leading = self._leading(placement, group)
-                if leading is None or not is_probable(self.world, leading.base, leading.setpoints):
-                    continue
-                yield leading
+        some = [self._spread(group, s) for s in sorted(group.places)]
+        for placement in self._on_poses(group) if group.poses is not None else chain(*some):
+            leading = self._leading(placement, group)
+            if leading is None or not is_probable(self.world, leading.base, leading.setpoints):
+                continue
+            yield leading
+
+    def roomiest(self, group: StopGroup) -> StopGroup:
+        """Group that holds, of a few of its poses that serve all of it, the one with the largest circle."""
+        if group.held is None or group.poses is None:
+            return group
+        found = [self._on(group, group.held), *self._on_poses(group, ROOMIEST)]
+        best = max(found, key=lambda one: one.tolerance)
+        held = HeldPostures(best.base, tuple(range(len(best.near))), best.near, 0.0, best.roadmap)
+        return replace(group, spot=best.axis, held=held)
+
+    def _on(self, group: StopGroup, held: HeldPostures) -> BasePlacement:
+        """Placement on a pose at which postures are held; they keep all round the circle that it tells."""
+        base, some = held.base, tuple(group.setpoints[n] for n in held.served)
+        axis = axis_of(self.world.robot, base)
+        components = self.parking_areas.nearest(some, axis, float(base[2]))
+        targets = [self.world.task[i] for i in some]
+        carrier = PostureCarrier(self.world, guard_of(self.world), targets)
+        room = carrier.widest_circle(base, held.joints, self._floor_around(axis, float(base[2])))
+        return BasePlacement(some, components, axis, base, held.joints, room, held.roadmap)
+
+    def _floor_around(self, axis: Array, yaw: float) -> float:
+        """Radius of the circle of free floor around a pose [m]."""
+        sides = self.parking_areas.standing.sides
+        return max(depth(side.free, axis) for side in sides if away(yaw, side.span) <= HEADING)
+
+    def _on_poses(self, group: StopGroup, count: int = TRIED) -> Iterator[BasePlacement]:
+        """Yield placements on poses of a stop, of so many far apart, that are proven to serve all of it."""
+        poses = np.empty((0, 3)) if group.poses is None else group.poses
+        carrier = PostureCarrier(
+            self.world, guard_of(self.world), [self.world.task[i] for i in group.setpoints]
+        )
+        every = np.arange(len(group.setpoints))
+        for base in poses[farthest_first(poses, count)]:
+            held = carrier.at(base, every)
+            if held is not None and len(held.served) == len(every):
+                yield self._on(group, held)
 
     def _spread(self, group: StopGroup, side: int) -> Iterator[BasePlacement]:
         """Yield placements spread over one side of a stop."""
@@ -195,6 +236,16 @@ class PlacementSearch:
         """Of placements that serve a whole stop the best by the criterion."""
         whole = [one for one in found if one is not None and len(one.setpoints) == len(group.setpoints)]
         return max(whole, key=self._score, default=None)
+
+    def _best_of_poses(self, group: StopGroup, widest: BasePlacement, at: Array | None) -> BasePlacement:
+        """Best by the criterion of the placements on poses of a stop, or the one nearest to a place (2,)."""
+        if at is None and self.world.rules.stop_criterion in ("tolerance", "distance"):
+            return widest
+        whole = islice(self._on_poses(group), CARRIED if self._is_slow else PLACES)
+        found = [widest, *(one for one in whole if one.setpoints == widest.setpoints)]
+        if at is not None:
+            return min(found, key=lambda one: float(np.hypot(*(one.axis - at))))
+        return max(found, key=self._score)
 
     def _best_of_side(self, group: StopGroup, side: int) -> BasePlacement | None:
         """Best placement at one side of those that serve all set-points; None where there is none.
@@ -304,9 +355,7 @@ class PlacementSearch:
     def _by_carrying(
         self, group: StopGroup, chain: tuple[int, ...], axis: Array, side: int
     ) -> HeldPostures | None:
-        """What is held at the place that is known, else the heading from which most set-points are done."""
-        if group.held is not None and np.array_equal(axis, np.asarray(group.spot)):
-            return group.held
+        """The heading from which most set-points are done."""
         span = self.parking_areas.standing.sides[side].span
         solver = _any_heading_solver(self.world, self.parking_areas.ladder.family[chain[0]])
         if self.world.rules.heading == "fixed":
@@ -380,6 +429,19 @@ class PlacementSearch:
         if model_of(self.world, self.world.task[i]).exact:
             return self.posture(i, placement.chain[at], placement.base).joints
         return near[at]
+
+
+def farthest_first(poses: Array, count: int) -> Index:
+    """Places of at most so many poses (n, 3), the one in their middle first, each far from those before."""
+    if not len(poses):
+        return np.empty(0, dtype=np.intp)
+    spots = np.column_stack([poses[:, :2], np.cos(poses[:, 2]), np.sin(poses[:, 2])])
+    chosen = [int(np.argmin(np.linalg.norm(spots - spots.mean(axis=0), axis=1)))]
+    far = np.linalg.norm(spots - spots[chosen[0]], axis=1)
+    while len(chosen) < min(count, len(poses)):
+        chosen.append(int(np.argmax(far)))
+        far = np.minimum(far, np.linalg.norm(spots - spots[chosen[-1]], axis=1))
+    return np.array(chosen)
 
 
 def posture_score(chain: Chain, joints: Array, criterion: str) -> float:

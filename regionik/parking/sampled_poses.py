@@ -1,15 +1,15 @@
 """Poses of the base that serve most set-points, of arms whose posture no place gives, in any order.
 
-Poses are drawn all over the areas, at each place at the headings from which most of some set-points are
-reached. What a pose serves is found in two steps: postures that are clear, which is soon known, and of these
-the ones that a roadmap joins and that keep all round the circle to park in. The second is only asked of the
-poses of a least cover, and the cover is taken again until it is known of all. So no cover by the poses drawn
-has fewer.
+Poses are drawn over the free floor, at any heading, and more of them around those that the prices of a linear
+cover favour, as in column generation (Gilmore and Gomory 1961). What a pose serves is found in two steps:
+postures that are clear, which is soon known, and of these the ones that a roadmap joins and that keep all
+round the circle to park in. The second is only asked of the poses of a least cover, and the cover is taken
+again until it is known of all. So no cover by the poses drawn has fewer.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -17,24 +17,29 @@ import numpy as np
 import shapely
 
 from regionik.areas.layers import Geometries
-from regionik.areas.standing import spread
-from regionik.parking.arm_roadmap import HeldPostures
+from regionik.areas.standing import into_spans, span_of_rules, spread
 from regionik.parking.held_postures import PostureCarrier
-from regionik.parking.parking_areas import Parking, StopPart
-from regionik.planners.coverage.set_cover import least_cover
+from regionik.parking.parking_areas import ParkingAreas, StopPart, shrunk_by_circle
+from regionik.planners.coverage.set_cover import cover_prices, least_cover
 from regionik.postures.arm_guard import guard_of
-from regionik.postures.poses import pose_of
-from regionik.worlds.arms import pivot_index, with_pivot
+from regionik.postures.arm_roadmap import HeldPostures
+from regionik.postures.poses import Pose, pose_of
+from regionik.regions import round_outer_areas
 from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.scene import World
 
-PLACES = 48  # at which poses are looked for
-DRAWN = 4  # times as many that these are chosen from
-HEADINGS = 8  # at each, of a base that may stand at any
-SOME = 12  # set-points by which they are compared
-BEST = 2  # headings that are kept at each
+DENSITY = 100  # poses drawn for a square metre from which some set-point may be reached
+FEWEST, MOST = 500, 6000  # of them
+ROUNDS, PATIENCE = 24, 5  # of poses drawn around favoured ones: at most, and such that improve nothing
+FAVOURED, AROUND = 75, 4  # poses that are favoured in a round, and poses drawn around each
+WIDE, NARROWER, TURN = 0.3, 0.8, 1.5  # deviation of these [m], by round, and of their headings [rad/m]
+LAST = 8  # round after which it is not made narrower
+UNSERVED = 40  # poses drawn in a round for a set-point that none serves
 NODES = 200  # of branch and bound for a cover
-ROUNDS = 40  # in which a cover is taken
+COVERS = 60  # that are taken
+ROUNDING = 1e-9  # of headings [rad]
+
+Prove = Callable[["_Drawn"], HeldPostures | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +47,7 @@ class _Drawn:
     """A pose that was drawn, and clear postures (n, dof) at set-points."""
 
     side: int
-    axis: Array
+    row: Array  # (3,) of the arm axis [m], yaw [rad]
     base: Array
     found: Index
     joints: Array
@@ -50,52 +55,43 @@ class _Drawn:
 
 @dataclass(frozen=True, eq=False)
 class PoseCover:
-    """Covers of a world's set-points by poses drawn all over its areas."""
+    """Covers of a world's set-points by poses drawn all over the floor of its parking areas."""
 
     world: World
-    parking: Parking
-    _proven: dict[int, HeldPostures | None] = field(default_factory=dict)
+    parking_areas: ParkingAreas
 
     def fewest(self) -> list[StopPart]:
-        """Return what the poses of a least cover serve; what none of those drawn serves is left out."""
-        poses = self._drawn
-        inside = np.zeros((len(poses), len(self.world.task)), dtype=bool)
-        for row, pose in zip(inside, poses, strict=True):
-            row[pose.found] = True
-        chosen: tuple[int, ...] = ()
-        for _ in range(ROUNDS):
-            left = inside.any(axis=0)
-            if not left.any():
-                break
-            cover = least_cover(inside[:, left], NODES)
-            chosen = cover.chosen
-            known = self._of_known(inside)
-            if known is not None and len(known) <= cover.lower:
-                chosen = known
-                break
-            new = [k for k in chosen if k not in self._proven]
-            if not new:
-                break
-            for k in new:
-                self._prove(k, inside)
-        held = ((poses[k], self._proven.get(k)) for k in chosen)
-        return [StopPart(pose.side, pose.axis, one.served, one) for pose, one in held if one is not None]
+        """Return what the poses of a least cover serve; what none of those drawn serves is left out.
 
-    def _of_known(self, inside: Mask) -> tuple[int, ...] | None:
-        """The least cover by poses whose postures are proven; None where these do not cover."""
-        known = sorted(k for k, held in self._proven.items() if held is not None)
-        left = inside.any(axis=0)
-        if not known or not inside[known][:, left].any(axis=0).all():
-            return None
-        return tuple(known[n] for n in least_cover(inside[known][:, left], NODES).chosen)
+        Set-points that no roadmap joins to others are served by poses of their own.
+        """
+        joined = self._cover(range(len(self.world.task)), self._joined)
+        served = {i for part in joined for i in part.setpoints}
+        left = [i for i in range(len(self.world.task)) if i not in served]
+        return joined + self._cover(left, self._kept)
 
-    def _prove(self, k: int, inside: Mask) -> None:
-        pose = self._drawn[k]
-        held = self._carrier.joined(pose.base, pose.found, pose.joints)
-        self._proven[k] = held
-        inside[k] = False
-        if held is not None:
-            inside[k, list(held.served)] = True
+    def serving(self, setpoints: Sequence[int]) -> Array:
+        """Return the bases (n, 3) drawn that have clear postures at all of some set-points."""
+        rows = self._inside[:, list(setpoints)].all(axis=1)
+        return np.array([self._drawn[k].base for k in np.flatnonzero(rows)]).reshape(-1, 3)
+
+    def _joined(self, pose: _Drawn) -> HeldPostures | None:
+        return self._carrier.joined(pose.base, pose.found, pose.joints)
+
+    def _kept(self, pose: _Drawn) -> HeldPostures | None:
+        return self._carrier.kept(pose.base, pose.found, pose.joints)
+
+    @cached_property
+    def _inside(self) -> Mask:
+        return _served(self._drawn, len(self.world.task))
+
+    def _cover(self, setpoints: Iterable[int], prove: Prove) -> list[StopPart]:
+        """What the poses of a least cover of some set-points are proven to serve."""
+        some = np.array(list(setpoints), dtype=np.intp)
+        cover = _ProvenCover(self._drawn, self._inside[:, some].copy(), some, prove)
+        return [
+            StopPart(self._drawn[k].side, self._drawn[k].row[:2], one.served, one) for k, one in cover.least()
+        ]
 
     @cached_property
     def _carrier(self) -> PostureCarrier:
@@ -103,48 +99,140 @@ class PoseCover:
 
     @cached_property
     def _drawn(self) -> list[_Drawn]:
-        return [pose for spot in self._spots() for pose in self._at(*spot)]
-
-    def _spots(self) -> list[tuple[int, Array]]:
-        """Middles of the stops that areas know, and places drawn all over the areas, by side."""
-        areas = self.parking.parking_areas
-        found = [
-            (side, np.array(shapely.maximum_inscribed_circle(area).coords[0]))
-            for group in self.parking.groups
-            for side, area in group.places.items()
-        ]
-        count = max(1, PLACES // len(self.parking.spots))
-        for side in self.parking.spots:
-            found += [(side, spot) for spot in _spread_by_areas(areas.areas_at(side), count)]
+        """Poses drawn all over, then around those that prices favour."""
+        rng = np.random.default_rng(0)
+        found = list(self._looked_at(self._all_over(rng)))
+        best, since, k = np.inf, 0, 0
+        while since < PATIENCE and k < ROUNDS:
+            inside = _served(found, len(self.world.task))
+            prices = cover_prices(inside)
+            missed = np.flatnonzero(~inside.any(axis=0)).tolist()
+            need = float(prices.sum()) + len(missed)
+            since = 0 if need < best - ROUNDING else since + 1
+            best = min(best, need)
+            rows = [self._near(i, k, rng) for i in missed]
+            top = np.argsort(-(inside @ prices), kind="stable")[:FAVOURED].tolist()
+            rows += [found[n].row + _shaken(rng, WIDE * NARROWER ** min(k, LAST)) for n in top]
+            if rows:
+                found += self._looked_at(np.vstack(rows))
+            k += 1
         return found
 
-    def _at(self, side: int, axis: Array) -> Iterator[_Drawn]:
-        """Poses at a place: at the headings from which most of some set-points are reached."""
-        inside = np.flatnonzero(shapely.intersects_xy(self.parking.parking_areas.areas_at(side), *axis))
-        some = inside[:: max(1, len(inside) // SOME)]
-        bases = [pose_of(self.world.robot, axis, yaw) for yaw in self._headings(side)]
-        count = [len(self._carrier.neighboring(base, some)[0]) for base in bases]
-        for n in np.argsort(-np.array(count), kind="stable")[:BEST].tolist():
-            if count[n]:
-                yield _Drawn(side, axis, bases[n], *self._carrier.neighboring(bases[n], inside))
+    def _all_over(self, rng: np.random.Generator) -> Array:
+        """Poses (n, 3) spread over the floor from which some set-point may be reached."""
+        area = shapely.union_all(self._outer) & shapely.union_all(self._floors)
+        if area.area == 0.0:
+            return np.empty((0, 3))
+        return self._headed(spread(area, int(np.clip(DENSITY * area.area, FEWEST, MOST)), 0), rng)
 
-    def _headings(self, side: int) -> list[float]:
-        low, high = self.parking.parking_areas.standing.sides[side].span
-        arm = with_pivot(self.world.robot.chain)
-        joint = arm.active_joints[pivot_index(arm)]
-        if high - low < 2 * np.pi:
-            return [(low + high) / 2]
-        count = HEADINGS if joint.upper - joint.lower < 2 * np.pi else BEST
-        return [2 * np.pi * n / count for n in range(count)]
+    def _near(self, i: int, seed: int, rng: np.random.Generator) -> Array:
+        """Poses (n, 3) spread over the floor from which one set-point may be reached."""
+        area = self._outer[i] & shapely.union_all(self._floors)
+        return self._headed(spread(area, UNSERVED, seed + 1), rng) if area.area > 0 else np.empty((0, 3))
+
+    def _headed(self, places: Array, rng: np.random.Generator) -> Array:
+        """Places with headings that the rules allow."""
+        low, high = span_of_rules(self.world)
+        low, high = (low, high) if np.isfinite(high - low) else (-np.pi, np.pi)
+        return np.column_stack([places, rng.uniform(low, high, len(places))])
+
+    def _looked_at(self, rows: Array) -> Iterator[_Drawn]:
+        """Yield those of poses (n, 3) that the base may park at and that serve something."""
+        if self.world.rules.heading == "fixed":
+            rows[:, 2] = span_of_rules(self.world)[0]
+        sides = self._sides(rows)
+        near = np.column_stack([shapely.intersects_xy(area, *rows.T[:2]) for area in self._outer])
+        root = self._carrier.root
+        for k in np.flatnonzero((sides >= 0) & near.any(axis=1)).tolist():
+            base = pose_of(self.world.robot, rows[k, :2], float(rows[k, 2]))
+            if self._carrier.guard.proves(Pose(base, root)):
+                found, joints = self._carrier.neighboring(base, np.flatnonzero(near[k]))
+                if len(found):
+                    yield _Drawn(int(sides[k]), rows[k], base, found, joints)
+
+    def _sides(self, rows: Array) -> Index:
+        """Side of the standing at each of some poses (n, 3) with room for the circle to park in, or -1."""
+        found = np.full(len(rows), -1, dtype=np.intp)
+        for s, (side, floor) in enumerate(zip(self.parking_areas.standing.sides, self._floors, strict=True)):
+            here = np.abs(into_spans(rows[:, 2], *side.span) - rows[:, 2]) <= ROUNDING
+            found[(found < 0) & here & shapely.contains_xy(floor, *rows.T[:2])] = s
+        return found
+
+    @cached_property
+    def _floors(self) -> Geometries:
+        """The floor that the base gets to by side, shrunk by the circle to park in."""
+        polygon, side, label = self.parking_areas.standing.pieces
+        own = label == self.parking_areas.piece
+        parts = [
+            shapely.union_all(polygon[own & (side == s)])
+            for s in range(len(self.parking_areas.standing.sides))
+        ]
+        floors = shrunk_by_circle(np.array(parts, dtype=object), self.world, outside=False)
+        shapely.prepare(floors)
+        return floors
+
+    @cached_property
+    def _outer(self) -> Geometries:
+        """Outer area of each set-point."""
+        areas = np.array(round_outer_areas(self.world, self.world.task, coarse=True), dtype=object)
+        shapely.prepare(areas)
+        return areas
 
 
-def _spread_by_areas(areas: Geometries, count: int) -> Array:
-    """At most so many places in areas, one after the other that lies in most, those taken counting less."""
-    places = spread(shapely.union_all(areas), DRAWN * count, 0)
-    inside = np.column_stack([shapely.contains_xy(area, places) for area in areas]).astype(float)
-    taken, chosen = np.ones(len(areas)), list[int]()
-    for _ in range(min(count, len(places))):
-        chosen.append(int(np.argmax(inside @ (1 / taken))))
-        taken += inside[chosen[-1]]
-        inside[chosen[-1]] = 0.0
-    return places[chosen]
+@dataclass(frozen=True, eq=False)
+class _ProvenCover:
+    """The search for a least cover by poses of which it is proven what they serve."""
+
+    poses: Sequence[_Drawn]
+    inside: Mask  # (p, n) True where a pose may serve one of the set-points
+    setpoints: Index  # (n,)
+    prove: Prove
+    proven: dict[int, HeldPostures | None] = field(default_factory=dict)
+
+    def least(self) -> list[tuple[int, HeldPostures]]:
+        """The poses of a least cover, and what each holds."""
+        chosen: tuple[int, ...] = ()
+        for _ in range(COVERS):
+            left = self.inside.any(axis=0)
+            if not left.any():
+                break
+            cover = least_cover(self.inside[:, left], NODES)
+            chosen = cover.chosen
+            known = self._of_known()
+            if known is not None and len(known) <= cover.lower:
+                chosen = known
+                break
+            new = [k for k in chosen if k not in self.proven]
+            if not new:
+                break
+            for k in new:
+                self._ask(k)
+        else:
+            chosen = self._of_known() or chosen
+        held = ((k, self.proven.get(k)) for k in chosen)
+        return [(k, one) for k, one in held if one is not None]
+
+    def _of_known(self) -> tuple[int, ...] | None:
+        """The least cover by poses whose postures are proven; None where these do not cover."""
+        known = sorted(k for k, held in self.proven.items() if held is not None)
+        left = self.inside.any(axis=0)
+        if not known or not self.inside[known][:, left].any(axis=0).all():
+            return None
+        return tuple(known[n] for n in least_cover(self.inside[known][:, left], NODES).chosen)
+
+    def _ask(self, k: int) -> None:
+        held = self.prove(self.poses[k])
+        self.proven[k] = held
+        self.inside[k] = False if held is None else np.isin(self.setpoints, held.served)
+
+
+def _served(poses: Sequence[_Drawn], count: int) -> Mask:
+    inside = np.zeros((len(poses), count), dtype=bool)
+    for row, pose in zip(inside, poses, strict=True):
+        row[pose.found] = True
+    return inside
+
+
+def _shaken(rng: np.random.Generator, by: float) -> Array:
+    """Offsets (n, 3) of poses around one, by a deviation [m]."""
+    return rng.normal(size=(AROUND, 3)) * (by, by, TURN * by)

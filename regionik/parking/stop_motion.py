@@ -22,12 +22,12 @@ from regionik.mfabrik import Solver
 from regionik.moving.base_motion import Candidate
 from regionik.moving.configuration_sampling import PITCHES
 from regionik.moving.path_search import HARD_TRIES, PATIENCE, JoinedMotion, PathSearch, search_from_places
-from regionik.parking.arm_roadmap import ArmRoadmap
 from regionik.parking.held_postures import PostureCarrier
 from regionik.parking.parking_areas import StopGroup
 from regionik.parking.placements import BasePlacement, PlacementSearch
 from regionik.parking.stop_sequence import StopSequence
 from regionik.planners.progress import tell
+from regionik.postures.arm_roadmap import ArmRoadmap
 from regionik.postures.poses import Pose, Row, distinct
 from regionik.values import Configuration, Stop
 from regionik.worlds.arrays import Array
@@ -186,8 +186,8 @@ class _StopConnection:
             part = group
             if count < len(group.setpoints):
                 some = group.setpoints[:count]
-                part = self.sequence.parking_areas.group(some, self.world.rules.order)
-                part = part if group.held is None else group.of(some)
+                areas, order = self.sequence.parking_areas, self.world.rules.order
+                part = areas.group(some, order) if group.poses is None else group.of(some)
             first = (one for one in [placements.best(part, spot)] if one is not None)
             hard = HARD_TRIES if count == 1 or self.world.rules.order == "given" else 1
             for n, placement in enumerate(islice(chain(first, placements.others(part)), PLACES)):

@@ -53,6 +53,10 @@ class StopSequence:
         """The same work, by stops that serve given set-points, at the places that the criterion wants."""
         areas, order = self.parking_areas, self.world.rules.order
         known = {group.setpoints: group for group in self.groups}
+        for some in setpoints:  # parts of stops that were split
+            for group in self.groups:
+                if group.poses is not None and set(some) < set(group.setpoints):
+                    known[some] = group.of(some)
         groups = tuple(known.get(some) or areas.group(some, order) for some in setpoints)
         return replace(self, groups=groups, spots=_wanted(self.world, groups))
 

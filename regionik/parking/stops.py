@@ -12,14 +12,14 @@ from regionik.areas.standing import spread
 from regionik.explain.arm_failures import no_posture
 from regionik.explain.several import naming_all, naming_as_given
 from regionik.explain.skipping import as_given, leaving_out, naming_each
-from regionik.parking.arm_roadmap import HeldPostures
 from regionik.parking.arm_tour import in_short_order
-from regionik.parking.fewest_stops import park
+from regionik.parking.fewest_stops import covering_groups, park
 from regionik.parking.parking_areas import Parking, ParkingAreas, StopGroup, StopPart
 from regionik.parking.placements import BasePlacement, PlacementSearch
 from regionik.parking.sampled_poses import PoseCover
 from regionik.parking.stop_sequence import StopSequence, stop_sequence
 from regionik.planners.coverage.set_cover import least_cover, undominated
+from regionik.postures.arm_roadmap import HeldPostures
 from regionik.reachability.reach import reach
 from regionik.reachability.unreached import unreached
 from regionik.values import Skipped, Stop
@@ -152,14 +152,13 @@ def _by_one_heading(world: World, parking: Parking) -> tuple[StopGroup, ...]:
     into. Of an arm to which a place gives no posture, that of sampled poses.
     """
     placements, groups = PlacementSearch(world, parking.parking_areas), parking.groups
-    if placements.exact:
-        parts = [part for group in groups for part in _parts(placements, group)]
-        if len(parts) <= max(len(groups), parking.lower):
-            return groups
-        parts += _from_places(placements, parking)
-    else:
-        parts = _from_poses(placements, parking)
-    return tuple(_covering(parking.parking_areas, parts))
+    if not placements.exact:
+        return tuple(_by_poses(placements))
+    parts = [part for group in groups for part in _parts(placements, group)]
+    if len(parts) <= max(len(groups), parking.lower):
+        return groups
+    parts += _from_places(placements, parking)
+    return tuple(_covering(parking.parking_areas, parts, world.rules.stop_tolerance))
 
 
 def _from_places(placements: PlacementSearch, parking: Parking) -> Iterator[StopPart]:
@@ -170,17 +169,20 @@ def _from_places(placements: PlacementSearch, parking: Parking) -> Iterator[Stop
             yield from (StopPart(side, spot, found) for found in placements.served(spot, side))
 
 
-def _from_poses(placements: PlacementSearch, parking: Parking) -> list[StopPart]:
-    """What the least cover by sampled poses serves, and parts of stops for what none of these serves."""
-    parts = PoseCover(placements.world, parking).fewest()
+def _by_poses(placements: PlacementSearch) -> Iterator[StopGroup]:
+    """Yield stops by the least cover by sampled poses, and for what none of these serves parts of others."""
+    world, areas = placements.world, placements.parking_areas
+    cover = PoseCover(world, areas)
+    parts = cover.fewest()
     served = {i for part in parts for i in part.setpoints}
-    for group in parking.groups:
-        left = tuple(i for i in group.setpoints if i not in served)
-        parts += _parts(placements, group.of(left))
-    return parts
+    left = [i for i in range(len(world.task)) if i not in served]
+    for group in covering_groups(world, areas, left):
+        parts += _parts(placements, group)
+    for group in _covering(areas, parts, world.rules.stop_tolerance):
+        yield placements.roomiest(replace(group, poses=cover.serving(group.setpoints)))
 
 
-def _covering(areas: ParkingAreas, parts: Sequence[StopPart]) -> Iterator[StopGroup]:
+def _covering(areas: ParkingAreas, parts: Sequence[StopPart], tolerance: float) -> Iterator[StopGroup]:
     """Yield the least cover of all set-points by parts, each set-point left to one of them."""
     inside = np.zeros((len(parts), areas.ladder.count), dtype=bool)
     for row, part in zip(inside, parts, strict=True):
@@ -192,7 +194,7 @@ def _covering(areas: ParkingAreas, parts: Sequence[StopPart]) -> Iterator[StopGr
     for n, k in enumerate(chosen.tolist()):
         part, own = parts[k], tuple(np.flatnonzero(owner == n).tolist())
         if own:
-            places = {part.side: areas.shared(own, part.side, part.axis)}
+            places = {part.side: areas.about(own, part.side, part.axis, tolerance)}
             yield StopGroup(part.setpoints, places, part.axis, part.held).of(own)
 
 

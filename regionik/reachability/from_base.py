@@ -37,6 +37,7 @@ from regionik.postures.arm import aim_of
 from regionik.postures.arm_guard import SPARE
 from regionik.postures.families import BACK, FRONT
 from regionik.postures.poses import Pose, axis_of
+from regionik.postures.posture_search import PostureSearch
 from regionik.postures.serial_solver import serial_solver
 from regionik.reachability.any_base import can_search, rules_out_posture
 from regionik.reachability.target_search import TargetResult, TargetSearch
@@ -47,6 +48,7 @@ from regionik.worlds.scene import Target, World
 
 CELLS = 4_000  # of postures weighed for one target of an arm in one plane
 BOXES = 8_000  # and of any arm
+KNOWN = 32  # postures of those that the arm knows that are led on to a target
 EXACT = 1e-9  # rounding of distances and headings [m], [rad]
 TOUCH = 1e-6  # depth up to which a footprint at the edge of a shadow counts as beside it [m]
 
@@ -178,11 +180,26 @@ def _from_stand(stand: _Stand, target: Target) -> TargetResult:
             return _ruled_out(
                 target, stand, f"in every posture the end of the arm is in or too near to {name}"
             )
+    pose = _led_on(stand, search)
+    if pose is not None:
+        return TargetResult("reachable", pose, 0.0, "")
     for family in model_of(stand.world, target).families(target, (FRONT, BACK), inner=True):
         pose = search.at(solver_for(stand.world, family, None, stand.span), stand.base)
         if pose is not None:
             return TargetResult("reachable", pose, 0.0, "")
     return _searched(stand, search)
+
+
+def _led_on(stand: _Stand, search: TargetSearch) -> Pose | None:
+    """A clear posture led on from one of those that the arm knows; of arms to which a place gives none."""
+    if model_of(stand.world, search.target).exact:
+        return None
+    known = PostureSearch(stand.world, search.guard, [search.target])
+    for joints in known.neighboring(stand.base, np.arange(1), KNOWN)[1]:
+        pose = Pose(stand.base, joints)
+        if search.confirms(pose):
+            return pose
+    return None
 
 
 def _searched(stand: _Stand, search: TargetSearch) -> TargetResult:

@@ -17,8 +17,8 @@ import numpy as np
 from regionik.postures.arm_guard import Guard, guard_of
 from regionik.postures.poses import Pose, arm_states, distinct
 from regionik.worlds.arrays import Array, Index
-from regionik.worlds.robot import with_joint_margin
-from regionik.worlds.scene import World
+from regionik.worlds.robot import Robot, with_joint_margin
+from regionik.worlds.scene import Floor, Rules, Start, World
 
 DRAWN = 300  # postures at random
 TRIES = 4  # motions to a posture that are looked at
@@ -100,26 +100,30 @@ class HeldPostures:
         return replace(self, served=tuple(range(len(some))), joints=self.joints[list(some)])
 
 
-@lru_cache(maxsize=8)
 def travel_roadmap(world: World) -> ArmRoadmap:
     """Roadmap of the arm alone, no obstacle near: postures drawn at random that are joined to one another.
 
     Its root is what the arm is driven in. A start's joints are; else of the carry posture and of some drawn
     the one that is joined to most.
     """
-    robot = with_joint_margin(world.robot, world.rules.criteria)
-    alone = replace(world, obstacles=(), task=())
-    guard, base = guard_of(alone), np.zeros(3)
+    return _roadmap_alone(world.robot, world.floor, world.rules, world.start)
+
+
+@lru_cache(maxsize=8)
+def _roadmap_alone(robot: Robot, floor: Floor, rules: Rules, start: Start | None) -> ArmRoadmap:
+    world = World("the arm alone", robot, floor, (), (), rules, start)
+    robot = with_joint_margin(robot, rules.criteria)
+    guard, base = guard_of(world), np.zeros(3)
     low, high = (
         np.where(np.isfinite(row), row, end)
         for row, end in ((robot.chain.lower, -np.pi), (robot.chain.upper, np.pi))
     )
     drawn = np.random.default_rng(0).uniform(low, high, (DRAWN, robot.chain.dof))
     nodes = np.array([q for q in drawn if guard.proves(Pose(base, q))]).reshape(-1, robot.chain.dof)
-    root = robot.carry if world.start is None else world.start.joints
+    root = robot.carry if start is None else start.joints
     best, held = grown_roadmap(guard, base, root, nodes)
     left = np.setdiff1d(np.arange(len(nodes)), held)
-    while world.start is None and len(left) > len(best.joints):
+    while start is None and len(left) > len(best.joints):
         found, held = grown_roadmap(guard, base, nodes[left[0]], nodes[left[1:]])
         left = np.setdiff1d(left[1:], left[1:][held])
         if len(found.joints) > len(best.joints):
@@ -127,7 +131,9 @@ def travel_roadmap(world: World) -> ArmRoadmap:
     return best
 
 
-def grown_roadmap(guard: Guard, base: Array, root: Array, postures: Array) -> tuple[ArmRoadmap, Index]:
+def grown_roadmap(
+    guard: Guard, base: Array, root: Array, postures: Array, tries: int = TRIES
+) -> tuple[ArmRoadmap, Index]:
     """Roadmap from a root (dof,) to clear postures (n, dof) on a base pose, and which it holds, (k,).
 
     It holds the root, as a rule the carry posture, then these, each before those that are joined to it.
@@ -145,7 +151,7 @@ def grown_roadmap(guard: Guard, base: Array, root: Array, postures: Array) -> tu
         k = -1
         while queue and k < 0:
             _, a, b = heappop(queue)
-            if b in place or missed[b] >= TRIES:
+            if b in place or missed[b] >= tries:
                 continue
             if goes(guard, base, nodes[a], nodes[b]):
                 place[b], k = len(place), b
