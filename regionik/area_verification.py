@@ -8,6 +8,7 @@ from dataclasses import replace
 import shapely
 from shapely.geometry import Point
 
+from regionik.areas.surroundings import about_path
 from regionik.pipeline import check_world
 from regionik.planners.geometry.offsets import shrunk
 from regionik.postures.poses import axis_of
@@ -17,6 +18,7 @@ from regionik.regions import outer_areas, planned_areas
 from regionik.tracker import can_track
 from regionik.values import Plan, Report, Violation
 from regionik.worlds.errors import NoPlanFound
+from regionik.worlds.scene import World
 
 ROUNDING = 1e-6  # by which areas may differ [m2], or a base may stand outside [m]
 
@@ -64,14 +66,21 @@ def _reachable(plan: Plan) -> Iterator[Violation]:
 
 
 def _differences(plan: Plan) -> Iterator[Violation]:
-    """Parts of areas that are not as the world gives them."""
+    """Parts of areas that are not as the world gives them, near its path or as a whole."""
+    near = about_path(plan.world)
+    if near is plan.world or any(_differences_in(plan, near)):
+        yield from _differences_in(plan, plan.world)
+
+
+def _differences_in(plan: Plan, world: World) -> Iterator[Violation]:
+    """Parts of areas that are not as a world gives them, the plan's or what of it is near."""
     try:
-        check_world(plan.world)
-        _, areas, pruned = whole_path(plan.world)
+        check_world(world)
+        _, areas, pruned = whole_path(world)
     except NoPlanFound as no:
         yield Violation("areas", None, no.explanation.setpoint, 0.0, no.explanation.reason)
         return
-    expected = planned_areas(plan.world, areas, pruned.area)
+    expected = planned_areas(world, areas, pruned.area)
     for i, (found, wanted) in enumerate(zip(plan.areas, expected, strict=False)):
         for part in ("admissible", "pruned", "rejected"):
             off = float(shapely.symmetric_difference(getattr(found, part), getattr(wanted, part)).area)
