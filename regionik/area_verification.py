@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 from shapely.geometry import Point
 
+from regionik.areas.surroundings import about_path
 from regionik.pipeline import check_world
 from regionik.planners.geometry.offsets import shrunk
 from regionik.postures.poses import axis_of
@@ -20,6 +21,7 @@ from regionik.tracker import can_track
 from regionik.values import Plan, PlannedArea, Report, Violation
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import NoPlanFound
+from regionik.worlds.scene import World
 
 ROUNDING = 1e-6  # by which areas may differ [m2], or a base may stand outside [m]
 GRID = 1e-9  # of corners of the overlay of areas that differ [m]
@@ -68,14 +70,21 @@ def _reachable(plan: Plan) -> Iterator[Violation]:
 
 
 def _differences(plan: Plan) -> Iterator[Violation]:
-    """Parts of areas that are not as the world gives them."""
+    """Parts of areas that are not as the world gives them, near its path or as a whole."""
+    near = about_path(plan.world)
+    if near is plan.world or any(_differences_in(plan, near)):
+        yield from _differences_in(plan, plan.world)
+
+
+def _differences_in(plan: Plan, world: World) -> Iterator[Violation]:
+    """Parts of areas that are not as a world gives them, the plan's or what of it is near."""
     try:
-        check_world(plan.world)
-        standing, areas, pruned = whole_path(plan.world)
+        check_world(world)
+        standing, areas, pruned = whole_path(world)
     except NoPlanFound as no:
         yield Violation("areas", None, no.explanation.setpoint, 0.0, no.explanation.reason)
         return
-    expected = planned_areas(plan.world, areas, standing, pruned.left)[: len(plan.areas)]
+    expected = planned_areas(world, areas, standing, pruned.left)[: len(plan.areas)]
     off = np.column_stack([_off(plan.areas[: len(expected)], expected, part) for part in PARTS])
     for i, k in np.argwhere(off > ROUNDING).tolist():
         text = f"{PARTS[k]} area differs by {off[i, k]:.4g} m2 from its world's"

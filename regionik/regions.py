@@ -31,6 +31,7 @@ from regionik.areas.standing import (
     turning,
     turns_matter,
 )
+from regionik.areas.surroundings import within_reach
 from regionik.postures.families import BACK, FRONT
 from regionik.values import PlannedArea
 from regionik.worlds.arms import reach_bound
@@ -192,8 +193,10 @@ def distinct_ways_to_stand(world: World) -> Iterator[tuple[Callable[[World], Sta
 def outer_areas(world: World, targets: Sequence[Target]) -> list[BaseGeometry]:
     """Outer area of each target: where it is empty, the target is provably unreachable.
 
-    Those that are not empty for the circle inside the footprint are cut to what its headings leave.
+    Those that are not empty for the circle inside the footprint are cut to what its headings leave. Of a map
+    with many blobs what is out of the targets' reach is not looked at.
     """
+    world = within_reach(world, np.array([target.position for target in targets]).reshape(-1, 3))
     found = round_outer_areas(world, targets)
     left = [i for i, area in enumerate(found) if not area.is_empty]
     for i, area in zip(left, _whole_areas(world, [targets[i] for i in left], inner=False), strict=True):

@@ -202,3 +202,23 @@ def test_a_plan_that_breaks_its_rules_is_refused_whatever_it_lists() -> None:
     before = planned("free")
     with pytest.raises(InputError, match="breaks its own rules"):
         retime(replace(before, setpoints=before.setpoints[:3]), ASKED)
+
+
+def test_long_slow_segments_beside_short_ones_are_rounded_or_left() -> None:
+    """Instants between some milliseconds and an hour apart: the least jerk is no longer to be computed."""
+    asked = Speeds(base_velocity=1e-4, joint_velocity=1e-4, blend=0.01)
+    x = np.cumsum([0.0, 5.0, 0.02, 0.02, 5.0, 5.0])
+    base = np.column_stack([x, 0.1 * np.sin(x), 0 * x])
+    joints = np.outer(base[:, 1], [0.5, -0.3, 0.2, 0.0, 0.1]) + [1.0, 1.2, -1.0, 0.8, 0.5]
+    motion = motion_of(np.column_stack([base, joints]))
+    limits = MotionLimits(robot_named("youbot"), asked)
+    found = rounded_within(limits, motion, np.full(len(motion), asked.blend))
+    assert np.isfinite(found.base).all()
+    assert np.array_equal(found.base[[0, -1]], motion.base[[0, -1]])
+
+
+@pytest.mark.slow
+def test_a_plan_with_a_drive_is_timed_at_a_tenth_of_a_millimetre_a_second() -> None:
+    found = retime(planned("slab"), Speeds(base_velocity=1e-4, joint_velocity=1e-4))
+    assert verify(found).ok
+    assert found.motion.time[-1] > 10_000

@@ -8,13 +8,18 @@ import numpy as np
 import pytest
 import shapely
 
+from regionik.area_verification import verify_areas
 from regionik.areas import surroundings
 from regionik.areas.surroundings import about_path, within_reach
 from regionik.pipeline import plan
+from regionik.planners.collision import distances
+from regionik.planners.collision.convex_bodies import Piece
 from regionik.reachability.reach import reach
+from regionik.verification import arm_clearance
 from regionik.verification.verifier import verify
+from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.obstacles import Prism, Shadow
+from regionik.worlds.obstacles import Prism, Shadow, Solid
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 
 
@@ -52,6 +57,52 @@ def test_answers_of_reach_stay_and_far_blobs_are_not_looked_at(monkeypatch: pyte
     assert found.verdict.tolist() == whole.verdict.tolist()
     assert found.reason == whole.reason
     assert np.allclose(found.base, whole.base, equal_nan=True, atol=1e-9)
+
+
+def test_from_one_pose_only_what_is_near_is_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    world, pose = speckled(), np.array([0.3, -0.5, 0.0])
+    targets = np.array([[x, y, 0.3] for x in (0.0, 0.3, 0.6) for y in (-0.3, 0.2, 0.6)])
+    asked, distance = set[str](), Prism.distance
+
+    def asking(self: Prism, point: Array) -> float:
+        asked.add(self.name)
+        return distance(self, point)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Prism, "distance", asking)
+        found = reach(world, targets, base=pose)
+    assert len(asked) < 100
+    monkeypatch.setattr(surroundings, "MANY", 10**9)
+    whole = reach(speckled(), targets, base=pose)
+    assert found.verdict.tolist() == whole.verdict.tolist()
+    assert found.reason == whole.reason
+    assert found.reachable.any()
+
+
+def test_a_plan_is_verified_by_what_is_near_it_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    task = tuple(Target(np.array([x, 0.1, 0.3])) for x in (0.2, 0.4, 0.6))
+    found = plan(speckled(task))
+    cut, cutting = list[str](), distances.solid_pieces
+
+    def counting(solid: Solid) -> list[Piece]:
+        cut.append(solid.name)
+        return cutting(solid)
+
+    world = replace(found.world, name="again")
+    near = arm_clearance.MANY
+    with monkeypatch.context() as patch:
+        patch.setattr(distances, "solid_pieces", counting)
+        few = verify(replace(found, world=world))
+        assert 0 < len(cut) < 100
+        patch.setattr(arm_clearance, "MANY", 10**9)
+        whole = verify(replace(found, world=world))
+    assert near == arm_clearance.MANY
+    assert few.ok
+    assert verify_areas(found).ok
+    assert few.margins == whole.margins
+    beside = Prism("post", shapely.Point(found.setpoints[1].base[:2]).buffer(0.2), 0.0, 0.4)
+    blocked = replace(world, floor=replace(world.floor, cells=(*world.floor.cells, beside)))
+    assert any("post" in one.text for one in verify(replace(found, world=blocked)).violations)
 
 
 def test_what_is_left_out_is_out_of_reach_and_what_is_cut_is_cut_beyond_it() -> None:

@@ -6,7 +6,7 @@ surfaces of triangles, and its answer is taken where `_proven` confirms it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -57,7 +57,12 @@ def obstacles_from(solids: Sequence[Solid]) -> Obstacles:
 
 @lru_cache(maxsize=8)
 def _obstacles(solids: tuple[Solid, ...]) -> Obstacles:
-    parts = [(k, piece) for k, solid in enumerate(solids) for piece in solid_pieces(solid)]
+    return obstacles_among(solids, range(len(solids)))
+
+
+def obstacles_among(solids: tuple[Solid, ...], some: Iterable[int]) -> Obstacles:
+    """Prepare some of many solids, by their numbers: of the others there are no pieces."""
+    parts = [(k, piece) for k in some for piece in solid_pieces(solids[k])]
     pieces = tuple(piece for _, piece in parts)
     owner = np.array([k for k, _ in parts], dtype=np.int64)
     return Obstacles(solids, pieces, owner, *bounding_boxes(pieces))

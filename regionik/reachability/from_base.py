@@ -101,13 +101,14 @@ class _Stand:
         """
         by = self.world.rules.tolerance
         every = np.zeros(len(targets), dtype=bool)
-        for rise in (-by, 0.0, by):
-            moved = [replace(one, position=one.position + (0.0, 0.0, rise)) for one in targets]
+        for rise in (0.0, -by, by):
+            rest = np.flatnonzero(~every)
+            moved = [replace(targets[k], position=targets[k].position + (0.0, 0.0, rise)) for k in rest]
             which, _, shapes = reach_rows(
                 self.world, moved, (FRONT, BACK), inner=False, span=self.span, coarse=True
             )
             near = shapely.dwithin(shapes, shapely.Point(self.axis), 2 * by + EXACT)
-            every[which[near]] = True
+            every[rest[which[near]]] = True
         return every
 
 

@@ -118,8 +118,9 @@ def _answered(world: World, targets: Array | list[Target], base: tuple[float, fl
     """The answers for the targets of one chunk, from anywhere or from one pose of the base."""
     asked = targets if isinstance(targets, list) else [Target(row) for row in targets]
     positions = np.array([target.position for target in asked]).reshape(-1, 3)
-    near = within_reach(world, positions)
-    results = _decided(near, asked) if base is None else from_base(world, asked, base)
+    places = positions if base is None else np.vstack([positions, [*base[:2], 0.0]])
+    near = within_reach(world, places)
+    results = _decided(near, asked) if base is None else from_base(near, asked, base)
     verdict = np.array([one.verdict for one in results], dtype="<U11")
     bases, joints = np.full((len(asked), 3), np.nan), np.full((len(asked), world.robot.chain.dof), np.nan)
     for i, result in enumerate(results):

@@ -53,8 +53,11 @@ def rounded(limits: MotionLimits, motion: Motion, room: Array, most: Array) -> M
     q, moving = path.coordinates, path.lengths > 0
     change = np.diff(q, axis=0)
     fastest = limits.largest_squared_velocity(q[:-1] + change / 2, change, segments_on_path(motion))
-    span = np.where(moving, np.maximum(1 / np.sqrt(fastest), SHORTEST), 0.0)
-    inserted, between = graded(periods(span, PERIOD))
+    near = np.maximum(np.minimum(room[:-1], room[1:]), limits.blend)
+    slowest = limits.displacement(q[:-1], q[1:]) / near * RAMP  # slower is rounded no better
+    span = np.minimum(1 / np.sqrt(fastest), slowest)
+    span = np.where(moving, np.maximum(span, SHORTEST), 0.0)
+    inserted, between = graded(periods(span, PERIOD), np.ones(len(q), dtype=bool))
     count = 1 + np.bincount(inserted, minlength=len(span))
     own, segment = np.concatenate([[0], np.cumsum(count)]), np.repeat(np.arange(len(count)), count)
     share = np.zeros(own[-1])
@@ -101,24 +104,32 @@ def _smoothed(limits: MotionLimits, q: Array, time: Array, allowed: Array) -> Ar
     pull = (np.concatenate([least, limits.joint_acceleration]) * _levers(limits.robot) / widest) ** 2
     lower, upper = np.minimum(chain.lower, q[:, 3:]), np.maximum(chain.upper, q[:, 3:])
     form, best = _jerk_form(time) * max(limits.ramp, RAMP) ** 2, q
+    frames = limits.robot.frames(q[:, :3], q[:, 3:])
     weight = (widest / np.where(held, widest, allowed)) ** 2
     for k in range(ROUNDS[1]):
         weight = np.where(held, WEIGHTS[1], weight)
-        found = np.column_stack(
-            [
-                solveh_banded(np.vstack([form[:1] + one, form[1:]]), one * column, lower=True)
-                for one, column in zip(np.outer(pull, weight), q.T, strict=True)
-            ]
-        )
+        try:
+            found = _weighed(form, q, np.outer(pull, weight))
+        except np.linalg.LinAlgError:  # states too unevenly spaced to be told apart: what is found stands
+            break
         found[:, 3:] = np.clip(found[:, 3:], lower, upper)
         found[held] = q[held]
-        share = limits.displacement(q, found) / np.where(held, 1.0, allowed)
+        share = limits.displacement_from(q, frames, found) / np.where(held, 1.0, allowed)
         if share.max() <= 1:
             best = found
             if k >= ROUNDS[0]:
                 break
         weight = np.clip(weight * np.clip(share / AIM, EASING, STIFFENING) ** POWER, *WEIGHTS)
     return best
+
+
+def _weighed(form: Array, q: Array, weights: Array) -> Array:
+    """States (n, m) that a form (4, n) is least for, drawn to q (n, m) by weights (m, n)."""
+    columns = [
+        solveh_banded(np.vstack([form[:1] + one, form[1:]]), one * column, lower=True)
+        for one, column in zip(weights, q.T, strict=True)
+    ]
+    return np.column_stack(columns)
 
 
 def _levers(robot: Robot) -> Array:

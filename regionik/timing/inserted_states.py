@@ -19,6 +19,7 @@ COMPARED_SHARES = (0.25, 0.5, 0.75)  # of a segment, where the smooth path is co
 PERIOD = 0.02  # of the fine timing that shows where states are needed [s]
 VELOCITY_ERROR = 0.002  # share of the squared path velocity by which it may be off the fine one
 MOST, HALVINGS = 16, 8  # even parts of a segment, and how often those at its ends are halved
+FEWER = 0.1  # share of even parts that are not made for each time that those at ends are halved
 
 
 def refined(limits: MotionLimits, motion: Motion) -> Motion:
@@ -32,7 +33,7 @@ def refined(limits: MotionLimits, motion: Motion) -> Motion:
     motion = _subdivided(limits, motion, *evenly(alone))
     span = np.diff(fastest_times(limits, motion, tightenings=0))
     span[timed_path(limits, motion).lengths == 0] = 0.0  # a rest has a state at each end
-    segment, share = graded(periods(span, PERIOD))
+    segment, share = graded(periods(span, PERIOD), timed_path(limits, motion).rests)
     count, fine = np.bincount(segment, minlength=len(span)), _subdivided(limits, motion, segment, share)
     position, rate = fastest_rates(limits, fine, tightenings=0)
     first = np.concatenate([[0], np.cumsum(count + 1)])  # where the motion's own states are
@@ -107,18 +108,19 @@ def evenly(count: Index) -> tuple[Index, Array]:
     return np.repeat(np.arange(len(count)), count), np.concatenate([np.empty(0), *shares])
 
 
-def graded(parts: Index, most: int | Index = MOST) -> tuple[Index, Array]:
+def graded(parts: Index, ends: Mask, most: int | Index = MOST) -> tuple[Index, Array]:
     """Segments and shares of states inserted for so many even parts of each (n - 1,), but not for many more.
 
-    Beyond ``most`` parts are no more, but those at both ends are halved again and again: there velocities
-    change. So a motion that takes long has hardly more states than one that does not.
+    Beyond ``most`` parts there are no more, but those at ``ends`` (n,) are halved again and again, and fewer
+    are between: there velocities change. So a motion that takes long has no more states than others.
     """
     even = np.minimum(parts, most)
     halvings = np.clip(np.ceil(np.log2(np.maximum(parts / even, 1.0))), 0, HALVINGS).astype(np.int64)
+    even = np.ceil(even * (1 - FEWER * halvings)).astype(np.int64)
     shares = [np.empty(0)]
-    for count, times in zip(even.tolist(), halvings.tolist(), strict=True):
-        near = 0.5 ** np.arange(times, 0, -1) / count
-        shares.append(np.concatenate([near, np.arange(1, count) / count, 1 - near[::-1]]))
+    for count, first, last in zip(even.tolist(), halvings * ends[:-1], halvings * ends[1:], strict=True):
+        near, far = (0.5 ** np.arange(times, 0, -1) / count for times in (first, last))
+        shares.append(np.concatenate([near, np.arange(1, count) / count, 1 - far[::-1]]))
     segment = np.repeat(np.arange(len(parts)), [len(one) for one in shares[1:]])
     return segment, np.concatenate(shares)
 

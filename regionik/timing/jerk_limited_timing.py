@@ -81,11 +81,6 @@ class _TimeLaw:
         """Segments with a length, between two that have none, (n + 1,)."""
         return np.concatenate([[False], self.path.lengths > 0, [False]])
 
-    @property
-    def rests(self) -> Mask:
-        """States at which the robot rests, (n,)."""
-        return ~(self._moving[:-1] & self._moving[1:])
-
     @cached_property
     def _start(self) -> Array:
         """Times of the states before averaging, with a rest of a window behind each run, (n + 1,) [s]."""
@@ -129,10 +124,10 @@ def _resampled(limits: MotionLimits, fine: Motion, law: _TimeLaw) -> tuple[Motio
     path, rows = law.path, np.flatnonzero(_kept(fine, law.path))
     own = Motion(fine.base[rows], fine.joints[rows], fine.kind[rows], fine.setpoint[rows], fine.time[rows])
     times, moves = law.times_of(rows), np.diff(path.position[rows]) > 0
-    alone = moves & law.rests[rows[:-1]] & law.rests[rows[1:]]
+    alone = moves & law.path.rests[rows[:-1]] & law.path.rests[rows[1:]]
     least = np.maximum(alone, np.diff(rows) > 1)
     parts = np.where(moves, np.maximum(periods(np.diff(times), PERIOD), 1 + least), 1)
-    gap, share = graded(parts, KNOTS * np.diff(rows))
+    gap, share = graded(parts, np.ones(len(rows), dtype=bool), KNOTS * np.diff(rows))
     for left in range(HALVINGS, -1, -1):
         between = times[gap] + share * np.diff(times)[gap]
         position = law.at(between)

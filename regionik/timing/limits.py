@@ -152,7 +152,11 @@ class MotionLimits:
         Points of the arm are those within `THICKNESS` of straight lines from joint to joint, and to the tool,
         and the ends of its pointers.
         """
-        here, there = (self.robot.frames(one[:, :3], one[:, 3:])[..., :3, :] for one in (q, other))
+        return self.displacement_from(q, self.robot.frames(q[:, :3], q[:, 3:]), other)
+
+    def displacement_from(self, q: Array, frames: Array, other: Array) -> Array:
+        """`displacement` of q whose frames (n, k, 4, 4) are known, (n,) [m]."""
+        here, there = frames[..., :3, :], self.robot.frames(other[:, :3], other[:, 3:])[..., :3, :]
         moved = np.linalg.norm((there - here)[..., 3], axis=2)
         turned = np.linalg.norm((there - here)[..., :3], axis=(2, 3)) / np.sqrt(2)
         arm = np.maximum(moved[:, :-1], moved[:, 1:]) + THICKNESS * turned[:, :-1]

@@ -62,6 +62,12 @@ class SmoothPath:
         edges = np.flatnonzero(np.diff(np.concatenate([[False], self.lengths > 0, [False]])))
         return [(a, b) for a, b in edges.reshape(-1, 2).tolist()]
 
+    @property
+    def rests(self) -> Mask:
+        """States at which the robot rests, (n,)."""
+        moving = np.concatenate([[False], self.lengths > 0, [False]])
+        return ~(moving[:-1] & moving[1:])
+
     def corners(self, sharp: float = CORNER, gentle: float = GENTLE) -> Index:
         """States within runs where the robot must rest.
 

@@ -15,7 +15,12 @@ import numpy as np
 import shapely
 
 from regionik.planners.collision.convex_bodies import Piece, Separation
-from regionik.planners.collision.distances import Obstacles, hull_separation, obstacles_from
+from regionik.planners.collision.distances import (
+    Obstacles,
+    hull_separation,
+    obstacles_among,
+    obstacles_from,
+)
 from regionik.values import Violation
 from regionik.verification.contact import (
     SIGNS,
@@ -36,6 +41,7 @@ from regionik.worlds.self_collision import off_floor
 
 SHORTEST = 1e-4  # motion of a link over half an interval below which it is not bisected [m]
 MARGIN_RANGE = 0.05  # beyond the clearance, up to which distances at states are measured [m]
+MANY = 500  # solids, from which on those far from the motion are not cut into pieces
 DEPTH_STEP = 1e-8  # to which the depth of boxes in meshes is found [m]
 
 
@@ -93,7 +99,26 @@ def verify_arm_clearance(world: World, segments: MotionSegments, names: StateNam
     """
     if not world.arm_solids or not world.robot.all_solids:
         return [finding("arm", np.inf, [])]
-    return _ArmProof(world, segments, names, obstacles_from(world.arm_solids)).check()
+    return _ArmProof(world, segments, names, _obstacles(world, segments)).check()
+
+
+def _obstacles(world: World, segments: MotionSegments) -> Obstacles:
+    """The solids, or of many those that the arm may come near to, or a tool may touch."""
+    solids = world.arm_solids
+    if len(solids) < MANY:
+        return obstacles_from(solids)
+    links = _LinkSolids(segments)
+    bulge = chord_deviation(links.acceleration, np.ones(1)).max(initial=MARGIN_RANGE)
+    within = links.radii.max() + world.arm_clearance + bulge
+    hulls = links.place(segments.motion.base, segments.motion.joints)[0][..., :2]
+    low, high = hulls.min((1, 2)) - within, hulls.max((1, 2)) + within
+    task = np.array([target.position[:2] for target in world.task]).reshape(-1, 2)
+    touched = world.rules.tool_contact
+    low = np.concatenate([low, np.minimum(low[:-1], low[1:]), task - touched])
+    high = np.concatenate([high, np.maximum(high[:-1], high[1:]), task + touched])
+    places = shapely.STRtree(shapely.box(*low.T, *high.T))
+    bounds = np.array([solid.bounds[:, :2].ravel() for solid in solids])
+    return obstacles_among(solids, np.unique(places.query(shapely.box(*bounds.T))[0]).tolist())
 
 
 def _depth(piece: Piece, corners: Array) -> float:

@@ -151,8 +151,8 @@ def _blobs(blocked: Mask) -> list[Polygon]:
         text = f"expected at most {RUN_LIMIT} runs of occupied or unknown cells along rows, got {len(row)}"
         raise InputError(text)
     runs = shapely.box(first, row, last, row + 1)
-    joined = shapely.simplify(shapely.union_all(runs), 0.0)
-    parts = [part for part in shapely.get_parts(joined) if not part.is_empty]
+    joined = shapely.get_parts(shapely.union_all(runs))
+    parts = [part for part in shapely.simplify(joined, 0.0) if not part.is_empty]  # all at once takes long
     return sorted(parts, key=lambda part: (part.bounds[1], part.bounds[0], part.bounds))
 
 
