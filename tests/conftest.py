@@ -17,8 +17,8 @@ from hypothesis import Phase, settings
 import regionik
 from regionik.planners.kernels import compiled_at_once
 
-LONGEST = """opinion doctests proximity stops cli rivals clear_posture motion bulk footprint retime wheels
-    arms criteria"""
+LONGEST = """cut_off random_worlds repairs doors wheeled_plans colors shown_solver opinion doctests proximity
+    stops cli rivals clear_posture motion bulk footprint retime wheels arms criteria"""
 _FIRST = {f"test_{name}": k for k, name in enumerate(LONGEST.split())}
 
 
