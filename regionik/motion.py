@@ -6,13 +6,14 @@ set-point are tried. Where a run ends, the tool is lifted and the base drives ov
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 
 from regionik.areas.standing import Standing
 from regionik.explain import arm_failures
@@ -20,7 +21,6 @@ from regionik.mfabrik import configurations
 from regionik.moving.base_motion import Candidate
 from regionik.moving.layered_search import LayeredSearch
 from regionik.moving.path_search import Ahead, JoinedMotion, PathSearch, SearchStep, path_search
-from regionik.parking.standing_runs import standing_runs
 from regionik.planners.progress import tell, track
 from regionik.postures.poses import Pose, Row
 from regionik.pruning import Pruned, choose_chain, solvers_along, start_place, start_pose
@@ -46,16 +46,19 @@ class Run(NamedTuple):
     steps: list[SearchStep]
 
 
-def connect_setpoints(world: World, pruned: Pruned, standing: Standing, seed: int) -> JoinedMotion:
+def connect_setpoints(
+    world: World, pruned: Pruned, standing: Standing, held: Mapping[int, Candidate], seed: int
+) -> JoinedMotion:
     """Join the set-points of a world to one motion.
 
-    Raises NoPlanFound where the arm touches something in every posture that was looked at, or cannot get
-    there.
+    Those of runs that are done from one place are ``held`` with the base there. Raises NoPlanFound where the
+    arm touches something in every posture that was looked at, or cannot get there.
     """
     layers = None
     if world.robot.drive.rolls:
         layers = LayeredSearch(world, pruned.ladder, pruned.keep, pruned.breaks, standing)
-    return _Connection(pruned, standing, path_search(world, pruned.ladder, standing, seed, layers)).made()
+    search = path_search(world, pruned.ladder, standing, seed, layers)
+    return _Connection(pruned, standing, held, search).made()
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +67,7 @@ class _Connection:
 
     pruned: Pruned
     standing: Standing
+    held: Mapping[int, Candidate]
     search: PathSearch
 
     @property
@@ -73,11 +77,6 @@ class _Connection:
     @property
     def _rolls(self) -> bool:
         return self.world.robot.drive.rolls
-
-    @cached_property
-    def held(self) -> dict[int, Candidate]:
-        """Configurations of the runs that are done from one place."""
-        return standing_runs(self.world, self.pruned, self.standing)
 
     @cached_property
     def nominal(self) -> tuple[Candidate, ...]:
@@ -213,7 +212,8 @@ class _Connection:
         if i > 0 or self._rolls:
             return self.nominal[i]
         ladder, world = self.pruned.ladder, self.world
-        k = max(self.pruned.kept(0), key=lambda k: ladder.component[k].area)
+        kept = self.pruned.kept(0)
+        k = kept[int(np.argmax(shapely.area(ladder.component[kept])))]
         (solver,) = solvers_along(world, ladder, self.standing, [k])
         return Candidate(solver(world.task[0], *start_pose(world, self.pruned, k)), k)
 

@@ -20,6 +20,7 @@ from regionik.motion import connect_setpoints
 from regionik.moving.path_search import JoinedMotion
 from regionik.moving.whole_turns import brought_to_the_middle
 from regionik.parking.fewest_stops import park
+from regionik.parking.standing_runs import standing_runs
 from regionik.parking.stop_motion import connect_stops
 from regionik.parking.stops import check as check_stops
 from regionik.parking.stops import in_sequence
@@ -325,7 +326,8 @@ def _staged_within(world: World, seed: int) -> Plan:
 def _plan_path(world: World, seed: int) -> Plan:
     """A plan with the tool on its path wherever the base can move with it."""
     standing, areas, pruned = whole_path(world)
-    joined = connect_setpoints(world, pruned, standing, seed)
+    held = standing_runs(world, pruned, standing)
+    joined = connect_setpoints(world, pruned, standing, held, seed)
     shown = planned_areas(world, areas, standing, pruned.left)
     found = _verified(_finished(world, seed, joined, shown))
     return smooth_motion(found, standing)

@@ -51,7 +51,7 @@ def test_constraints_that_bound_nothing_are_left_out_without_a_word(
     for some in (slice(0, 3), slice(0, 1)):
         wanted = [0.0, 0.5] if some.stop > 1 else [0.0, 0.0]
         none = np.empty((0, 2)), np.empty(0)
-        dense = least_weighted(np.ones(2), *none, rows[some], least[some], *ends)
+        dense = least_weighted(np.ones(2), np.zeros(2), *none, rows[some], least[some], *ends)
         sparse = minimize_quadratic(
             csc_array(np.eye(2)),
             np.zeros(2),

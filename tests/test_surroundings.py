@@ -12,8 +12,7 @@ from regionik.area_verification import verify_areas
 from regionik.areas import surroundings
 from regionik.areas.surroundings import about_path, within_reach
 from regionik.pipeline import plan
-from regionik.planners.collision import distances
-from regionik.planners.collision.convex_bodies import Piece
+from regionik.planners.collision.convex_bodies import Piece, solid_pieces
 from regionik.reachability.reach import reach
 from regionik.verification import arm_clearance
 from regionik.verification.verifier import verify
@@ -82,7 +81,7 @@ def test_from_one_pose_only_what_is_near_is_looked_at(monkeypatch: pytest.Monkey
 def test_a_plan_is_verified_by_what_is_near_it_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     task = tuple(Target(np.array([x, 0.1, 0.3])) for x in (0.2, 0.4, 0.6))
     found = plan(speckled(task))
-    cut, cutting = list[str](), distances.solid_pieces
+    cut, cutting = list[str](), solid_pieces
 
     def counting(solid: Solid) -> list[Piece]:
         cut.append(solid.name)
@@ -91,7 +90,7 @@ def test_a_plan_is_verified_by_what_is_near_it_alone(monkeypatch: pytest.MonkeyP
     world = replace(found.world, name="again")
     near = arm_clearance.MANY
     with monkeypatch.context() as patch:
-        patch.setattr(distances, "solid_pieces", counting)
+        patch.setattr("regionik.planners.collision.distances.solid_pieces", counting)
         few = verify(replace(found, world=world))
         assert 0 < len(cut) < 100
         patch.setattr(arm_clearance, "MANY", 10**9)

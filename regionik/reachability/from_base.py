@@ -103,7 +103,9 @@ class _Stand:
         every = np.zeros(len(targets), dtype=bool)
         for rise in (0.0, -by, by):
             rest = np.flatnonzero(~every)
-            moved = [replace(targets[k], position=targets[k].position + (0.0, 0.0, rise)) for k in rest]
+            moved = [
+                replace(targets[k], position=targets[k].position + (0.0, 0.0, rise)) for k in rest.tolist()
+            ]
             which, _, shapes = reach_rows(
                 self.world, moved, (FRONT, BACK), inner=False, span=self.span, coarse=True
             )
