@@ -1,6 +1,7 @@
 # make demo    plan a bundled world, verify the plan, write a page to look at
 # make test    the tests of daily work, with the same random cases each time; pytest alone draws new ones
-# make test-slow  what make test leaves out: slow tests, and three times as many random cases
+# make test-slow  the slow tests, which make test leaves out
+# make test-random  tests of random cases with three times as many of them
 # make coverage  the lines that the suite runs, every kernel as plain Python too; fails under 95 in a hundred
 # make soak    all bundled worlds and WORLDS=500 random ones, half of them round a motion known to be free,
 #              judged by other libraries
@@ -26,7 +27,7 @@ BIN := .venv/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 NEEDS := pyproject.toml constraints.txt
 
-.PHONY: demo test test-slow coverage soak fuzz faults lint bench bench-history bench-all tables docs figures pages \
+.PHONY: demo test test-slow test-random coverage soak fuzz faults lint bench bench-history bench-all tables docs figures pages \
 	test-lowest test-newest clean
 
 demo: .venv/installed
@@ -40,7 +41,10 @@ test: .venv/installed-test,compare,distributed,geotiff,second,simulate
 	$(PYTEST) -m "not slow"
 
 test-slow: .venv/installed-test,compare,distributed,geotiff,second,simulate
-	$(PYTEST) --hypothesis-profile=long -m "slow or hypothesis"
+	$(PYTEST) --hypothesis-profile=long -m slow
+
+test-random: .venv/installed-test,compare,distributed,geotiff,second,simulate
+	$(PYTEST) --hypothesis-profile=long -m hypothesis
 
 # What compiled kernels run cannot be counted line by line: tests.twice calls them as plain Python as well, and
 # a test fails where the two differ.
