@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from regionik.moving import path_following
 from regionik.moving.path_following import ResolvedMotion
 from regionik.postures.arm import deviation
 from regionik.postures.arm_guard import guard_of
@@ -135,3 +136,42 @@ def test_a_base_that_would_leave_the_floor_does_not_go() -> None:
     world, here = world_of("differential", np.array([0.0, 0.0, 0.02]))
     narrow = replace(world, floor=Floor(shapely.box(3, 3, 5, 5)))
     assert ResolvedMotion(narrow, guard_of(narrow)).onward(0, here) is None
+
+
+def test_a_hop_that_is_not_proven_is_halved(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Straight motions of few joints leave a long straight path of the tool by more than they may."""
+    monkeypatch.setattr(path_following, "TOOL_STRIDE", 1.0)
+    monkeypatch.setattr(path_following, "REACH_STRIDE", 10.0)
+    world, here = world_of("omni", np.array([0.0, 0.3, 0.1]))
+    world = replace(world, rules=replace(world.rules, step=1.0))
+    states = ResolvedMotion(world, guard_of(world)).onward(0, here)
+    assert states is not None
+    assert len(states) > 1
+    tools = world.robot.tool(*arrays([here, *states]))[:, :3, 3]
+    share = (tools - tools[0]) @ (tools[-1] - tools[0]) / np.sum((tools[-1] - tools[0]) ** 2)
+    assert (np.diff(share) > 0).all()
+    assert tools[-1] == pytest.approx(world.task[1].position, abs=1e-5)
+
+
+@given(bearing=st.floats(-np.pi, np.pi), off=st.floats(-0.3, 0.3))
+def test_what_redundancy_leaves_open_goes_back_home(bearing: float, off: float) -> None:
+    world, here = world_of("omni", 0.1 * np.array([np.cos(bearing), np.sin(bearing), 0.0]))
+    motion, home = ResolvedMotion(world, guard_of(world)), here.joints + off * np.array([0, 1, -1, 1, 0])
+    there, plain = motion.onward(0, here, home), motion.onward(0, here)
+    assert there is not None
+    assert plain is not None
+    far, before = (np.abs(one[-1].joints - home).max() for one in (there, plain))
+    assert far <= before + 1e-3
+    assert abs(off) < 0.1 or far < before
+
+
+def test_what_only_the_next_target_asks_for_is_met_there() -> None:
+    world, here = world_of("omni", np.array([0.05, 0.0, 0.0]))
+    frame = world.robot.tool(here.base, here.joints)[:3, :3]
+    tilted = Rotation.from_rotvec([0.0, 0.06, 0.0]).as_matrix() @ frame[:, 2]
+    first, then = world.task[0], Target(world.task[1].position, direction=tilted, cone=0.01)
+    world = replace(world, task=(first, then))
+    states = ResolvedMotion(world, guard_of(world)).onward(0, here)
+    assert states is not None
+    tool = world.robot.tool(states[-1].base, states[-1].joints)
+    assert deviation(then, tool[:3, :3]) <= then.cone + 1e-6

@@ -242,31 +242,31 @@ class ResolvedMotion:
         """
         a, b = self.world.task[i : i + 2]
         count = self._count(a, b)
-        ahead, passed, at = list(np.arange(count, 0, -1) / count), [here], 0.0
+        least = 0.5 ** (HALVINGS[self.world.robot.drive.rolls] - 0.5) / count  # share that is not halved
+        ahead, passed, at = list(np.arange(count, 0, -1) / count), [here], 0.0  # the next share last
         while ahead:
-            tried = [at]
-            states = [passed[-1]]
-            while len(tried) <= min(len(ahead), AT_ONCE):
-                pose = self._next(goal_between(a, b, ahead[-len(tried)]), states[-1], home)
-                if pose is None:
-                    break
-                tried.append(ahead[-len(tried)])
-                states.append(pose)
-            done = self._held([goal_between(a, b, share) for share in tried], states)
+            tried = [at, *ahead[: -AT_ONCE - 1 : -1]]
+            asked = _goals(a, b, tried)
+            states = self._led(asked, passed[-1], home)
+            done = self._held(asked[: len(states)], states)
             passed += states[1 : done + 1]
             at = tried[done]
             del ahead[len(ahead) - done :]
-            if done < AT_ONCE and ahead:
-                halved = -math.log2((ahead[-1] - at) * count)
-                if halved > HALVINGS[self.world.robot.drive.rolls] - 0.5:
+            if done < len(tried) - 1:
+                if ahead[-1] - at < least:
                     return None
                 ahead.append((at + ahead[-1]) / 2)
         return passed[1:]
 
-    def _next(self, target: Target, near: Pose, home: Array | None) -> Pose | None:
-        pose = self.states.state(in_columns([aim_of(target)]), near, home=home)
-        far = pose is not None and math.dist(near.base[:2], pose.base[:2]) > self.world.rules.step
-        return None if far else pose
+    def _led(self, asked: list[Target], near: Pose, home: Array | None) -> list[Pose]:
+        """States at targets from ``near`` at the first, one from the other, as far as they are found."""
+        states = [near]
+        for target in asked[1:]:
+            pose = self.states.state(in_columns([aim_of(target)]), states[-1], home=home)
+            if pose is None or math.dist(states[-1].base[:2], pose.base[:2]) > self.world.rules.step:
+                break
+            states.append(pose)
+        return states
 
     @cached_property
     def states(self) -> ResolvedStates:
@@ -297,6 +297,13 @@ class ResolvedMotion:
         while count and not self.drives(poses[: count + 1]):
             count -= 1
         return count
+
+
+def _goals(a: Target, b: Target, shares: list[float]) -> list[Target]:
+    """Targets at shares of the way between two; at its ends all that is asked for there."""
+    ends = {0.0: a, 1.0: b}
+    between_them = goals_between(a, b, np.array(shares))
+    return [ends.get(share, goal) for share, goal in zip(shares, between_them, strict=True)]
 
 
 def proven_hops(
