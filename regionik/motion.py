@@ -1,7 +1,8 @@
 """The motion between configurations: the tool stays on its path wherever areas and obstacles allow it.
 
-The search follows what M-FABRIK found. Where the arm would touch something, other configurations of the same
-set-point are tried. Where a run ends, the tool is lifted and the base drives over free floor.
+Base and joints go on together where the tool is turned as asked, as far as that leads. A search of clear
+configurations follows what M-FABRIK found, and tries others of the same set-point where the arm would touch
+something. Where a run ends, the tool is lifted and the base drives over free floor.
 """
 
 from __future__ import annotations
@@ -34,7 +35,6 @@ SOON = 24  # candidates tried without getting farther before base and joints go 
 ROOM = 0.1  # share of a joint's range that is left to its limits where a run goes back to
 FEW = 60  # set-points that they may go through and fail in any case
 WAYS = 2, 12  # times as many as the farthest of them went, and on wheels
-
 
 Start = tuple[Candidate, Ahead]  # of a run, and how it goes on from there without a search
 
