@@ -39,7 +39,7 @@ WAYS = 2, 12  # times as many as the farthest of them went, and on wheels
 Start = tuple[Candidate, Ahead]  # of a run, and how it goes on from there without a search
 
 
-class Run(NamedTuple):
+class JoinedRun(NamedTuple):
     """A run of set-points, and the way to the first of them with the tool lifted."""
 
     way: list[Row]
@@ -111,7 +111,7 @@ class _Connection:
             if most is not None and lifts > most:
                 raise NoPlanFound(self._one_lift_too_many(len(done)))
 
-    def _run(self, i: int, here: Pose | None) -> Run:
+    def _run(self, i: int, here: Pose | None) -> JoinedRun:
         """Move to set-point i with the tool lifted, and the longest run found from there.
 
         Where the tool is turned as asked, and on wheels, base and joints go on together first. Else, and
@@ -119,14 +119,14 @@ class _Connection:
         soon, base and joints go on together from elsewhere before the search ends.
         """
         count = min((k for k in self.pruned.breaks if k > i), default=len(self.world.task)) - i
-        best: Run | None = None
+        best: JoinedRun | None = None
         if self._rolls or any(one.direction is not None for one in self.world.task[i : i + count]):
             best = self._together(i, count, here, self._starts(i, here), resumed=not self._rolls)
         if best is None or len(best.steps) < count:
             best = self._searched(i, count, here, best)
         return best
 
-    def _searched(self, i: int, count: int, here: Pose | None, known: Run | None) -> Run:
+    def _searched(self, i: int, count: int, here: Pose | None, known: JoinedRun | None) -> JoinedRun:
         """The longest run that a search finds, or that is known, or a whole one begun elsewhere."""
         try:
             way, first = self._arrive(i, here)
@@ -139,12 +139,12 @@ class _Connection:
             whole = self._together(i, count, here, self._elsewhere(i, here, first), resumed=False)
             if whole is not None:
                 return whole
-        found = Run(way, run.longest())
+        found = JoinedRun(way, run.longest())
         return found if known is None or len(known.steps) < len(found.steps) else known
 
     def _together(
         self, i: int, count: int, here: Pose | None, starts: Iterator[Start], *, resumed: bool
-    ) -> Run | None:
+    ) -> JoinedRun | None:
         """A whole run of base and joints together from one of some starts; None for none.
 
         The longest one is ``resumed`` by a search, which may end sooner.
@@ -153,13 +153,13 @@ class _Connection:
         for first, ahead in starts:
             tried.append(self.search.run(i, count, first, ahead).longest())
             if len(tried[-1]) == count and (way := self._unfolded(i, here, first)) is not None:
-                return Run(way, tried[-1])
+                return JoinedRun(way, tried[-1])
             if self._in_vain(tried):
                 break
         for steps in sorted(tried, key=len, reverse=True)[: BEGUN * resumed]:
             way = self._unfolded(i, here, steps[0].candidate)
             if way is not None:
-                return Run(way, self.search.resumed(i, count, steps, self._ahead).longest())
+                return JoinedRun(way, self.search.resumed(i, count, steps, self._ahead).longest())
         return None
 
     def _in_vain(self, tried: list[list[SearchStep]]) -> bool:

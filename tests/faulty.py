@@ -34,7 +34,7 @@ CASES = {
     "load": Case(PLAN, "regionik.worlds.documents.world_file.load_world", "interrupted"),
     "areas": Case(PLAN, "regionik.pruning.path_areas", "interrupted"),
     "pruning": Case(PLAN, "regionik.pruning.prune", "interrupted"),
-    "configurations": Case(PLAN, "regionik.pipeline.configurations", "interrupted"),
+    "configurations": Case(PLAN, "regionik.motion.configurations", "interrupted"),
     "motion": Case(PLAN, "regionik.pipeline.connect_setpoints", "interrupted"),
     "verification": Case(PLAN, "regionik.pipeline.verify", "interrupted"),
     "page": Case(PLAN, "regionik.view.page.html_page", "interrupted"),

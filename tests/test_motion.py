@@ -212,7 +212,7 @@ def test_lift_offs_that_the_arm_forces_are_bounded_by_the_rules() -> None:
     why = why_not(replace(world, rules=replace(world.rules, max_lift_offs=0)))
     assert why.verdict == "ladder-broken"
     assert why.causes[0].name == "post"
-    assert why.repairs[0].kind == "lift-off"
+    assert "lift-off" in {one.kind for one in why.repairs}
     assert "rules allow 0" in why.reason
     assert plan(replace(world, rules=replace(world.rules, max_lift_offs=1))).lift_offs == 1
 

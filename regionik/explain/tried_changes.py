@@ -57,11 +57,15 @@ def mended_motion(world: World, quick: Explanation, plans: Asked, made: int = 0)
             found = (one for one in group if plans(repaired(part, one, i - first)))
             helped += [one for one in [next(found, None)] if one is not None]
             tried += [group[-1].text] if group else []
-    with suppress(TooManyTriesError), at_most(most):
-        ranked = smallest_first(world, helped)
-        # A lift-off is asked about whatever its size: the search itself says that one more would do.
-        for one in (one for k, one in enumerate(ranked) if k < ASKED or one.kind == "lift-off"):
-            small += [one] if part is world or plans(repaired(world, one, i)) else []
+    # A lift-off is asked about whatever its size, as the search itself says that one more would do: with it
+    # the search is made once more, and goes on.
+    lifts = [one for one in helped if one.kind == "lift-off"]
+    others = [one for one in smallest_first(world, helped) if one not in lifts]
+    for some, tries in ((lifts, 2 * made + SPARE_TRIES), (others[: ASKED - len(lifts)], most)):
+        with suppress(TooManyTriesError), at_most(tries):
+            for one in some:
+                small += [one] if part is world or plans(repaired(world, one, i)) else []
+    small = list(smallest_first(world, small))
     return replace(quick, reason=f"{quick.reason} {mended(tuple(small), tried)}", repairs=tuple(small))
 
 
