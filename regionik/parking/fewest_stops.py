@@ -91,20 +91,24 @@ def park_in_any_order(world: World) -> Parking:
     """Fewest stops in any order: the least cover of the set-points by faces of their areas' overlay.
 
     Headings by slab come in only where a set-point has no place at every heading. Where a place gives the arm
-    no posture, areas only say that each set-point has a place: stops are left to poses (`PoseCover`).
+    no posture, areas only say that each set-point has a place: stops are left to poses (`PoseCover`), at all
+    headings at which the base fits.
     """
     refused = list[Unserved]()
     exact = all(model_of(world, target).exact for target in world.task)
-    for standing, facings in list(ways_to_stand(world))[1::2]:
-        found: list[Parking] = []
+    ways = list(ways_to_stand(world))[1::2]
+    for standing, facings in ways if exact else ways[-1:]:
+        found: list[ParkingAreas] = []
         for parking_areas in parking_areas_on(world, standing(world), facings):
             unserved = _unserved(parking_areas)
             if unserved[0]:
                 refused.append(unserved)
             else:
-                found.append((_covered if exact else _bounded)(world, parking_areas))
+                found.append(parking_areas)
+        if found and exact:
+            return min((_covered(world, areas) for areas in found), key=lambda one: len(one.groups))
         if found:
-            return min(found, key=lambda one: len(one.groups))
+            return _bounded(world, found)
     raise NoPlanFound(_no_rooms(world, refused))
 
 
@@ -123,11 +127,15 @@ def _covered(world: World, parking_areas: ParkingAreas) -> Parking:
     return Parking(parking_areas, groups, lower, told, spots)
 
 
-def _bounded(world: World, parking_areas: ParkingAreas) -> Parking:
-    """The bound alone, of the set-points of which no place is in two outer areas and of more that need it."""
+def _bounded(world: World, found: Sequence[ParkingAreas]) -> Parking:
+    """The bound alone, the same on every piece of floor.
+
+    It is of the set-points of which no place is in two outer areas, and of more that need it.
+    """
     outer = np.array(round_outer_areas(world, world.task, coarse=True), dtype=object)
     lower = _fewest_by_outer_areas(world, outer[:, None], apart_areas(outer), len(world.task))
-    return Parking(parking_areas, (), lower, {"lower_bound": lower, "bound": "outer areas"})
+    told: dict[str, int | bool | str] = {"lower_bound": lower, "bound": "outer areas"}
+    return Parking(found[0], (), lower, told, elsewhere=tuple(found[1:]))
 
 
 def covering_groups(world: World, parking_areas: ParkingAreas, some: Sequence[int]) -> tuple[StopGroup, ...]:

@@ -196,6 +196,8 @@ class Parking:
     known: dict[str, int | bool | str] = field(default_factory=dict)  # how the bound is
     # (n, 2) by side, in any order: places of all sets of set-points whose areas meet, the largest of them [m]
     spots: dict[int, Array] = field(default_factory=dict)
+    # Areas on other pieces of floor that serve all, where areas do not tell on which fewer stops do
+    elsewhere: tuple[ParkingAreas, ...] = ()
 
     def stats(self, count: int) -> dict[str, int | bool | str]:
         """What is told of so many stops, which headings or the motion may have split, and of their bound."""

@@ -34,7 +34,7 @@ ROUNDS, PATIENCE = 24, 5  # of poses drawn around favoured ones: at most, and su
 FAVOURED, AROUND = 75, 4  # poses that are favoured in a round, and poses drawn around each
 WIDE, NARROWER, TURN = 0.3, 0.8, 1.5  # deviation of these [m], by round, and of their headings [rad/m]
 LAST = 8  # round after which it is not made narrower
-UNSERVED = 40  # poses drawn in a round for a set-point that none serves
+UNSERVED, KNOWN = 40, 10  # poses drawn in a round for a set-point that none serves, and in each known area
 NODES = 200  # of branch and bound for a cover
 COVERS = 60  # that are taken
 ROUNDING = 1e-9  # of headings [rad]
@@ -63,12 +63,14 @@ class PoseCover:
     def fewest(self) -> list[StopPart]:
         """Return what the poses of a least cover serve; what none of those drawn serves is left out.
 
-        Set-points that no roadmap joins to others are served by poses of their own.
+        Set-points that no roadmap joins to others are served by poses of their own, and those that no pose
+        keeps by more that are drawn for them alone.
         """
-        joined = self._cover(range(len(self.world.task)), self._joined)
-        served = {i for part in joined for i in part.setpoints}
-        left = [i for i in range(len(self.world.task)) if i not in served]
-        return joined + self._cover(left, self._kept)
+        every = range(len(self.world.task))
+        found = self._cover(self._drawn, every, self._joined)
+        found += self._cover(self._drawn, _left(every, found), self._kept)
+        left = _left(every, found)
+        return found + self._cover(self._about(left), left, self._kept)
 
     def serving(self, setpoints: Sequence[int]) -> Array:
         """Return the bases (n, 3) drawn that have clear postures at all of some set-points."""
@@ -85,13 +87,18 @@ class PoseCover:
     def _inside(self) -> Mask:
         return _served(self._drawn, len(self.world.task))
 
-    def _cover(self, setpoints: Iterable[int], prove: Prove) -> list[StopPart]:
-        """What the poses of a least cover of some set-points are proven to serve."""
+    def _cover(self, poses: Sequence[_Drawn], setpoints: Iterable[int], prove: Prove) -> list[StopPart]:
+        """What those of some poses that are a least cover of some set-points are proven to serve."""
         some = np.array(list(setpoints), dtype=np.intp)
-        cover = _ProvenCover(self._drawn, self._inside[:, some].copy(), some, prove)
-        return [
-            StopPart(self._drawn[k].side, self._drawn[k].row[:2], one.served, one) for k, one in cover.least()
-        ]
+        inside = _served(poses, len(self.world.task))[:, some]
+        held = _ProvenCover(poses, inside, some, prove).least()
+        return [StopPart(poses[k].side, poses[k].row[:2], one.served, one) for k, one in held]
+
+    def _about(self, setpoints: Iterable[int]) -> list[_Drawn]:
+        """More poses for each of some set-points: those drawn have clear postures there that do not keep."""
+        rng = np.random.default_rng(1)
+        rows = [self._near(i, ROUNDS + n, rng) for i in setpoints for n in range(PATIENCE)]
+        return list(self._looked_at(np.vstack(rows))) if rows else []
 
     @cached_property
     def _carrier(self) -> PostureCarrier:
@@ -123,17 +130,28 @@ class PoseCover:
         area = shapely.union_all(self._outer) & shapely.union_all(self._floors)
         if area.area == 0.0:
             return np.empty((0, 3))
-        return self._headed(spread(area, int(np.clip(DENSITY * area.area, FEWEST, MOST)), 0), rng)
+        count = int(np.clip(DENSITY * area.area, FEWEST, MOST))
+        return self._headed(spread(area, count, 0), rng, span_of_rules(self.world))
 
     def _near(self, i: int, seed: int, rng: np.random.Generator) -> Array:
-        """Poses (n, 3) spread over the floor from which one set-point may be reached."""
-        area = self._outer[i] & shapely.union_all(self._floors)
-        return self._headed(spread(area, UNSERVED, seed + 1), rng) if area.area > 0 else np.empty((0, 3))
+        """Poses (n, 3) spread over the floor from which one set-point may be reached, and its known areas.
 
-    def _headed(self, places: Array, rng: np.random.Generator) -> Array:
-        """Places with headings that the rules allow."""
-        low, high = span_of_rules(self.world)
-        low, high = (low, high) if np.isfinite(high - low) else (-np.pi, np.pi)
+        A known area is often so small a part that none would be drawn there.
+        """
+        sides = self.parking_areas.standing.sides
+        parts = [(self._outer[i] & shapely.union_all(self._floors), span_of_rules(self.world), UNSERVED)]
+        for s in self.parking_areas.sides:
+            parts.append((self.parking_areas.areas_at(s)[i], sides[s].span, KNOWN))
+        rows = [
+            self._headed(spread(area, count, seed + 1), rng, span)
+            for area, span, count in parts
+            if area.area > 0
+        ]
+        return np.vstack([np.empty((0, 3)), *rows])
+
+    def _headed(self, places: Array, rng: np.random.Generator, span: tuple[float, float]) -> Array:
+        """Places with headings within a span."""
+        low, high = span if span[1] - span[0] < 2 * np.pi else (-np.pi, np.pi)
         return np.column_stack([places, rng.uniform(low, high, len(places))])
 
     def _looked_at(self, rows: Array) -> Iterator[_Drawn]:
@@ -224,6 +242,12 @@ class _ProvenCover:
         held = self.prove(self.poses[k])
         self.proven[k] = held
         self.inside[k] = False if held is None else np.isin(self.setpoints, held.served)
+
+
+def _left(every: Iterable[int], parts: Sequence[StopPart]) -> list[int]:
+    """Those of some set-points that no part serves."""
+    served = {i for part in parts for i in part.setpoints}
+    return [i for i in every if i not in served]
 
 
 def _served(poses: Sequence[_Drawn], count: int) -> Mask:

@@ -10,7 +10,7 @@ import shapely
 
 from regionik.areas.standing import spread
 from regionik.explain.arm_failures import no_posture
-from regionik.explain.several import naming_all, naming_as_given
+from regionik.explain.several import failures_of, naming_all, naming_as_given, together
 from regionik.explain.skipping import as_given, leaving_out, naming_each
 from regionik.parking.arm_tour import in_short_order
 from regionik.parking.fewest_stops import covering_groups, park
@@ -135,14 +135,28 @@ def in_sequence(world: World, parking: Parking) -> StopSequence:
     """Put stops in their order; where any will do, each is one that a heading serves, toured by the arm."""
     if world.rules.order == "given":
         return stop_sequence(world, parking.parking_areas, parking.groups)
-    placements = PlacementSearch(world, parking.parking_areas)
-    toured = [in_short_order(placements, group) for group in _by_one_heading(world, parking)]
-    sequence = stop_sequence(world, parking.parking_areas, tuple(group for group, _ in toured))
+    areas, groups = _on_the_best_floor(world, parking)
+    placements = PlacementSearch(world, areas)
+    toured = [in_short_order(placements, group) for group in groups]
+    sequence = stop_sequence(world, areas, tuple(group for group, _ in toured))
     arm = {
         "arm": sum(tour.length for _, tour in toured),
         "arm_lower_bound": float(sum(tour.lower for _, tour in toured)),
     }
     return replace(sequence, tours={**sequence.tours, **arm})
+
+
+def _on_the_best_floor(world: World, parking: Parking) -> tuple[ParkingAreas, tuple[StopGroup, ...]]:
+    """The piece of floor on which fewest stops of one heading each were found, and the stops."""
+    found, refused = list[tuple[ParkingAreas, tuple[StopGroup, ...]]](), list[NoPlanFound]()
+    for areas in (parking.parking_areas, *parking.elsewhere):
+        try:
+            found.append((areas, _by_one_heading(world, replace(parking, parking_areas=areas))))
+        except NoPlanFound as no:
+            refused.append(no)
+    if not found:
+        raise min(refused, key=lambda no: len(failures_of(no.explanation)))
+    return min(found, key=lambda one: len(one[1]))
 
 
 def _by_one_heading(world: World, parking: Parking) -> tuple[StopGroup, ...]:
@@ -175,11 +189,19 @@ def _by_poses(placements: PlacementSearch) -> Iterator[StopGroup]:
     cover = PoseCover(world, areas)
     parts = cover.fewest()
     served = {i for part in parts for i in part.setpoints}
-    left = [i for i in range(len(world.task)) if i not in served]
+    left, refused = [i for i in range(len(world.task)) if i not in served], list[Explanation]()
     for group in covering_groups(world, areas, left):
-        parts += _parts(placements, group)
+        try:
+            parts += list(_parts(placements, group))
+        except NoPlanFound as no:
+            refused.append(no.explanation)
+    if refused:
+        raise NoPlanFound(together(refused))
     for group in _covering(areas, parts, world.rules.stop_tolerance):
-        yield placements.roomiest(replace(group, poses=cover.serving(group.setpoints)))
+        poses = cover.serving(group.setpoints)
+        if not len(poses) and group.held is not None:  # of what only a pose of its own serves
+            poses = group.held.base[None]
+        yield placements.roomiest(replace(group, poses=poses))
 
 
 def _covering(areas: ParkingAreas, parts: Sequence[StopPart], tolerance: float) -> Iterator[StopGroup]:
@@ -199,15 +221,24 @@ def _covering(areas: ParkingAreas, parts: Sequence[StopPart], tolerance: float) 
 
 
 def _parts(placements: PlacementSearch, group: StopGroup) -> Iterator[StopPart]:
+    """Yield parts of a stop that one heading serves each; what none serves there is tried at all its places.
+
+    Raises NoPlanFound at the end, of all that has no posture at these either.
+    """
+    refused, order = list[Explanation](), placements.world.rules.order
     while group.setpoints:
-        widest = placements.widest(group)
+        first = group.setpoints[:1]
+        widest = placements.widest(group) or placements.widest(placements.parking_areas.group(first, order))
         if widest is None:
-            raise NoPlanFound(no_posture(placements.world, group.setpoints[0]))
-        side = int(placements.parking_areas.ladder.side[widest.chain[0]])
-        held = HeldPostures(widest.base, widest.setpoints, widest.near, 0.0, widest.roadmap)
-        yield StopPart(side, widest.axis, widest.setpoints, None if placements.exact else held)
-        left = tuple(i for i in group.setpoints if i not in widest.setpoints)
-        group = StopGroup(left, group.places)
+            refused.append(no_posture(placements.world, first[0]))
+        else:
+            side = int(placements.parking_areas.ladder.side[widest.chain[0]])
+            held = HeldPostures(widest.base, widest.setpoints, widest.near, 0.0, widest.roadmap)
+            yield StopPart(side, widest.axis, widest.setpoints, None if placements.exact else held)
+        done = first if widest is None else widest.setpoints
+        group = StopGroup(tuple(i for i in group.setpoints if i not in done), group.places)
+    if refused:
+        raise NoPlanFound(together(refused))
 
 
 def placed(sequence: StopSequence) -> Iterator[BasePlacement]:
