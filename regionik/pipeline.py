@@ -14,6 +14,7 @@ from regionik.explain.changes import repaired
 from regionik.explain.questions import ArmQuestion, Oracles, PathQuestion
 from regionik.explain.several import failures_of, in_order, naming_all, naming_as_given
 from regionik.explain.skipping import Explained, leaving_out, naming_each, with_skipped
+from regionik.explain.steps import near_setpoint
 from regionik.explain.tried_changes import mended_motion, mended_start
 from regionik.explain.why import Say, explained, explained_target, target_name, unsaid
 from regionik.motion import connect_setpoints
@@ -200,7 +201,7 @@ def why(
 def _why_target(world: World, target: Target | ArrayLike, say: Say) -> Explanation | None:
     if not isinstance(target, Target):
         target = Target(frozen(target, (3,), "target"))
-    asked = replace(world, task=(target,))
+    asked = near_setpoint(replace(world, task=(target,)), 0)
     buried = arm_failures.target_in_solid(asked)
     if buried is None and (answer := reach(asked, asked.task)).reachable[0]:
         return None
@@ -241,7 +242,7 @@ def _explained(world: World, quick: Explanation, seed: int, say: Say) -> Explana
     if quick.verdict == "ladder-broken" and i is not None and not spans(world):
         return explained(PathQuestion(world, i, spans, plans), quick, say)
     if quick.verdict in ("unreachable", "undecided") and i is not None:
-        if has_no_known_place(replace(world, task=(world.task[i],))):
+        if has_no_known_place(near_setpoint(world, i)):
             return explained_target(world, i, quick, ORACLES, say)
         return _said(_with_what_helps(world, quick, i), say)  # there is no room to park
     if quick.verdict == "no-posture" and i is not None:
@@ -273,8 +274,8 @@ def _with_what_helps(world: World, quick: Explanation, i: int) -> Explanation:
 
 def _explained_arm(world: World, i: int, quick: Explanation, say: Say) -> Explanation:
     """Return an explanation with causes and repairs, where no posture from any place is proven clear."""
-    asked = replace(world, task=(world.task[i],))
-    question = ArmQuestion(asked, target_name(world, i), ORACLES, (world, i))
+    asked = near_setpoint(world, i)
+    question = ArmQuestion(asked, target_name(world, i), ORACLES, (about_path(world), i))
     if not (can_search(world) and question.closed(asked)):
         return quick
     return explained(question, quick, say)

@@ -14,7 +14,14 @@ from numpy.typing import NDArray
 
 from regionik.cli import app
 from regionik.output.field_file import write_field
-from regionik.reachability.field import MOST_CELLS, Field, count_rings, reach_field, reach_slice
+from regionik.reachability.field import (
+    MOST_CELLS,
+    Field,
+    count_rings,
+    near_piece,
+    reach_field,
+    reach_slice,
+)
 from regionik.reachability.reach import reach
 from regionik.regions import admissible_area
 from regionik.worlds.arrays import Array
@@ -215,3 +222,30 @@ def test_the_command(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
         out, err = capfd.readouterr()
         assert (out, len(err.splitlines())) == ("", 1)
         assert words in err
+
+
+def test_cells_near_a_piece_of_floor_are_those_that_one_by_one_are() -> None:
+    rng = np.random.default_rng(4)
+    holes = shapely.union_all(shapely.buffer(shapely.points(rng.uniform(0, 8, (60, 2))), 0.2))
+    met, asked = 0, 0
+    for piece in shapely.get_parts(shapely.box(0, 0, 8, 8).difference(holes)):
+        x, y = np.arange(-2.0, 10.0, 0.05), np.arange(-1.5, 9.0, 0.05)
+        for far in (0.0, 0.03, 0.3, 1.2):
+            found = near_piece(piece, x, y, far)
+            grid_x, grid_y = np.meshgrid(x, y)
+            assert (found == shapely.dwithin(piece, shapely.points(grid_x, grid_y), far)).all()
+            asked += found.size
+            met += int(found.sum())
+    assert 0 < met < asked
+
+
+def test_a_slice_asks_few_cells_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    world, points, made = load_world("pillar"), shapely.points, list[int]()
+
+    def counting(*places: Array) -> NDArray[np.object_]:
+        made.append(np.size(places[0]))
+        return points(*places)
+
+    monkeypatch.setattr(shapely, "points", counting)
+    found = reach_slice(world, 0.25, cell=0.02)
+    assert 0 < sum(made) < found.values.size  # of two reaches, from outside and from within

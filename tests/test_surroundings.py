@@ -11,7 +11,7 @@ import shapely
 from regionik.area_verification import verify_areas
 from regionik.areas import surroundings
 from regionik.areas.surroundings import about_path, within_reach
-from regionik.pipeline import plan
+from regionik.pipeline import plan, why
 from regionik.planners.collision.convex_bodies import Piece, solid_pieces
 from regionik.reachability.reach import reach
 from regionik.verification import arm_clearance
@@ -76,6 +76,51 @@ def test_from_one_pose_only_what_is_near_is_looked_at(monkeypatch: pytest.Monkey
     assert found.verdict.tolist() == whole.verdict.tolist()
     assert found.reason == whole.reason
     assert found.reachable.any()
+
+
+@pytest.mark.parametrize(
+    ("target", "beside"),
+    [
+        ([0.0, 0.2, 1.0], ()),  # too high
+        # The base cannot come near, for an obstacle or for what the map has there
+        pytest.param([8.0, 8.0, 0.3], ("slab",), marks=pytest.mark.slow),
+        pytest.param([-8.0, 8.0, 0.3], ("stain",), marks=pytest.mark.slow),
+        ([31.5, 0.0, 0.3], ("slab",)),  # off the floor
+    ],
+)
+def test_why_looks_at_what_is_near_alone_and_says_the_same(
+    target: list[float], beside: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    world, looked, shadow = _with_slabs(), set[str](), Prism.shadow
+
+    def looking(self: Prism, below: float, above: float) -> Shadow | None:
+        looked.add(self.name)
+        return shadow(self, below, above)
+
+    monkeypatch.setattr(surroundings, "MANY", 50)
+    with monkeypatch.context() as patch:
+        patch.setattr(Prism, "shadow", looking)
+        near = why(world, target)
+    assert len(looked) < 50
+    assert looked.issuperset(beside if target[0] < 30 else ())
+    monkeypatch.setattr(surroundings, "MANY", 10**9)
+    whole = why(_with_slabs(), target)
+    assert near is not None
+    assert near == whole
+    assert near.causes
+    assert near.repairs
+
+
+def _with_slabs() -> World:
+    """A speckled floor with two slabs of 2.4 m, too wide to reach over: an obstacle and a blob of the map."""
+    world = speckled()
+    few = (*world.floor.cells[:-1:9], world.floor.cells[-1])
+    slab, stain = (
+        Prism(name, shapely.box(x - 1.2, 6.8, x + 1.2, 9.2), 0.0, 0.2)
+        for name, x in (("slab", 8.0), ("stain", -8.0))
+    )
+    floor = replace(world.floor, cells=(*few, stain))
+    return replace(world, floor=floor, obstacles=(slab,))
 
 
 def test_a_plan_is_verified_by_what_is_near_it_alone(monkeypatch: pytest.MonkeyPatch) -> None:

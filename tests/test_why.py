@@ -36,6 +36,7 @@ from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
 from regionik.worlds.robot import Tool, with_tool
 from regionik.worlds.scene import Floor, Rules, Target, World
 from tests import examples
+from tests.furnished import robot_with
 from tests.why_cases import as_small_as_brute_force, cases, proven_irreducible
 
 REACH = 0.033 + 0.155 + 0.135 + 0.2175  # of the youbot, stretched level
@@ -358,3 +359,15 @@ def test_solids_move_as_they_are(solid: Box | Prism | Mesh) -> None:
     moved = move.at(np.array([0.5, -0.25])).obstacles[0]
     spot = np.array([0.9, 0.1, 0.3])
     assert moved.distance(spot + [0.5, -0.25, 0.0]) == pytest.approx(solid.distance(spot))
+
+
+def test_a_table_top_and_the_column_under_it_are_the_cause() -> None:
+    robot = robot_with("column", np.random.default_rng(0))
+    high = float(robot.mount[2])
+    top = Box("table top", np.array([6.0, 6.0, 0.03]), np.array([0.0, 0.0, robot.body_height + 0.115]))
+    world = hall(robot=robot, obstacles=(top,), rules=Rules(clearance=0.02))
+    found = explained(world, [0.0, 0.0, high + 0.2])
+    assert [cause.name for cause in found.causes] == ["table top", "what stands on the base"]
+    assert "column of column, which the base carries, would touch table top" in found.reason
+    assert found.verdict == "unreachable"
+    assert why(replace(world, obstacles=()), [0.0, 0.0, high + 0.2]) is None

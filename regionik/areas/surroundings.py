@@ -24,11 +24,11 @@ BESIDE = 0.25  # kept besides, on all sides [m]
 DRIVEN = 2.0  # how far beyond what it reaches the base may drive about a path [m]
 
 
-def within_reach(world: World, places: Array) -> World:
-    """The world for a tool at some places (n, 2 or more): as it is, or without far solids [m]."""
+def within_reach(world: World, places: Array, moved: float = 0.0) -> World:
+    """The world for a tool at places (n, 2 or more) that move so far: as it is, or without far solids [m]."""
     if len(world.solids) < MANY or not len(places):
         return world
-    return _cut(world, shapely.to_wkb(_about(world, places, 0.0)), floor=False)
+    return _cut(world, shapely.to_wkb(_about(world, places, moved)), floor=False)
 
 
 def about_path(world: World) -> World:

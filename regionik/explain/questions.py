@@ -98,6 +98,8 @@ class _OneTarget:
     def leaves(self, repair: Repair) -> str:
         """Words on the first other set-point that a repair leaves without a known place, if any."""
         world, i = self.path
+        if len(world.task) == 1:
+            return ""
         after = repaired(world, repair, i)
         for j in np.flatnonzero(~have_known_places(after, after.task)).tolist():
             if j != i and has_no_known_place(replace(after, task=(after.task[j],))):

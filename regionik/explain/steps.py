@@ -14,6 +14,7 @@ from regionik.areas.ground import ground_of
 from regionik.areas.layers import GUARD, grow
 from regionik.areas.reachable import model_of
 from regionik.areas.standing import LEAST_AREA
+from regionik.areas.surroundings import within_reach
 from regionik.explain.changes import Move
 from regionik.explain.constraints import without_obstacle
 from regionik.explain.minimal_change import FINE, Opens, circle, sphere
@@ -53,6 +54,15 @@ def steps_around(move: Move) -> tuple[Steps, tuple[float, ...]]:
     return Steps(
         np.vstack([_inwards(world), upright, level, *oblique]), lengths[-1], _opens(move, space=True)
     ), lengths
+
+
+def near_setpoint(world: World, i: int) -> World:
+    """The world of one set-point alone; of a crowded map only what is near it, however a repair moves it.
+
+    Obstacles that are moved come from there: they are near the set-point, or are no cause.
+    """
+    alone = replace(world, task=(world.task[i],))
+    return within_reach(alone, alone.task[0].position[None], max(AROUND[-1], _farthest(alone)))
 
 
 def _opens(move: Move, *, space: bool) -> Opens:

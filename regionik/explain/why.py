@@ -6,12 +6,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from regionik.areas.surroundings import about_path
 from regionik.explain.causes import irreducible
 from regionik.explain.changes import Move, smallest_first
 from regionik.explain.constraints import Constraint, joint_causes, mended, places_open, setpoint
 from regionik.explain.pairs import pair
 from regionik.explain.questions import Oracles, Question, TargetQuestion
 from regionik.explain.several import failures_of, in_order, naming_all
+from regionik.explain.steps import near_setpoint
 from regionik.planners.progress import track
 from regionik.worlds.errors import Cause, Explanation, Repair, SetpointFailure
 from regionik.worlds.scene import World
@@ -81,10 +83,12 @@ def explained_target(
     world: World, i: int, quick: Explanation, oracles: Oracles, say: Say = unsaid
 ) -> Explanation:
     """Return `explained` for a set-point whose inner area is empty; if undecided, `reach` is asked first."""
-    asked = replace(world, task=(world.task[i],))
+    asked = near_setpoint(world, i)
     if quick.verdict == "undecided":
         quick = _by_itself(quick, oracles.reach(asked), i, len(world.task))
-    return explained(TargetQuestion(asked, target_name(world, i), oracles, (world, i)), quick, say)
+    return explained(
+        TargetQuestion(asked, target_name(world, i), oracles, (about_path(world), i)), quick, say
+    )
 
 
 def target_name(world: World, i: int) -> str:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
+from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import Side
 from regionik.areas.layers import GUARD
@@ -27,6 +28,7 @@ MOST_CELLS = 40_000_000
 UNREACHABLE, UNDECIDED, REACHABLE = 0, 1, 2
 PROOF = "by areas alone"  # which do not look at what the arm would touch
 TURNS = 8  # headings of the best place
+BLOCK = 8  # cells across, whose distance from a piece of floor is asked at once
 _CHUNK = 2000  # targets whose areas are made at once
 
 
@@ -268,17 +270,45 @@ def _met(side: Side, spans: Array, x: Array, y: Array) -> NDArray[np.bool_]:
 
     The distances to a connected piece of floor are all those between the nearest and the farthest.
     """
-    met = np.zeros((len(y), len(x)), dtype=bool)
-    grid_x, grid_y = np.meshgrid(x, y)
+    met, most = np.zeros((len(y), len(x)), dtype=bool), float(spans.max(initial=0.0))
     for piece in side.pieces:
-        corners = shapely.get_coordinates(piece.convex_hull)
-        farthest = np.zeros(met.shape)
-        for corner in corners:
-            np.maximum(farthest, np.hypot(grid_x - corner[0], grid_y - corner[1]), out=farthest)
+        x0, y0, x1, y1 = piece.bounds
+        columns = slice(*np.searchsorted(x, (x0 - most - GUARD, x1 + most + GUARD)))
+        rows = slice(*np.searchsorted(y, (y0 - most - GUARD, y1 + most + GUARD)))
+        across, up = x[columns], y[rows]
+        if not (len(across) and len(up)):
+            continue
+        farthest = np.zeros((len(up), len(across)))
+        for corner_x, corner_y in shapely.get_coordinates(piece.convex_hull).tolist():
+            np.maximum(farthest, np.hypot(across - corner_x, up[:, None] - corner_y), out=farthest)
         for near, far in spans.tolist():
-            asked = ~met & (farthest >= near)
-            met[asked] = shapely.dwithin(piece, shapely.points(grid_x[asked], grid_y[asked]), far)
+            met[rows, columns] |= near_piece(piece, across, up, far) & (farthest >= near)
     return met
+
+
+def near_piece(piece: BaseGeometry, x: Array, y: Array, far: float) -> NDArray[np.bool_]:
+    """Cells (ny, nx) that are no farther than ``far`` from a piece of floor [m].
+
+    Blocks of cells are looked at first, and single cells only where the edge of what is met may cross.
+    """
+    shapely.prepare(piece)
+    (middle_x, half_x), (middle_y, half_y) = _blocks(x), _blocks(y)
+    half = np.hypot(half_x, half_y[:, None]) + GUARD
+    middles = shapely.points(*np.meshgrid(middle_x, middle_y))
+    whole = shapely.dwithin(piece, middles, far - half) & (far > half)
+    some = shapely.dwithin(piece, middles, far + half) & ~whole
+    block = np.ix_(np.arange(len(y)) // BLOCK, np.arange(len(x)) // BLOCK)
+    found: NDArray[np.bool_] = whole[block]
+    row, column = np.nonzero(some[block])
+    found[row, column] = shapely.dwithin(piece, shapely.points(x[column], y[row]), far)
+    return found
+
+
+def _blocks(line: Array) -> tuple[Array, Array]:
+    """Middles of blocks of ascending values, and how far the values of each lie from it at most."""
+    first = line[::BLOCK]
+    last = line[np.minimum(np.arange(len(first)) * BLOCK + BLOCK, len(line)) - 1]
+    return (first + last) / 2, (last - first) / 2
 
 
 def _met_one_by_one(

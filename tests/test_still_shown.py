@@ -1,0 +1,28 @@
+"""What was shown once stays shown: figures of motion, and a small form of a benchmark that judges answers."""
+
+from __future__ import annotations
+
+import pytest
+
+from benchmarks import bench_decided
+from benchmarks.bench_motion import SMOOTH, passed, turns
+from regionik.timing.retime import retime
+from tests.planned import planned
+
+pytestmark = pytest.mark.slow
+
+
+def test_the_base_turns_little_in_the_depot_and_the_tool_keeps_its_speed() -> None:
+    """52 rad, one corner passed, 89 % of the path at its speed and 98 % away from corners, and a tenth."""
+    found = planned("depot")
+    timed = retime(found, SMOOTH)
+    tool = timed.stats["timing"]["tool"]
+    assert found.lift_offs == 0
+    assert turns(found.motion.base).sum() < 57
+    assert passed(timed) <= 1
+    assert tool["held"] > 0.80
+    assert tool["held_elsewhere"] > 0.88
+
+
+def test_few_targets_stay_undecided_and_brute_force_refutes_none() -> None:
+    assert bench_decided.main(worlds=4, targets=60, drawn=20, starts=2000) == 0
