@@ -6,7 +6,10 @@ import pytest
 
 from benchmarks import bench_decided
 from benchmarks.bench_motion import SMOOTH, passed, turns
+from benchmarks.bench_simulate import SPEEDS, faults
+from regionik.simulation.simulate import simulate
 from regionik.timing.retime import retime
+from regionik.worlds.bundled import world_names
 from tests.planned import planned
 
 pytestmark = pytest.mark.slow
@@ -26,3 +29,9 @@ def test_the_base_turns_little_in_the_depot_and_the_tool_keeps_its_speed() -> No
 
 def test_few_targets_stay_undecided_and_brute_force_refutes_none() -> None:
     assert bench_decided.main(worlds=4, targets=60, drawn=20, starts=2000) == 0
+
+
+@pytest.mark.parametrize("name", [name for name in world_names() if name != "depot"])
+def test_a_bundled_world_is_executed_within_what_is_said(name: str) -> None:
+    """Without noise: off its path by a millimetre at most, no contact, within limits, the speed held."""
+    assert faults(simulate(retime(planned(name), SPEEDS))) == []
