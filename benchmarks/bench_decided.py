@@ -113,7 +113,7 @@ def refuted(world: World, target: Target, starts: int, rng: np.random.Generator)
     scene, avoids = prepared(world).scene, world.rules.avoidance
     contact = contact_for(world, [target])
     free = target.direction is None
-    direction = np.array([0.0, 0.0, 1.0]) if free else writable(target.direction)
+    direction = np.array([0.0, 0.0, 1.0]) if target.direction is None else writable(target.direction)
     asked = Question(
         writable(target.position), direction, np.pi if free else target.cone, world.rules.heading == "fixed",
         int(contact.owner[0]) if len(contact.owner) else -1,

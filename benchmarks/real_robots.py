@@ -11,6 +11,7 @@ import warnings
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import shapely
@@ -46,7 +47,8 @@ class RealRobot:
 
     def world(self, name: str, path: Path) -> World:
         """The world of the robot, read from a path."""
-        cart, on_cart = self.cart, {}
+        cart = self.cart
+        on_cart: dict[str, Any] = {}
         if cart:
             x, y = cart.half_length, cart.half_width
             on_cart = {
