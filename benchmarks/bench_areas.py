@@ -15,11 +15,11 @@ import numpy as np
 import shapely
 from shapely import STRtree
 
-from regionik.areas.ground import ground_of
 from regionik.areas.layers import Geometries
-from regionik.areas.reachable import reach_rows
 from regionik.postures.families import FRONT
+from regionik.reach_rows import reach_rows
 from regionik.regions import path_areas
+from regionik.scene import scene_of
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Floor, Rules, Target, World
@@ -48,10 +48,10 @@ def crowded(setpoints: int, obstacles: int) -> World:
 
 def loop(world: World) -> Geometries:
     """The same areas, one target after the other: difference with the grown shadows that the tree names."""
-    ground = ground_of(world)
+    ground = scene_of(world).ground
     grown = ground.inner.parts
     tree = STRtree(grown)
-    _, _, rings = reach_rows(world, world.task, (FRONT,), inner=True)
+    _, _, rings = reach_rows(scene_of(world), world.task, (FRONT,), inner=True)
     areas = []
     for ring in rings:
         near = tree.query(ring, predicate="intersects")
@@ -72,13 +72,13 @@ def timed(work: Callable[[], object], repeats: int) -> list[float]:
 def main() -> None:
     setpoints, obstacles = (int(word) for word in (*sys.argv[1:], "10000", "1000")[:2])
     world = crowded(setpoints, obstacles)
-    ground_of.cache_clear()
-    first = timed(lambda: path_areas(world, facings=(FRONT,)), 1)[0]
+    scene_of.cache_clear()
+    first = timed(lambda: path_areas(scene_of(world), facings=(FRONT,)), 1)[0]
     bulk, plain = [], []
     for _ in range(3):
-        bulk += timed(lambda: path_areas(world, facings=(FRONT,)), 1)
+        bulk += timed(lambda: path_areas(scene_of(world), facings=(FRONT,)), 1)
         plain += timed(lambda: loop(world), 1)
-    ours = path_areas(world, facings=(FRONT,)).inner
+    ours = path_areas(scene_of(world), facings=(FRONT,)).inner
     gap = float(np.abs(shapely.area(ours) - shapely.area(loop(world))).max())
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     ratio = statistics.median(p / b for p, b in zip(plain, bulk, strict=True))

@@ -18,7 +18,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from regionik.areas.standing import room_for
 from regionik.planners.collision.collision_checking import is_clear
 from regionik.planners.collision.proximity import nearest
 from regionik.planners.collision.robot_scene import RobotScene
@@ -28,9 +27,10 @@ from regionik.planners.geometry.angles import fit, wrap
 from regionik.planners.kernels import compiled
 from regionik.planners.reach.planar_cells import ArmMount
 from regionik.planners.solvers.planar_kinematics import two_link_angles
-from regionik.postures.arm_guard import contact_for, guard_of
+from regionik.postures.arm_guard import contact_for
 from regionik.reachability.any_base import prepared, writable
 from regionik.reachability.reach import reach
+from regionik.scene import scene_of
 from regionik.verification.verifier import verify_answers
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target, World
@@ -109,8 +109,8 @@ def screened(
 
 def refuted(world: World, target: Target, starts: int, rng: np.random.Generator) -> bool:
     """Whether brute force finds a configuration."""
-    mount, room, robot = prepared(world).mount, room_for(world), world.robot
-    scene, avoids = prepared(world).scene, world.rules.avoidance
+    mount, room, robot = prepared(scene_of(world)).mount, scene_of(world).footprint, world.robot
+    scene, avoids = prepared(scene_of(world)).scene, world.rules.avoidance
     contact = contact_for(world, [target])
     free = target.direction is None
     direction = np.array([0.0, 0.0, 1.0]) if target.direction is None else writable(target.direction)
@@ -169,7 +169,7 @@ def _climbs(
 
 def _room(world: World, asked: Question, base: Array, q: Array) -> float:
     """By how much the arm keeps its distance [m]."""
-    guard = guard_of(world)
+    guard = scene_of(world).guard
     if not guard.on:
         return 0.0
     contact = contact_for(world, [Target(asked.target)])

@@ -18,9 +18,9 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from regionik.areas.standing import room_for
 from regionik.pipeline import search
 from regionik.planners.driving.footprint import fits
+from regionik.scene import scene_of
 from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.scene import World
@@ -53,7 +53,7 @@ class Drive(NamedTuple):
 def drives_of(kind: str, seed: int) -> list[Drive]:
     """The drives of one world; none where there is no plan."""
     try:
-        plan = search(soaked_world(kind, seed))
+        plan = search(scene_of(soaked_world(kind, seed)))
     except (InputError, NoPlanFound):
         return []
     found, every_way = list[Drive](), not plan.world.robot.drive.rolls
@@ -68,7 +68,7 @@ def drives_of(kind: str, seed: int) -> list[Drive]:
 
 def shortest_on_grid(world: World, bases: Array) -> float:
     """Length of the shortest way of the footprint between the ends of a drive; NaN for none [m]."""
-    room, half = room_for(world), max(0.5, world.robot.drive.travel(bases) / 2)
+    room, half = scene_of(world).footprint, max(0.5, world.robot.drive.travel(bases) / 2)
     fixed, middle = world.rules.heading == "fixed", (bases[0] + bases[-1]) / 2
     axes = [np.arange(at - half, at + half, CELL) for at in middle[:2]]
     axes.append(bases[:1, 2] if fixed else np.arange(HEADINGS) * 2 * np.pi / HEADINGS)

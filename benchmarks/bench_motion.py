@@ -32,6 +32,7 @@ from regionik import pipeline
 from regionik.planners.search.motion_bounds import longest_levers
 from regionik.postures.poses import axis_of
 from regionik.regions import admissible_area
+from regionik.scene import scene_of
 from regionik.smoothing.smooth_motion import smooth_motion
 from regionik.timing import timing_figures
 from regionik.timing.limits import segments_on_path
@@ -82,9 +83,9 @@ def planned(name: str, smooth: bool) -> tuple[Plan, float]:
     """The plan of a world and the processor time of planning it once more."""
     world, keep = load_world(name), smooth_motion
     with patch.object(pipeline, "smooth_motion", keep if smooth else lambda plan, standing: plan):
-        pipeline.search(world)
+        pipeline.search(scene_of(world))
         start = time.process_time()
-        return pipeline.search(world), time.process_time() - start
+        return pipeline.search(scene_of(world)), time.process_time() - start
 
 
 def length_of_path(plan: Plan) -> float:

@@ -15,6 +15,7 @@ from scipy.special import bdtr
 
 from regionik.parking.parking_probability import parking_probability
 from regionik.parking.stops import stops
+from regionik.scene import scene_of
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import world_to_document
 from regionik.worlds.execution import ParkingAccuracy
@@ -59,7 +60,7 @@ def main(worlds: int = 20, count: int = 10_000) -> None:
         for stop in stops(world):
             base = stop.base + np.random.default_rng(seed).normal(size=3) * [0.08, 0.08, 0.1]
             begin = time.process_time()
-            bound = parking_probability(world, base, stop.setpoints)
+            bound = parking_probability(scene_of(world), base, stop.setpoints)
             seconds += time.process_time() - begin
             good = counted(world, base, stop.setpoints, count)
             wrong += bool(bdtr(good, count, bound) < 3e-5)

@@ -31,6 +31,7 @@ import shapely
 
 import regionik as rik
 from regionik import pipeline
+from regionik.scene import scene_of
 from regionik.timing import timing_figures
 from regionik.timing.retime import retime
 from regionik.worlds.arrays import Array
@@ -182,10 +183,10 @@ def lifts_in_rows(plan: rik.Plan) -> int:
 def line(name: str, world: rik.World, timed: bool) -> str:
     said = f"{name:13} {world.name:7} {len(world.task):6}"
     try:
-        plan, cold = spent(partial(pipeline.search, world))
+        plan, cold = spent(partial(pipeline.search, scene_of(world)))
     except NoPlanFound as no:
         return f"{said} none: {' '.join(no.explanation.reason.split())[:120]}"
-    plan, warm = (plan, cold) if name == "print" else spent(partial(pipeline.search, world))
+    plan, warm = (plan, cold) if name == "print" else spent(partial(pipeline.search, scene_of(world)))
     report, checked = spent(partial(rik.verify, plan))
     if not report.ok:
         raise SystemExit(f"{said} does not hold: {report.violations[0]}")

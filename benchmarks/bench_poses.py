@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 from regionik.pipeline import plan
 from regionik.reachability.reach import reach
 from regionik.regions import path_areas
+from regionik.scene import scene_of
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Target, World
 from regionik.worlds.urdf.loader import load_robot
@@ -52,7 +53,10 @@ def main(urdf: Path, counts: list[int], plans: list[int]) -> None:
     print(f"{robot.name}: ms a set-point")
     for count in counts:
         world = wave(robot, count)
-        areas, answered = spent(path_areas, world), spent(lambda world: reach(world, world.task), world)
+        areas, answered = (
+            spent(lambda world: path_areas(scene_of(world)), world),
+            spent(lambda world: reach(world, world.task), world),
+        )
         print(f"{count:6} poses: areas {areas:6.1f}, reach {answered:6.1f}", flush=True)
     for count in plans:
         print(f"{count:6} poses: plan {spent(plan, wave(robot, count)):6.1f}", flush=True)

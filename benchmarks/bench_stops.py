@@ -20,6 +20,7 @@ from regionik.planners.coverage.set_cover import least_cover, undominated
 from regionik.planners.coverage.tours import shortest_tour_of_sets
 from regionik.postures.families import BACK, FRONT
 from regionik.regions import path_areas
+from regionik.scene import scene_of
 from regionik.view.figures import plot_stops
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import load_world
@@ -66,7 +67,7 @@ def fewest(world: World, grid: bool) -> int:
     x, y = (axis.ravel() for axis in np.meshgrid(np.arange(-1.5, 4.5, GRID), np.arange(-2, 2, GRID)))
     rows = []
     for facing in (FRONT, BACK):
-        found = path_areas(world, facings=(facing,))
+        found = path_areas(scene_of(world), facings=(facing,))
         areas = [shapely.union_all(found.inner[found.target == i]).buffer(-by, 64) for i in range(count)]
         rows.append([shapely.contains_xy(area, x, y) if grid else area for area in areas])
     best = [0] + [count + 1] * count
@@ -86,7 +87,7 @@ def covers() -> None:
     few = equal = proven = 0
     for seed in range(SETS):
         world = scattered(seed)
-        stops, parking = find(world)
+        stops, parking = find(scene_of(world))
         least = sampled_cover(world)
         few += len(stops) <= least
         equal += len(stops) == least
@@ -105,7 +106,7 @@ def scattered(seed: int) -> World:
 def sampled_cover(world: World) -> int:
     """Fewest stops from the places of a grid, whatever the heading."""
     x, y = (axis.ravel() for axis in np.meshgrid(np.arange(-1, 3, SPACING), np.arange(-1, 2.2, SPACING)))
-    found, by = path_areas(world), world.rules.stop_tolerance
+    found, by = path_areas(scene_of(world)), world.rules.stop_tolerance
     rows = [
         shapely.contains_xy(shapely.union_all(found.inner[found.target == i]).buffer(-by, 64), x, y)
         for i in range(len(world.task))
@@ -143,7 +144,7 @@ def main() -> None:
     same = near = bound = total = 0
     for seed in range(100):
         world = path(seed)
-        found = park(world)
+        found = park(scene_of(world))
         ours = len(found.groups)
         total += ours
         same += ours == fewest(world, grid=False)
@@ -156,7 +157,7 @@ def main() -> None:
     for seed in range(20):
         began = time.perf_counter()
         world = holes(seed)
-        stops, parking = find(world)
+        stops, parking = find(scene_of(world))
         stats = parking.stats(len(stops))
         met += stats["count"] == stats["fewest_of_inner_areas"]
         proven += stats["proven_fewest"]
@@ -169,7 +170,7 @@ def main() -> None:
 
     world = load_world("depot")
     began = time.perf_counter()
-    stops, parking = find(world)
+    stops, parking = find(scene_of(world))
     seconds = time.perf_counter() - began
     tolerance = np.array([stop.tolerance for stop in stops])
     print(f"depot: {len(stops)} stops for {len(world.task)} set-points, no base does with fewer than")

@@ -26,6 +26,7 @@ from roboplan.core import CartesianPath, JointConfiguration, Scene, loadUrdfScen
 
 from regionik.output.urdf import robot_to_urdf
 from regionik.pipeline import search
+from regionik.scene import scene_of
 from regionik.values import Motion
 from regionik.view.clearance import clearances
 from regionik.worlds.arrays import Array
@@ -92,7 +93,7 @@ def travel(motion: tuple[Array, Array]) -> tuple[float, float]:
 
 def line(name: str) -> str:
     world = load_world(name)
-    plan, spent = timed(lambda: search(world))
+    plan, spent = timed(lambda: search(scene_of(world)))
     ours = on_path(plan.motion)
     other, their_time = timed(theirs(world, ours[0][0], ours[1][0]))
     (arm, base), (their_arm, their_base) = travel(ours), travel(other)

@@ -20,6 +20,7 @@ import shapely
 
 import regionik as rik
 from regionik.pipeline import search
+from regionik.scene import scene_of
 from regionik.worlds.arms import reach_bound
 from regionik.worlds.drives import BaseKind
 from regionik.worlds.obstacles import Box
@@ -49,7 +50,7 @@ def line(world: rik.World) -> str:
     """What planning a world comes to, warm where it was planned before."""
     begun = time.process_time()
     try:
-        plan = search(world)
+        plan = search(scene_of(world))
     except rik.NoPlanFound as error:
         took = time.process_time() - begun
         return f"{world.name:42} {error.explanation.verdict}: {error.explanation.reason[:70]} {took:.1f} s"

@@ -22,6 +22,7 @@ import numpy as np
 from regionik.explain.changes import repaired
 from regionik.pipeline import why
 from regionik.reachability.reach import reach
+from regionik.scene import scene_of
 from tests.why_cases import as_small_as_brute_force, cases, proven_irreducible
 
 
@@ -49,8 +50,8 @@ def main(wanted: int, seeds: Iterable[int]) -> int:
                 if not proven_irreducible(case, found):
                     wrong.append("not irreducible")
                 for repair in found.repairs:
-                    changed = repaired(case, repair)
-                    if not reach(changed, changed.task).reachable.all():
+                    changed = repaired(scene_of(case), repair)
+                    if not reach(changed.world, changed.task).reachable.all():
                         wrong.append(f"does not help: {repair.text}")
                     if not as_small_as_brute_force(case, repair):
                         wrong.append(f"not smallest: {repair.text}")

@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.pipeline import search
+from regionik.scene import scene_of
 from regionik.values import Configuration, Motion, Plan, Stop
 from regionik.verification.verifier import verify
 from regionik.worlds.documents.world_file import load_world
@@ -46,7 +47,7 @@ def outcome(kind: str, name: str) -> Outcome:
     known = _in_folder(Path(kind) / name) if Path(kind).is_dir() else witness(kind, int(name))
     began, verdict, reason = time.process_time(), "planned", ""
     try:
-        search(known.world)
+        search(scene_of(known.world))
     except NoPlanFound as failure:
         verdict, reason = failure.explanation.verdict, failure.explanation.reason
     except InputError as refused:

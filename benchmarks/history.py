@@ -18,6 +18,7 @@ from regionik.pipeline import search
 from regionik.planners.kernels import compiled_at_once
 from regionik.pruning import whole_path
 from regionik.reachability.reach import reach
+from regionik.scene import scene_of
 from regionik.verification.verifier import verify
 from regionik.worlds.documents.world_file import load_world
 
@@ -58,4 +59,4 @@ def test_plan(benchmark: Timed, name: str) -> None:
 
 
 def test_verify(benchmark: Timed) -> None:
-    assert benchmark(verify, search(load_world("l_shape"))).ok
+    assert benchmark(verify, search(scene_of(load_world("l_shape")))).ok

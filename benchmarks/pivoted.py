@@ -14,6 +14,7 @@ from regionik.planners.solvers.damped_least_squares import DIRECTION, POSITION, 
 from regionik.planners.solvers.serial_chain import serial_arm
 from regionik.postures.poses import pose_of
 from regionik.regions import Area, admissible_area, path_areas
+from regionik.scene import scene_of
 from regionik.worlds.arms import pivot_index, reach_bound, with_pivot
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, rot_x, rot_y, rot_z, translation, within_half_turns
@@ -39,7 +40,7 @@ class Case:
         return self.world.task[0]
 
     def inner(self) -> PathAreas:
-        return path_areas(self.world)
+        return path_areas(scene_of(self.world))
 
     def area(self) -> Area:
         return admissible_area(self.world, self.target)
@@ -113,7 +114,7 @@ def points_in(area: BaseGeometry, rng: np.random.Generator, count: int) -> Array
 def solved(one: Case, areas: PathAreas, row: int, spot: Array) -> bool:
     """Whether M-FABRIK's solver, its base held with the arm's axis on a spot, gets the tool to the target."""
     robot = one.world.robot
-    solver = solver_for(one.world, areas.family[row])
+    solver = solver_for(scene_of(one.world), areas.family[row])
     base = pose_of(robot, spot, 0.0)
     return solver.hold(one.target, base, robot.carry).converged
 

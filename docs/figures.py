@@ -23,10 +23,10 @@ from PIL import Image
 
 import regionik as rik
 from regionik import pipeline
-from regionik.areas.reachable import reach_rows
-from regionik.areas.standing import anywhere
 from regionik.postures.families import BACK, FRONT
 from regionik.pruning import Pruned, whole_path
+from regionik.reach_rows import reach_rows
+from regionik.scene import scene_of
 from regionik.timing.limits import tool_velocity
 from regionik.view.browser import opened
 from tests.pages import DOCS, play
@@ -83,8 +83,8 @@ def area() -> Any:
     """Reach of a target, what is rejected, and what is left of it."""
     world = rik.load_world("pillar")
     target = world.task[8]
-    side = anywhere(world).sides[0]
-    _, _, rings = reach_rows(world, [target], (FRONT, BACK), inner=True, span=side.span)
+    side = scene_of(world).free_floor.anywhere.sides[0]
+    _, _, rings = reach_rows(scene_of(world), [target], (FRONT, BACK), inner=True, span=side.span)
     reach = shapely.union_all(rings)
     solids = shadows(world)
     figure, panels = plt.subplots(1, 3, figsize=(9.6, 3.4), sharex=True, sharey=True)
@@ -131,7 +131,7 @@ def inner_outer() -> Any:
 def ladder() -> Any:
     """Components by set-point, those that overlap joined, those that no whole traversal uses pale."""
     world = rik.load_world("l_shape")
-    _, _, pruned = whole_path(world)
+    _, _, pruned = whole_path(scene_of(world))
     found = pruned.ladder
     place = _lanes(pruned)
     figure, (rungs, floor) = plt.subplots(2, 1, figsize=(8.4, 7.0), height_ratios=[1, 2], layout="tight")

@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 import shapely
 from shapely.geometry import Point
 
-from regionik.areas.surroundings import about_path
 from regionik.pipeline import check_world
 from regionik.planners.geometry.offsets import shrunk
 from regionik.postures.poses import axis_of
 from regionik.pruning import whole_path
-from regionik.reachability.reach import reach
+from regionik.reachability.reach import reached
 from regionik.regions import outer_areas, planned_areas
+from regionik.scene import Scene, scene_of
 from regionik.storage.plan_document import PARTS, kept_areas
 from regionik.tracker import can_track
 from regionik.values import Plan, PlannedArea, Report, Violation
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import NoPlanFound
-from regionik.worlds.scene import World
 
 ROUNDING = 1e-6  # by which areas may differ [m2], or a base may stand outside [m]
 GRID = 1e-9  # of corners of the overlay of areas that differ [m]
@@ -50,8 +48,9 @@ def verify_areas(plan: Plan) -> Report:
     """
     violations = tuple(_reachable(plan))
     if plan.areas:
-        depends_on_motion = plan.world.rules.mode == "stops" or can_track(plan.world)
-        violations += tuple(_bases_outside(plan) if depends_on_motion else _differences(plan))
+        scene = scene_of(plan.world)
+        depends_on_motion = scene.rules.mode == "stops" or can_track(scene)
+        violations += tuple(_bases_outside(plan) if depends_on_motion else _differences(plan, scene))
     return Report(not violations, {}, violations)
 
 
@@ -60,31 +59,31 @@ def _reachable(plan: Plan) -> Iterator[Violation]:
     for one in plan.skipped:
         if one.verdict != "unreachable":
             continue
-        alone = replace(plan.world, task=(one.target,))
+        alone = scene_of(plan.world).changed(task=(one.target,))
         room = outer_areas(alone, alone.task)[0]
-        if plan.world.rules.mode == "stops":
-            room = shrunk(room, plan.world.rules.stop_tolerance, outside=True)
-        if not room.is_empty and reach(alone, alone.task).reachable[0]:
+        if alone.rules.mode == "stops":
+            room = shrunk(room, alone.rules.stop_tolerance, outside=True)
+        if not room.is_empty and reached(alone, alone.task).reachable[0]:
             text = f"set-point {one.setpoint + 1} as given is left out as unreachable, and can be reached"
             yield Violation("areas", None, None, 0.0, text)
 
 
-def _differences(plan: Plan) -> Iterator[Violation]:
+def _differences(plan: Plan, scene: Scene) -> Iterator[Violation]:
     """Parts of areas that are not as the world gives them, near its path or as a whole."""
-    near = about_path(plan.world)
-    if near is plan.world or any(_differences_in(plan, near)):
-        yield from _differences_in(plan, plan.world)
+    near = scene.about_path()
+    if near is scene or any(_differences_in(plan, near)):
+        yield from _differences_in(plan, scene)
 
 
-def _differences_in(plan: Plan, world: World) -> Iterator[Violation]:
-    """Parts of areas that are not as a world gives them, the plan's or what of it is near."""
+def _differences_in(plan: Plan, scene: Scene) -> Iterator[Violation]:
+    """Parts of areas that are not as a scene gives them, the plan's or what of it is near."""
     try:
-        check_world(world)
-        standing, areas, pruned = whole_path(world)
+        check_world(scene)
+        standing, areas, pruned = whole_path(scene)
     except NoPlanFound as no:
         yield Violation("areas", None, no.explanation.setpoint, 0.0, no.explanation.reason)
         return
-    expected = planned_areas(world, areas, standing, pruned.left)[: len(plan.areas)]
+    expected = planned_areas(scene, areas, standing, pruned.left)[: len(plan.areas)]
     off = np.column_stack([_off(plan.areas[: len(expected)], expected, part) for part in PARTS])
     for i, k in np.argwhere(off > ROUNDING).tolist():
         text = f"{PARTS[k]} area differs by {off[i, k]:.4g} m2 from its world's"

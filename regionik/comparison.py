@@ -15,7 +15,6 @@ from functools import partial
 
 import numpy as np
 
-from regionik.areas.standing import room_for
 from regionik.mfabrik import Method, Solver, configurations
 from regionik.planners.driving.footprint import fits
 from regionik.planners.progress import Progress, listening, track
@@ -26,9 +25,9 @@ from regionik.planners.rivals.network import Network
 from regionik.planners.solvers.damped_least_squares import Aim
 from regionik.planners.solvers.mfabrik_serial import in_arm_frame
 from regionik.postures.arm import aim_of, goal_error
-from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import axis_of, configuration_pose, pose_of
 from regionik.pruning import choose_chain, solvers_along, start_place, whole_path
+from regionik.scene import scene_of
 from regionik.values import Configuration
 from regionik.worlds.arms import sliding_chain
 from regionik.worlds.arrays import Array
@@ -96,9 +95,9 @@ def _mfabrik(world: World) -> Methods:
 
 def _mfabrik_in_areas(world: World) -> Methods:
     """M-FABRIK within the areas of the whole path, as plans use it."""
-    standing, _, pruned = whole_path(world)
-    chain = choose_chain(pruned, standing, start_place(world))
-    return list(solvers_along(world, pruned.ladder, standing, chain))
+    standing, _, pruned = whole_path(scene_of(world))
+    chain = choose_chain(pruned, standing, start_place(scene_of(world)))
+    return list(solvers_along(scene_of(world), pruned.ladder, standing, chain))
 
 
 def _with_sliding_base(kind: type[ArmMethod]) -> Callable[[World], Methods]:
@@ -282,7 +281,7 @@ def _start(world: World) -> tuple[Array, Array]:
 
 
 def _score(world: World, name: str, answers: Sequence[Configuration], seconds: float, ours: float) -> Score:
-    robot, room, guard = world.robot, room_for(world), guard_of(world)
+    robot, room, guard = world.robot, scene_of(world).footprint, scene_of(world).guard
     base, joints = np.array([one.base for one in answers]), np.array([one.joints for one in answers])
     tools = robot.tool(base, joints)
     missed = np.array([goal_error(target, tool) for target, tool in zip(world.task, tools, strict=True)])

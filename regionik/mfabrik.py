@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from copy import copy
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import cached_property
 from math import isfinite
 from typing import Protocol
 
@@ -29,13 +29,14 @@ from regionik.postures.arm import ANGLE_SLACK, Arm, Reached, goal_of
 from regionik.postures.families import FRONT, Family
 from regionik.postures.planar_solver import PlanarSolver
 from regionik.postures.poses import axis_of, pose_of
+from regionik.scene import Scene
 from regionik.values import Configuration
 from regionik.worlds.arms import pivot_index, pivot_joints, with_pivot
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.criteria import Criteria
 from regionik.worlds.errors import InputError
 from regionik.worlds.robot import Robot, with_joint_margin
-from regionik.worlds.scene import Heading, Target, World
+from regionik.worlds.scene import Heading, Target
 
 NOWHERE = FlatPolygon(np.empty((0, 2)), np.zeros(1, dtype=np.int64))
 LED = np.pi / 2  # a joint that changes by more is not led on from where it was [rad]
@@ -342,24 +343,23 @@ def configurations(
 
 
 def solver_for(
-    world: World,
+    scene: Scene,
     family: Family,
     area: BaseGeometry | FlatPolygon | None = None,
     span: tuple[float, float] = EVERY,
 ) -> Solver:
     """Solver for set-points under the world's rules."""
-    solver = _solver_anywhere(world, family, span)
+    solver = scene.once(_solver_anywhere, family, span)
     return solver if area is None else solver.inside(area)
 
 
-@lru_cache(maxsize=64)
-def _solver_anywhere(world: World, family: Family, span: tuple[float, float]) -> Solver:
-    rules = world.rules
-    return Solver(world.robot, None, rules.tolerance, rules.heading, family, span, rules.criteria)
+def _solver_anywhere(scene: Scene, family: Family, span: tuple[float, float]) -> Solver:
+    rules = scene.rules
+    return Solver(scene.robot, None, rules.tolerance, rules.heading, family, span, rules.criteria)
 
 
-def solver_between(world: World, family: Family) -> Solver:
+def solver_between(scene: Scene, family: Family) -> Solver:
     """Solver for the way between set-points, where of the criteria the joint margin alone is kept."""
-    rules, asked = world.rules, world.rules.criteria
+    rules, asked = scene.rules, scene.rules.criteria
     margin = None if asked is None else Criteria(joint_margin=asked.joint_margin)
-    return Solver(world.robot, None, rules.tolerance, rules.heading, family, criteria=margin)
+    return Solver(scene.robot, None, rules.tolerance, rules.heading, family, criteria=margin)

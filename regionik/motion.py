@@ -25,9 +25,9 @@ from regionik.moving.path_search import Ahead, JoinedMotion, PathSearch, SearchS
 from regionik.planners.progress import tell, track
 from regionik.postures.poses import Pose, Row
 from regionik.pruning import Pruned, choose_chain, solvers_along, start_place, start_pose
+from regionik.scene import Scene
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Explanation, NoPlanFound
-from regionik.worlds.scene import World
 
 TRIES = 16  # candidates tried at the next set-point, or to begin a run from
 BEGUN = 3  # of the longest runs of base and joints together, of which one is gone on with by search
@@ -47,7 +47,7 @@ class JoinedRun(NamedTuple):
 
 
 def connect_setpoints(
-    world: World, pruned: Pruned, standing: Standing, held: Mapping[int, Candidate], seed: int
+    scene: Scene, pruned: Pruned, standing: Standing, held: Mapping[int, Candidate], seed: int
 ) -> JoinedMotion:
     """Join the set-points of a world to one motion.
 
@@ -55,9 +55,9 @@ def connect_setpoints(
     arm touches something in every posture that was looked at, or cannot get there.
     """
     layers = None
-    if world.robot.drive.rolls:
-        layers = LayeredSearch(world, pruned.ladder, pruned.keep, pruned.breaks, standing)
-    search = path_search(world, pruned.ladder, standing, seed, layers)
+    if scene.robot.drive.rolls:
+        layers = LayeredSearch(scene, pruned.ladder, pruned.keep, pruned.breaks, standing)
+    search = path_search(scene, pruned.ladder, standing, seed, layers)
     return _Connection(pruned, standing, held, search).made()
 
 
@@ -71,12 +71,12 @@ class _Connection:
     search: PathSearch
 
     @property
-    def world(self) -> World:
-        return self.search.world
+    def scene(self) -> Scene:
+        return self.search.scene
 
     @property
     def _rolls(self) -> bool:
-        return self.world.robot.drive.rolls
+        return self.scene.robot.drive.rolls
 
     @cached_property
     def nominal(self) -> tuple[Candidate, ...]:
@@ -84,20 +84,20 @@ class _Connection:
 
         Raises NoPlanFound where it does not converge and no search for other postures is allowed.
         """
-        world, pruned, standing = self.world, self.pruned, self.standing
-        chain = choose_chain(pruned, standing, start_place(world))
-        solvers = solvers_along(world, pruned.ladder, standing, chain)
-        task = track("configurations", world.task)
-        goals = configurations(task, solvers, start_pose(world, pruned, chain[0]))
+        scene, pruned, standing = self.scene, self.pruned, self.standing
+        chain = choose_chain(pruned, standing, start_place(scene))
+        solvers = solvers_along(scene, pruned.ladder, standing, chain)
+        task = track("configurations", scene.task)
+        goals = configurations(task, solvers, start_pose(scene, pruned, chain[0]))
         left = [i for i, goal in enumerate(goals) if not goal.converged]
-        if left and not world.rules.avoidance:
-            raise NoPlanFound(arm_failures.no_posture(world, left[0]))
+        if left and not scene.rules.avoidance:
+            raise NoPlanFound(arm_failures.no_posture(scene, left[0]))
         return tuple(Candidate(goal, k) for goal, k in zip(goals, chain, strict=True))
 
     def made(self) -> JoinedMotion:
         """Join run after run until the path is complete."""
         rows, done, lifts = self.search.start(), list[Candidate](), 0
-        most, count = self.world.rules.max_lift_offs, len(self.world.task)
+        most, count = self.scene.rules.max_lift_offs, len(self.scene.task)
         while True:
             way, steps = self._run(len(done), rows[-1].pose if rows else None)
             rows += way
@@ -118,9 +118,9 @@ class _Connection:
         where they get stuck, configurations are searched, those of M-FABRIK first; where that leads nowhere
         soon, base and joints go on together from elsewhere before the search ends.
         """
-        count = min((k for k in self.pruned.breaks if k > i), default=len(self.world.task)) - i
+        count = min((k for k in self.pruned.breaks if k > i), default=len(self.scene.task)) - i
         best: JoinedRun | None = None
-        if self._rolls or any(one.direction is not None for one in self.world.task[i : i + count]):
+        if self._rolls or any(one.direction is not None for one in self.scene.task[i : i + count]):
             best = self._together(i, count, here, self._starts(i, here), resumed=not self._rolls)
         if best is None or len(best.steps) < count:
             best = self._searched(i, count, here, best)
@@ -202,7 +202,7 @@ class _Connection:
         """
         if self._rolls:
             return None
-        chain = self.world.robot.chain
+        chain = self.scene.robot.chain
         room = np.where(np.isfinite(chain.upper - chain.lower), ROOM * (chain.upper - chain.lower), 0.0)
         home: Array = np.clip(first.found.joints, chain.lower + room, chain.upper - room)
         return home
@@ -211,11 +211,11 @@ class _Connection:
         """What M-FABRIK finds at a set-point: at the first, before a chain is made, in its widest area."""
         if i > 0 or self._rolls:
             return self.nominal[i]
-        ladder, world = self.pruned.ladder, self.world
+        ladder, scene = self.pruned.ladder, self.scene
         kept = self.pruned.kept(0)
         k = kept[int(np.argmax(shapely.area(ladder.component[kept])))]
-        (solver,) = solvers_along(world, ladder, self.standing, [k])
-        return Candidate(solver(world.task[0], *start_pose(world, self.pruned, k)), k)
+        (solver,) = solvers_along(scene, ladder, self.standing, [k])
+        return Candidate(solver(scene.task[0], *start_pose(scene, self.pruned, k)), k)
 
     def _arrive(self, i: int, here: Pose | None) -> tuple[list[Row], Candidate]:
         """Move to a first candidate at set-point i with the tool lifted, from the start or the last run."""
@@ -230,7 +230,7 @@ class _Connection:
 
     def _ahead(self, i: int, here: Candidate) -> Iterator[Candidate]:
         """Candidates at the set-point after i, in components that the base can move to."""
-        if i + 1 >= len(self.world.task):
+        if i + 1 >= len(self.scene.task):
             return iter(())
         ladder = self.pruned.ladder  # a base may turn into another component where it has come to
         after = set(ladder.group[ladder.ahead[here.component]].tolist())
@@ -245,7 +245,7 @@ class _Connection:
 
     def _onward(self, home: Array | None, i: int, here: Candidate) -> Iterator[Candidate]:
         """The candidate to which base and joints go on together from set-point i."""
-        if i + 1 >= len(self.world.task):
+        if i + 1 >= len(self.scene.task):
             return iter(())
         return self.search.sampler.resolved_onward(i + 1, here.pose, home)
 
@@ -259,7 +259,7 @@ class _Connection:
         return [k for k in range(rungs[i], rungs[i + 1]) if not keep[k]]
 
     def _one_lift_too_many(self, i: int) -> Explanation:
-        world, guard, touch = self.world, self.search.guard, self.search.follower.stops.get(i - 1)
+        scene, guard, touch = self.scene, self.search.guard, self.search.follower.stops.get(i - 1)
         if touch is None:
-            return arm_failures.arm_must_lift(world, i, "the arm would have to jump", None)
-        return arm_failures.arm_must_lift(world, i, guard.words(touch), guard.cause(touch))
+            return arm_failures.arm_must_lift(scene, i, "the arm would have to jump", None)
+        return arm_failures.arm_must_lift(scene, i, guard.words(touch), guard.cause(touch))

@@ -8,7 +8,6 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from regionik.areas.surroundings import about_path
 from regionik.explain import arm_failures, failures
 from regionik.explain.changes import repaired
 from regionik.explain.questions import ArmQuestion, Oracles, PathQuestion
@@ -30,10 +29,11 @@ from regionik.planners.tries import count_tries, counted
 from regionik.postures.poses import lift_offs, motion_stats
 from regionik.pruning import spans, whole_path
 from regionik.reachability.any_base import can_search, search_any_base
-from regionik.reachability.reach import reach
+from regionik.reachability.reach import reached
 from regionik.reachability.target_search import TargetSearch
 from regionik.reachability.unreached import unreached
 from regionik.regions import has_no_known_place, planned_areas
+from regionik.scene import Scene, scene_of
 from regionik.smoothing.smooth_motion import smooth_motion
 from regionik.tracker import can_track, plan_tracked
 from regionik.values import Plan, PlannedArea, Stop
@@ -52,9 +52,9 @@ from regionik.worlds.scene import Target, World
 
 ASKED = 60  # set-points, up to which `reach` is asked for all that may lack a clear posture besides one
 ORACLES = Oracles(
-    reach=lambda world: reach(world, world.task),
-    seen=lambda world: TargetSearch(world, world.task[0]).in_areas() is not None,
-    look=lambda world, cells: search_any_base(world, world.task[0], cells).verdict,
+    reach=lambda scene: reached(scene, scene.task),
+    seen=lambda scene: TargetSearch(scene, scene.task[0]).in_areas() is not None,
+    look=lambda scene, cells: search_any_base(scene, scene.task[0], cells).verdict,
 )
 
 
@@ -90,48 +90,50 @@ def plan(world: World, *, seed: int = 0, say: Say | None = None, progress: Progr
     0
     """
     with listening(progress), counted():
-        return _planned(world, seed, lambda left, quick: _explained(left, quick, seed, say or unsaid))
+        return _planned(
+            scene_of(world), seed, lambda left, quick: _explained(left, quick, seed, say or unsaid)
+        )
 
 
-def _planned(world: World, seed: int, explained: Explained) -> Plan:
+def _planned(scene: Scene, seed: int, explained: Explained) -> Plan:
     """Return a plan of all set-points, or of those that can be done where the rules leave others out."""
 
-    def attempt(left: World) -> Plan:
+    def attempt(left: Scene) -> Plan:
         return _verified(_timed_where_asked(_staged(left, seed)))
 
-    if world.rules.skip_unreachable:
-        found, skipped = leaving_out(world, attempt, explained)
+    if scene.rules.skip_unreachable:
+        found, skipped = leaving_out(scene, attempt, explained)
         return with_skipped(found, skipped)
     try:
-        return attempt(world)
+        return attempt(scene)
     except NoPlanFound as no:
-        raise NoPlanFound(explained(world, _naming_all(world, no.explanation))) from None
+        raise NoPlanFound(explained(scene, _naming_all(scene, no.explanation))) from None
 
 
-def _naming_all(world: World, first: Explanation) -> Explanation:
+def _naming_all(scene: Scene, first: Explanation) -> Explanation:
     """The first refusal with all set-points named that cannot be done, by areas and by `reach`."""
-    every = naming_each(world, first, _check_areas)
+    every = naming_each(scene, first, _check_areas)
     if any(one.verdict == "no-posture" for one in failures_of(first)):
-        every = replace(every, failures=in_order([*failures_of(every), *_unreached(world, every)]))
-    return naming_all(every, len(world.task))
+        every = replace(every, failures=in_order([*failures_of(every), *_unreached(scene, every)]))
+    return naming_all(every, len(scene.task))
 
 
-def _unreached(world: World, found: Explanation) -> Iterator[SetpointFailure]:
+def _unreached(scene: Scene, found: Explanation) -> Iterator[SetpointFailure]:
     """Other set-points that `reach` does not reach, of those that the plan did not get to; none of many."""
-    known, buried = {one.setpoint for one in failures_of(found)}, arm_failures.target_in_solid(world)
-    if buried is None and world.rules.order == "given":
+    known, buried = {one.setpoint for one in failures_of(found)}, arm_failures.target_in_solid(scene)
+    if buried is None and scene.rules.order == "given":
         known |= set(range(found.setpoint or 0))
-    rest = [i for i in range(len(world.task)) if i not in known]
-    yield from unreached(world, rest if len(rest) <= ASKED else [])
+    rest = [i for i in range(len(scene.task)) if i not in known]
+    yield from unreached(scene, rest if len(rest) <= ASKED else [])
 
 
-def _check_areas(world: World) -> None:
+def _check_areas(scene: Scene) -> None:
     """Raise `NoPlanFound` where solids bury set-points, or areas leave no place for the base."""
-    _refuse(arm_failures.target_in_solid(world))
-    if world.rules.mode == "stops":
-        park(world)
-    elif not can_track(world):
-        whole_path(world)
+    _refuse(arm_failures.target_in_solid(scene))
+    if scene.rules.mode == "stops":
+        park(scene)
+    elif not can_track(scene):
+        whole_path(scene)
 
 
 def _timed_where_asked(found: Plan) -> Plan:
@@ -194,63 +196,63 @@ def why(
     """
     with listening(progress), counted():
         if target is None:
-            return _why_path(world, 0, say or unsaid)
-        return _why_target(world, target, say or unsaid)
+            return _why_path(scene_of(world), 0, say or unsaid)
+        return _why_target(scene_of(world), target, say or unsaid)
 
 
-def _why_target(world: World, target: Target | ArrayLike, say: Say) -> Explanation | None:
+def _why_target(scene: Scene, target: Target | ArrayLike, say: Say) -> Explanation | None:
     if not isinstance(target, Target):
         target = Target(frozen(target, (3,), "target"))
-    asked = near_setpoint(replace(world, task=(target,)), 0)
+    asked = near_setpoint(scene.changed(task=(target,)), 0)
     buried = arm_failures.target_in_solid(asked)
-    if buried is None and (answer := reach(asked, asked.task)).reachable[0]:
+    if buried is None and (answer := reached(asked, asked.task)).reachable[0]:
         return None
     if has_no_known_place(asked):
         return explained_target(asked, 0, failures.no_place(asked, 0), ORACLES, say)
     if buried is not None:
         return _explained_arm(asked, 0, replace(buried, verdict="unreachable"), say)
-    reason, causes = f"{answer.reason[0].rstrip('.')}.", (Cause("limits", world.robot.name),)
+    reason, causes = f"{answer.reason[0].rstrip('.')}.", (Cause("limits", scene.robot.name),)
     if answer.verdict[0] == "undecided":
         return Explanation("undecided", 0, reason, causes)
     return _explained_arm(asked, 0, Explanation("unreachable", 0, reason, causes), say)
 
 
-def _why_path(world: World, seed: int, say: Say) -> Explanation | None:
+def _why_path(scene: Scene, seed: int, say: Say) -> Explanation | None:
     """The explanation of `plan`, or of what it leaves out."""
     try:
-        found = _planned(world, seed, lambda left, quick: _explained(left, quick, seed, say))
+        found = _planned(scene, seed, lambda left, quick: _explained(left, quick, seed, say))
     except NoPlanFound as no:
         return no.explanation
     if not found.skipped:
         return None
-    return _why_path(replace(world, rules=replace(world.rules, skip_unreachable=False)), seed, say)
+    return _why_path(scene.changed(rules=replace(scene.rules, skip_unreachable=False)), seed, say)
 
 
-def _explained(world: World, quick: Explanation, seed: int, say: Say) -> Explanation:
+def _explained(scene: Scene, quick: Explanation, seed: int, say: Say) -> Explanation:
     """Return an explanation with causes and repairs, by areas where they allow no plan, else by plans."""
 
-    def plans(changed: World) -> bool:
+    def plans(changed: Scene) -> bool:
         return _can_be_planned(changed, seed)
 
     i = quick.setpoint
-    if can_track(world):
+    if can_track(scene):
         return quick
-    if quick.verdict == "start-blocked" and failures.blocked_start(world) is not None:
+    if quick.verdict == "start-blocked" and failures.blocked_start(scene) is not None:
         return _said(
-            mended_start(world, quick, lambda left: failures.blocked_start(left) is not None, plans), say
+            mended_start(scene, quick, lambda left: failures.blocked_start(left) is not None, plans), say
         )
-    if quick.verdict == "ladder-broken" and i is not None and not spans(world):
-        return explained(PathQuestion(world, i, spans, plans), quick, say)
+    if quick.verdict == "ladder-broken" and i is not None and not spans(scene):
+        return explained(PathQuestion(scene, i, spans, plans), quick, say)
     if quick.verdict in ("unreachable", "undecided") and i is not None:
-        if has_no_known_place(near_setpoint(world, i)):
-            return explained_target(world, i, quick, ORACLES, say)
-        return _said(_with_what_helps(world, quick, i), say)  # there is no room to park
+        if has_no_known_place(near_setpoint(scene, i)):
+            return explained_target(scene, i, quick, ORACLES, say)
+        return _said(_with_what_helps(scene, quick, i), say)  # there is no room to park
     if quick.verdict == "no-posture" and i is not None:
-        found = _explained_arm(world, i, quick, say)
+        found = _explained_arm(scene, i, quick, say)
         if found is not quick:
             return found
     with counted() as tries:
-        return _said(mended_motion(world, quick, plans, tries.made), say)
+        return _said(mended_motion(scene, quick, plans, tries.made), say)
 
 
 def _said(found: Explanation, say: Say) -> Explanation:
@@ -259,12 +261,12 @@ def _said(found: Explanation, say: Say) -> Explanation:
     return found
 
 
-def _with_what_helps(world: World, quick: Explanation, i: int) -> Explanation:
+def _with_what_helps(scene: Scene, quick: Explanation, i: int) -> Explanation:
     """The explanation with those of its repairs after which areas leave set-point i a place."""
 
     def helps(repair: Repair) -> bool:
         try:
-            _check_areas(repaired(world, repair, i))
+            _check_areas(repaired(scene, repair, i))
         except NoPlanFound as no:
             return all(one.setpoint != i for one in failures_of(no.explanation))
         return True
@@ -272,81 +274,83 @@ def _with_what_helps(world: World, quick: Explanation, i: int) -> Explanation:
     return replace(quick, repairs=tuple(repair for repair in quick.repairs if helps(repair)))
 
 
-def _explained_arm(world: World, i: int, quick: Explanation, say: Say) -> Explanation:
+def _explained_arm(scene: Scene, i: int, quick: Explanation, say: Say) -> Explanation:
     """Return an explanation with causes and repairs, where no posture from any place is proven clear."""
-    asked = near_setpoint(world, i)
-    question = ArmQuestion(asked, target_name(world, i), ORACLES, (about_path(world), i))
-    if not (can_search(world) and question.closed(asked)):
+    asked = near_setpoint(scene, i)
+    question = ArmQuestion(asked, target_name(scene, i), ORACLES, (scene.about_path(), i))
+    if not (can_search(scene) and question.closed(asked)):
         return quick
     return explained(question, quick, say)
 
 
-def _can_be_planned(world: World, seed: int) -> bool:
+def _can_be_planned(scene: Scene, seed: int) -> bool:
     try:
-        search(world, seed)
+        search(scene, seed)
     except NoPlanFound:
         return False
     return True
 
 
-def search(world: World, seed: int = 0) -> Plan:
+def search(scene: Scene, seed: int = 0) -> Plan:
     """Return a verified plan, not timed; raise `NoPlanFound` with a quick explanation where there is none."""
-    return _verified(_staged(world, seed))
+    return _verified(_staged(scene, seed))
 
 
-def _staged(world: World, seed: int) -> Plan:
+def _staged(scene: Scene, seed: int) -> Plan:
     """Return what the stages make of a world, which the last of them may have verified.
 
     Of a map with thousands of blobs what is about the path comes first; the plan is verified in the whole.
     """
-    check_world(world)
-    near = about_path(world)
-    if near is world:
-        return _staged_within(world, seed)
+    check_world(scene)
+    near = scene.about_path()
+    if near is scene:
+        return _staged_within(scene, seed)
     try:
         found = _staged_within(near, seed)
         stats = {key: value for key, value in found.stats.items() if key != "margins"}
         return _verified(
             replace(
-                found, world=replace(found.world, floor=world.floor, obstacles=world.obstacles), stats=stats
+                found,
+                world=replace(found.world, floor=scene.floor, obstacles=scene.world.obstacles),
+                stats=stats,
             )
         )
     except NoPlanFound:
-        return _staged_within(world, seed)
+        return _staged_within(scene, seed)
 
 
-def _staged_within(world: World, seed: int) -> Plan:
+def _staged_within(scene: Scene, seed: int) -> Plan:
     """Return what the stages make of a world that may be planned for."""
     count_tries()
-    _refuse(arm_failures.target_in_solid(world))
-    if world.rules.mode == "stops":
-        return _plan_stops(world, seed)
-    return plan_tracked(world, seed) if can_track(world) else _plan_path(world, seed)
+    _refuse(arm_failures.target_in_solid(scene))
+    if scene.rules.mode == "stops":
+        return _plan_stops(scene, seed)
+    return plan_tracked(scene, seed) if can_track(scene) else _plan_path(scene, seed)
 
 
-def _plan_path(world: World, seed: int) -> Plan:
+def _plan_path(scene: Scene, seed: int) -> Plan:
     """A plan with the tool on its path wherever the base can move with it."""
-    standing, areas, pruned = whole_path(world)
-    held = standing_runs(world, pruned, standing)
-    joined = connect_setpoints(world, pruned, standing, held, seed)
-    shown = planned_areas(world, areas, standing, pruned.left)
-    found = _verified(_finished(world, seed, joined, shown))
-    return smooth_motion(found, standing)
+    standing, areas, pruned = whole_path(scene)
+    held = standing_runs(scene, pruned, standing)
+    joined = connect_setpoints(scene, pruned, standing, held, seed)
+    shown = planned_areas(scene, areas, standing, pruned.left)
+    found = _verified(_finished(scene, seed, joined, shown))
+    return smooth_motion(scene, found, standing)
 
 
-def _plan_stops(world: World, seed: int) -> Plan:
+def _plan_stops(scene: Scene, seed: int) -> Plan:
     """A plan with the base standing still at the fewest stops."""
-    parking = park(world)
-    work = in_sequence(world, parking)
+    parking = park(scene)
+    work = in_sequence(scene, parking)
     with naming_as_given(work.order):
         done = connect_stops(work, seed)
     parked = work.parking_areas
-    shown = planned_areas(work.world, parked.areas, parked.standing, lambda i: done.places[i])
+    shown = planned_areas(work.scene, parked.areas, parked.standing, lambda i: done.places[i])
     stops = {**parking.stats(len(done.stops)), "split_before": list(done.split)}
     stats: dict[str, Any] = {"stops": stops}
-    if world.rules.order == "any":
+    if scene.rules.order == "any":
         stats |= {"order": list(work.order), "tour": dict(work.tours)}
-    return _finished(work.world, seed, done.joined, shown, done.stops, stats)
+    return _finished(work.scene, seed, done.joined, shown, done.stops, stats)
 
 
 def _verified(found: Plan) -> Plan:
@@ -364,24 +368,24 @@ def _refuse(failure: Explanation | None) -> None:
         raise NoPlanFound(failure)
 
 
-def check_world(world: World) -> None:
+def check_world(scene: Scene) -> None:
     """Refuse worlds that cannot be planned at all."""
-    if not world.task:
-        raise InputError(f"{world.name}: task: expected at least one set-point")
-    if world.rules.heading not in world.robot.drive.headings:
+    if not scene.task:
+        raise InputError(f"{scene.world.name}: task: expected at least one set-point")
+    if scene.rules.heading not in scene.robot.drive.headings:
         raise InputError(
-            f"{world.name}: rules.heading: a base on wheels turns as it drives, expected free, "
-            f"got {world.rules.heading}"
+            f"{scene.world.name}: rules.heading: a base on wheels turns as it drives, expected free, "
+            f"got {scene.rules.heading}"
         )
-    if world.rules.mode == "stops":
-        check_stops(world)
-    if world.rules.mode == "stops" or not can_track(world):
-        reach_bound(world.robot.chain)  # refuses robots that areas do not cover
-    _refuse(failures.blocked_start(world))
+    if scene.rules.mode == "stops":
+        check_stops(scene)
+    if scene.rules.mode == "stops" or not can_track(scene):
+        reach_bound(scene.robot.chain)  # refuses robots that areas do not cover
+    _refuse(failures.blocked_start(scene))
 
 
 def _finished(
-    world: World,
+    scene: Scene,
     seed: int,
     joined: JoinedMotion,
     areas: tuple[PlannedArea, ...],
@@ -389,7 +393,9 @@ def _finished(
     more: Mapping[str, Any] | None = None,
 ) -> Plan:
     """Assemble the results of the stages, joints in the middle of their turns."""
-    joined = brought_to_the_middle(world, joined)
-    known = motion_stats(world.robot.drive, joined.setpoints, joined.motion, joined.methods)
+    joined = brought_to_the_middle(scene, joined)
+    known = motion_stats(scene.robot.drive, joined.setpoints, joined.motion, joined.methods)
     stats = {**known, **(more or {})}
-    return Plan(world, seed, joined.setpoints, joined.motion, areas, lift_offs(joined.motion), stops, stats)
+    return Plan(
+        scene.world, seed, joined.setpoints, joined.motion, areas, lift_offs(joined.motion), stops, stats
+    )

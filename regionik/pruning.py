@@ -26,9 +26,9 @@ from regionik.planners.geometry.polygons import FlatPolygon, clamp_each
 from regionik.planners.progress import track
 from regionik.postures.poses import axis_of
 from regionik.regions import distinct_ways_to_stand, path_areas
+from regionik.scene import Scene
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
-from regionik.worlds.scene import World
 
 TURN_WEIGHT = 0.1  # cost of a turn of the base against driving [m/rad]
 
@@ -67,7 +67,7 @@ class Pruned:
         return None if all(left) else left.index(False)
 
 
-def whole_path(world: World) -> tuple[Standing, PathAreas, Pruned]:
+def whole_path(scene: Scene) -> tuple[Standing, PathAreas, Pruned]:
     """Return the free floor of the base, the areas of the whole path, and their pruned ladder.
 
     The arm faces its targets and the base turns freely where that suffices. Postures over the arm's back, and
@@ -75,10 +75,10 @@ def whole_path(world: World) -> tuple[Standing, PathAreas, Pruned]:
     none of them spans the path.
     """
     found: list[tuple[Standing, PathAreas, Pruned]] = []
-    for standing, facings in distinct_ways_to_stand(world):
-        areas, pruned = prune_path(world, standing(world), facings)
+    for standing, facings in distinct_ways_to_stand(scene):
+        areas, pruned = prune_path(scene, standing, facings)
         if isinstance(pruned, Pruned):
-            found.append((standing(world), areas, pruned))
+            found.append((standing, areas, pruned))
             if not pruned.breaks:
                 break
     if not found and not isinstance(pruned, Pruned):
@@ -86,74 +86,72 @@ def whole_path(world: World) -> tuple[Standing, PathAreas, Pruned]:
     return min(found, key=lambda one: len(one[2].breaks))
 
 
-def spans(world: World) -> bool:
+def spans(scene: Scene) -> bool:
     """Return True where `whole_path` succeeds, without an explanation where it does not."""
-    every = (
-        prune_path(world, standing(world), facings)[1] for standing, facings in distinct_ways_to_stand(world)
-    )
+    every = (prune_path(scene, standing, facings)[1] for standing, facings in distinct_ways_to_stand(scene))
     return any(isinstance(pruned, Pruned) for pruned in every)
 
 
 def prune_path(
-    world: World, standing: Standing, facings: tuple[int, ...]
+    scene: Scene, standing: Standing, facings: tuple[int, ...]
 ) -> tuple[PathAreas, Pruned | Refusal]:
     """Areas of all set-points for some facings, and their ladder pruned from the floor the base stands on.
 
     Where a set-point has no area, or none that the base can get to, or there are too many lift-offs, what
     explains it, which may take longer than all else.
     """
-    areas = path_areas(world, facings=facings, standing=standing)
-    return areas, _cut(world, standing, build_ladder(areas, len(world.task), standing))
+    areas = path_areas(scene, facings=facings, standing=standing)
+    return areas, _cut(scene, standing, build_ladder(areas, len(scene.task), standing))
 
 
-def _cut(world: World, standing: Standing, ladder: Ladder) -> Pruned | Refusal:
+def _cut(scene: Scene, standing: Standing, ladder: Ladder) -> Pruned | Refusal:
     if ladder.empty:
-        return partial(_unserved, world, standing, ladder)
-    every = (prune(ladder, ladder.floor == piece) for piece in _start_pieces(world, standing, ladder))
+        return partial(_unserved, scene, standing, ladder)
+    every = (prune(ladder, ladder.floor == piece) for piece in _start_pieces(scene, standing, ladder))
     pruned = min(every, key=lambda found: (found.gap is not None, len(found.breaks)))
     if pruned.gap is not None:
-        return partial(_unserved, world, standing, ladder)
-    allowed = world.rules.max_lift_offs
+        return partial(_unserved, scene, standing, ladder)
+    allowed = scene.rules.max_lift_offs
     if allowed is not None and len(pruned.breaks) > allowed:
-        return partial(_too_many_lifts, world, pruned)
+        return partial(_too_many_lifts, scene, pruned)
     return pruned
 
 
-def _too_many_lifts(world: World, pruned: Pruned) -> Explanation:
+def _too_many_lifts(scene: Scene, pruned: Pruned) -> Explanation:
     bridges = [shapely.shortest_line(pruned.area(i - 1), pruned.area(i)) for i in pruned.breaks]
-    return too_many_lifts(world, pruned.breaks, bridges)
+    return too_many_lifts(scene, pruned.breaks, bridges)
 
 
-def _unserved(world: World, standing: Standing, ladder: Ladder) -> Explanation:
+def _unserved(scene: Scene, standing: Standing, ladder: Ladder) -> Explanation:
     """Explain all set-points without a place for the base, or with none that it gets to."""
-    found = [no_place(world, i) for i in track("reasons", ladder.empty)]
-    piece = _widest_piece(world, standing, ladder)
+    found = [no_place(scene, i) for i in track("reasons", ladder.empty)]
+    piece = _widest_piece(scene, standing, ladder)
     for i in ladder.off(piece):
         if piece is None or found:
             here = Polygon() if piece is None else shapely.union_all(standing.whole(piece))
-            failure = beyond(world, i, here, shapely.union_all(ladder.component[_rung(ladder, i)]))
-            cause = Cause("base", world.robot.name)
+            failure = beyond(scene, i, here, shapely.union_all(ladder.component[_rung(ladder, i)]))
+            cause = Cause("base", scene.robot.name)
             found.append(Explanation("ladder-broken", i, failure.reason, (cause,), failures=(failure,)))
         else:
-            found.append(cut_off_from(world, i, piece, ladder, standing))
+            found.append(cut_off_from(scene, i, piece, ladder, standing))
     return together(found)
 
 
-def _widest_piece(world: World, standing: Standing, ladder: Ladder) -> int | None:
+def _widest_piece(scene: Scene, standing: Standing, ladder: Ladder) -> int | None:
     """The piece of free floor that the base starts on, else the one from which most set-points are done."""
-    if world.start is not None:
-        return next(iter(_start_pieces(world, standing, ladder)), None)
+    if scene.start is not None:
+        return next(iter(_start_pieces(scene, standing, ladder)), None)
     pieces = sorted(set(ladder.floor.tolist()) - {-1})
     return min(pieces, key=lambda piece: len(ladder.off(piece)), default=None)
 
 
-def cut_off_from(world: World, i: int, piece: int, ladder: Ladder, standing: Standing) -> Explanation:
+def cut_off_from(scene: Scene, i: int, piece: int, ladder: Ladder, standing: Standing) -> Explanation:
     """Explain why the base does not get from the floor it works on to any component of set-point i."""
     span, own = _rung(ladder, i), ladder.floor == piece
-    start, areas = start_place(world), ladder.component[span]
+    start, areas = start_place(scene), ladder.component[span]
     here = poses_in(standing, ladder.component[own], ladder.side[own])[0] if start is None else start
     there, floor = poses_in(standing, areas, ladder.side[span]), shapely.union_all(standing.whole(piece))
-    return cut_off(world, i, here, there, floor, shapely.union_all(areas))
+    return cut_off(scene, i, here, there, floor, shapely.union_all(areas))
 
 
 def _rung(ladder: Ladder, i: int) -> slice:
@@ -161,9 +159,9 @@ def _rung(ladder: Ladder, i: int) -> slice:
     return slice(*ladder.rungs[i : i + 2].tolist())
 
 
-def _start_pieces(world: World, standing: Standing, ladder: Ladder) -> list[int]:
+def _start_pieces(scene: Scene, standing: Standing, ladder: Ladder) -> list[int]:
     """Pieces of free floor for the base: the one it starts on, or any of the first set-point."""
-    start = start_place(world)
+    start = start_place(scene)
     if start is None:
         return sorted(set(ladder.floor[: ladder.rungs[1]].tolist()))
     piece = standing.piece_at(start[:2], float(start[2]))
@@ -200,25 +198,25 @@ def _followed(keep: Mask, neighbours: list[list[int]]) -> Mask:
     return np.array([followed[id(row)] for row in neighbours], dtype=bool)
 
 
-def start_place(world: World) -> Array | None:
+def start_place(scene: Scene) -> Array | None:
     """First place of the arm axis and heading of the base, (3,); None where the world leaves it open."""
-    if world.start is None:
+    if scene.start is None:
         return None
-    return np.array([*axis_of(world.robot, world.start.base), world.start.base[2]])
+    return np.array([*axis_of(scene.robot, scene.start.base), scene.start.base[2]])
 
 
-def solvers_along(world: World, ladder: Ladder, standing: Standing, chain: Sequence[int]) -> Iterator[Solver]:
+def solvers_along(scene: Scene, ladder: Ladder, standing: Standing, chain: Sequence[int]) -> Iterator[Solver]:
     """Solver of each set-point, for its component of the chain and that component's headings."""
     for k in chain:
-        yield solver_for(world, ladder.family[k], ladder.flat(k), standing.sides[ladder.side[k]].span)
+        yield solver_for(scene, ladder.family[k], ladder.flat(k), standing.sides[ladder.side[k]].span)
 
 
-def start_pose(world: World, pruned: Pruned, component: int) -> tuple[Array, Array]:
+def start_pose(scene: Scene, pruned: Pruned, component: int) -> tuple[Array, Array]:
     """Base and joints that M-FABRIK starts from: the world's start, or the middle of a component."""
-    if world.start is not None:
-        return world.start.base, world.start.joints
+    if scene.start is not None:
+        return scene.start.base, scene.start.joints
     spot = pruned.ladder.component[component].representative_point()
-    return np.array([spot.x, spot.y, 0.0]), world.robot.carry
+    return np.array([spot.x, spot.y, 0.0]), scene.robot.carry
 
 
 def choose_chain(pruned: Pruned, standing: Standing, start: Array | None) -> list[int]:

@@ -17,22 +17,15 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import Side, ground_of, united
-from regionik.areas.lifted import lifted_rejection, lifted_rejections
-from regionik.areas.reachable import inner_rows, model_of, reach_rows
+from regionik.areas.ground import Side, united
 from regionik.areas.standing import (
     LEAST_AREA,
     PathAreas,
     Standing,
-    anywhere,
-    by_heading,
-    outer_by_heading,
-    span_of_rules,
-    turning,
-    turns_matter,
 )
-from regionik.areas.surroundings import within_reach
 from regionik.postures.families import BACK, FRONT
+from regionik.reach_rows import inner_rows, reach_rows
+from regionik.scene import Scene, scene_of
 from regionik.values import PlannedArea
 from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import Array, frozen
@@ -94,12 +87,12 @@ class Area:
     @cached_property
     def causes(self) -> tuple[RejectedPart, ...]:
         """Causes that took the rest of the stretched-arm disc away, each with name and polygon."""
-        return rejected_parts(self.world, self.target)
+        return rejected_parts(scene_of(self.world), self.target)
 
     @cached_property
     def clearance(self) -> float | None:
         """Largest clearance at which the area would not be empty [m]; None where not even 0 helps."""
-        return largest_clearance(self.world, self.target)
+        return largest_clearance(scene_of(self.world), self.target)
 
 
 def admissible_area(world: World, target: Target | ArrayLike, criteria: Criteria | None = None) -> Area:
@@ -127,22 +120,23 @@ def admissible_area(world: World, target: Target | ArrayLike, criteria: Criteria
         target = Target(frozen(target, (3,), "target"))
     if criteria is not None:
         world = replace(world, rules=replace(world.rules, criteria=criteria))
-    inner = _whole_areas(world, [target], inner=True, proven=True)[0]
-    return Area(target, inner, _whole_areas(world, [target], inner=False)[0], world)
+    scene = scene_of(world)
+    inner = _whole_areas(scene, [target], inner=True, proven=True)[0]
+    return Area(target, inner, _whole_areas(scene, [target], inner=False)[0], world)
 
 
-def known_area(world: World, target: Target) -> BaseGeometry:
+def known_area(scene: Scene, target: Target) -> BaseGeometry:
     """Inner area of a target at any heading as plans use it, sampled where that is: see `ReachQuery`."""
-    return _whole_areas(world, [target], inner=True)[0]
+    return _whole_areas(scene, [target], inner=True)[0]
 
 
 def _whole_areas(
-    world: World, targets: Sequence[Target], *, inner: bool, proven: bool = False
+    scene: Scene, targets: Sequence[Target], *, inner: bool, proven: bool = False
 ) -> list[BaseGeometry]:
     """Area of each target at any heading, from within or from outside."""
     which, parts = [np.empty(0, dtype=np.intp)], [np.empty(0, dtype=object)]
-    for side in (turning(world) if inner else outer_by_heading(world)).sides:
-        rows, _, rings = reach_rows(world, targets, (FRONT, BACK), inner=inner, span=side.span, proven=proven)
+    for side in (scene.free_floor.turning if inner else scene.free_floor.outer).sides:
+        rows, _, rings = reach_rows(scene, targets, (FRONT, BACK), inner=inner, span=side.span, proven=proven)
         which.append(rows)
         parts.append(side.subtract(rings))
     owner, areas = np.concatenate(which), np.concatenate(parts)
@@ -150,7 +144,7 @@ def _whole_areas(
 
 
 def path_areas(
-    world: World,
+    scene: Scene,
     targets: Sequence[Target] | None = None,
     facings: Sequence[int] = (FRONT, BACK),
     standing: Standing | None = None,
@@ -162,9 +156,9 @@ def path_areas(
     The free floor is by default that of every heading. With ``coarse`` areas are likely, not proven: see
     `ReachQuery`.
     """
-    asked = world.task if targets is None else targets
-    sides = (standing or anywhere(world)).sides
-    found = inner_rows(world, asked, facings, [side.span for side in sides], coarse=coarse)
+    asked = scene.task if targets is None else targets
+    sides = (standing or scene.free_floor.anywhere).sides
+    found = inner_rows(scene, asked, facings, [side.span for side in sides], coarse=coarse)
     areas = [side.subtract(rings) for side, (_, _, rings) in zip(sides, found, strict=True)]
     by_side = PathAreas(
         np.concatenate([rows for rows, _, _ in found]),
@@ -175,90 +169,91 @@ def path_areas(
     return by_side.sorted_by(by_side.target)
 
 
-def ways_to_stand(world: World) -> Iterator[tuple[Callable[[World], Standing], tuple[int, ...]]]:
+def ways_to_stand(scene: Scene) -> Iterator[tuple[Standing, tuple[int, ...]]]:
     """Free floors of the base and facings of the arm, the simplest first."""
-    yield from ((anywhere, (FRONT,)), (anywhere, (FRONT, BACK)))
-    if turns_matter(world):
-        yield from ((turning, (FRONT,)), (turning, (FRONT, BACK)))
+    free = scene.free_floor
+    yield from ((free.anywhere, (FRONT,)), (free.anywhere, (FRONT, BACK)))
+    if free.turns_matter:
+        yield from ((free.turning, (FRONT,)), (free.turning, (FRONT, BACK)))
 
 
-def distinct_ways_to_stand(world: World) -> Iterator[tuple[Callable[[World], Standing], tuple[int, ...]]]:
+def distinct_ways_to_stand(scene: Scene) -> Iterator[tuple[Standing, tuple[int, ...]]]:
     """`ways_to_stand` without those that differ in facings alone, where no target is met over the back."""
     facings = (FRONT, BACK)
-    families = (model_of(world, target).families(target, facings, inner=True) for target in world.task)
+    families = (scene.model(target).families(target, facings, inner=True) for target in scene.task)
     over_back = any(family.facing == BACK for some in families for family in some)
-    return (way for way in ways_to_stand(world) if over_back or BACK not in way[1])
+    return (way for way in ways_to_stand(scene) if over_back or BACK not in way[1])
 
 
-def outer_areas(world: World, targets: Sequence[Target]) -> list[BaseGeometry]:
+def outer_areas(scene: Scene, targets: Sequence[Target]) -> list[BaseGeometry]:
     """Outer area of each target: where it is empty, the target is provably unreachable.
 
     Those that are not empty for the circle inside the footprint are cut to what its headings leave. Of a map
     with many blobs what is out of the targets' reach is not looked at.
     """
-    world = within_reach(world, np.array([target.position for target in targets]).reshape(-1, 3))
-    found = round_outer_areas(world, targets)
+    scene = scene.within_reach(np.array([target.position for target in targets]).reshape(-1, 3))
+    found = round_outer_areas(scene, targets)
     left = [i for i, area in enumerate(found) if not area.is_empty]
-    for i, area in zip(left, _whole_areas(world, [targets[i] for i in left], inner=False), strict=True):
+    for i, area in zip(left, _whole_areas(scene, [targets[i] for i in left], inner=False), strict=True):
         found[i] &= area
     return found
 
 
-def round_outer_areas(world: World, targets: Sequence[Target], *, coarse: bool = False) -> list[BaseGeometry]:
+def round_outer_areas(scene: Scene, targets: Sequence[Target], *, coarse: bool = False) -> list[BaseGeometry]:
     """Outer area of each target for the circle inside the footprint; see `ReachQuery` for ``coarse``."""
-    span, side = span_of_rules(world), ground_of(world).outer
-    rows, _, rings = reach_rows(world, targets, (FRONT, BACK), inner=False, span=span, coarse=coarse)
+    span, side = scene.free_floor.headings, scene.ground.outer
+    rows, _, rings = reach_rows(scene, targets, (FRONT, BACK), inner=False, span=span, coarse=coarse)
     left, bounds = side.subtract(rings), np.searchsorted(rows, np.arange(len(targets) + 1))
     return [united(left[a:b]) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
 
 
-def reach_of(world: World, target: Target, *, coarse: bool = False) -> BaseGeometry:
+def reach_of(scene: Scene, target: Target, *, coarse: bool = False) -> BaseGeometry:
     """Outer reach of a target: places of the arm axis if nothing were in the way."""
-    span = span_of_rules(world)
-    _, _, rings = reach_rows(world, [target], (FRONT, BACK), inner=False, span=span, coarse=coarse)
+    span = scene.free_floor.headings
+    _, _, rings = reach_rows(scene, [target], (FRONT, BACK), inner=False, span=span, coarse=coarse)
     return shapely.union_all(rings) if len(rings) else Polygon()
 
 
-def rejected_parts(world: World, target: Target) -> tuple[RejectedPart, ...]:
+def rejected_parts(scene: Scene, target: Target) -> tuple[RejectedPart, ...]:
     """Obstacles, floor edge and limits that make the area smaller than a stretched arm's disc."""
-    ground = ground_of(world)
-    span = reach_bound(world.robot.chain)
-    rise = target.position[2] - span.height - world.robot.mount[2]
+    ground = scene.ground
+    span = reach_bound(scene.robot.chain)
+    rise = target.position[2] - span.height - scene.robot.mount[2]
     stretched = span.length**2 - rise**2
     if stretched <= 0:
         return (RejectedPart("reach", "height of the target", Polygon()),)
     disc = shapely.Point(target.position[:2]).buffer(span.radius + np.sqrt(stretched))
-    reach = reach_of(world, target)
-    rules = replace(world.rules, criteria=None)
-    reach |= lifted_rejection(world, float(target.position[2]), span_of_rules(world), inner=False) & disc
-    wide = reach if world.rules.criteria is None else reach_of(replace(world, rules=rules), target)
+    reach = reach_of(scene, target)
+    rules = replace(scene.rules, criteria=None)
+    reach |= scene.lifted.rejection(float(target.position[2]), scene.free_floor.headings, inner=False) & disc
+    wide = reach if scene.rules.criteria is None else reach_of(scene.changed(rules=rules), target)
     kind: CauseKind = "limits" if target.direction is None else "direction"
     name = "tool direction" if target.orientation is None else "tool orientation"
     taken = [RejectedPart(kind, "joint limits" if kind == "limits" else name, disc - wide)]
     taken.append(RejectedPart("criteria", "criteria", wide - reach))
     taken.append(RejectedPart("floor", "edge of the floor", reach - ground.inner.floor))
-    taken += rejected_by_obstacles(world, reach, target)
+    taken += rejected_by_obstacles(scene, reach, target)
     return tuple(part for part in taken if part.polygon.area > 1e-12)
 
 
 def rejected_by_obstacles(
-    world: World, reach: BaseGeometry, target: Target | None = None
+    scene: Scene, reach: BaseGeometry, target: Target | None = None
 ) -> list[RejectedPart]:
     """Parts of a reach in which the base would come too near to obstacles, one for each of these.
 
     With a target, what lifts carry on their way to it counts too.
     """
-    ground = ground_of(world)
+    ground = scene.ground
     near = ground.rejections(reach, ground.clearance)
     if target is not None:
-        near += lifted_rejections(world, float(target.position[2]))
+        near += scene.lifted.rejections(float(target.position[2]))
     return [RejectedPart("obstacle", name, reach & shadow, part) for name, part, shadow in near]
 
 
-def largest_clearance(world: World, target: Target) -> float | None:
+def largest_clearance(scene: Scene, target: Target) -> float | None:
     """Largest clearance at which a target's inner area is not empty, by bisection to 1 micrometre [m]."""
-    ground = ground_of(world)
-    _, _, rings = reach_rows(world, [target], (FRONT, BACK), inner=True, span=span_of_rules(world))
+    ground = scene.ground
+    _, _, rings = reach_rows(scene, [target], (FRONT, BACK), inner=True, span=scene.free_floor.headings)
     rings = Side(ground.inner.floor, np.empty(0, dtype=object)).subtract(rings)
     reach = shapely.union_all(rings) if len(rings) else Polygon()
     if reach.area <= 0:
@@ -294,52 +289,56 @@ def checked_targets(targets: ArrayLike | Sequence[Target]) -> Array | list[Targe
     return frozen(np.atleast_2d(np.asarray(targets)), (None, 3), "targets")
 
 
-def is_ruled_out(world: World) -> bool:
+def is_ruled_out(scene: Scene) -> bool:
     """Return True where the first set-point is proven out of reach: its outer area is empty."""
-    return bool(outer_areas(world, world.task[:1])[0].is_empty)
+    return bool(outer_areas(scene, scene.task[:1])[0].is_empty)
 
 
-def has_no_known_place(world: World) -> bool:
+def has_no_known_place(scene: Scene) -> bool:
     """Return True where the first set-point has no inner area, at any heading; this proves nothing."""
-    standings = [anywhere(world), by_heading(world)] if turns_matter(world) else [anywhere(world)]
-    every = (path_areas(world, world.task[:1], (FRONT, BACK), standing) for standing in standings)
+    standings = (
+        [scene.free_floor.anywhere, scene.free_floor.by_heading]
+        if scene.free_floor.turns_matter
+        else [scene.free_floor.anywhere]
+    )
+    every = (path_areas(scene, scene.task[:1], (FRONT, BACK), standing) for standing in standings)
     return not any(area.area > 0 for areas in every for area in areas.inner)
 
 
-def have_known_places(world: World, targets: Sequence[Target]) -> NDArray[np.bool_]:
+def have_known_places(scene: Scene, targets: Sequence[Target]) -> NDArray[np.bool_]:
     """Mask of the targets that have an inner area at every heading, or at the one the rules fix, (n,)."""
-    areas = path_areas(world, targets)
+    areas = path_areas(scene, targets)
     found = np.zeros(len(targets), dtype=bool)
     found[areas.target[shapely.area(areas.inner) > LEAST_AREA]] = True
     return found
 
 
 def planned_areas(
-    world: World, areas: PathAreas, standing: Standing, pruned: Callable[[int], BaseGeometry | None]
+    scene: Scene, areas: PathAreas, standing: Standing, pruned: Callable[[int], BaseGeometry | None]
 ) -> tuple[PlannedArea, ...]:
     """Admissible, pruned and rejected parts of every set-point, as a plan carries them.
 
     ``pruned`` tells what is left of the area of a set-point, None where that is all of it.
     """
     facings = sorted({family.facing for family in areas.family})
-    rows, _, rings = reach_rows(world, world.task, facings, inner=True, span=span_of_rules(world))
-    reach = _by_target(world, rows, rings)
-    by_side = inner_rows(world, world.task, facings, [side.span for side in standing.sides])
+    rows, _, rings = reach_rows(scene, scene.task, facings, inner=True, span=scene.free_floor.headings)
+    reach = _by_target(scene, rows, rings)
+    by_side = inner_rows(scene, scene.task, facings, [side.span for side in standing.sides])
     if all(one is by_side[0] for one in by_side) and len(by_side) > 1:
         # What one reach has on the floor of each side, united, is what it has on all of them united.
         which, _, whole = by_side[0]
-        admissible = _by_target(world, which, standing.somewhere.subtract(whole))
+        admissible = _by_target(scene, which, standing.somewhere.subtract(whole))
     else:
-        admissible = _by_target(world, areas.target, areas.inner)
+        admissible = _by_target(scene, areas.target, areas.inner)
     rejected = shapely.difference(reach, admissible)
-    left = [pruned(i) for i in range(len(world.task))]
+    left = [pruned(i) for i in range(len(scene.task))]
     return tuple(
         PlannedArea(one, one if some is None else some, other)
         for one, some, other in zip(admissible, left, rejected, strict=True)
     )
 
 
-def _by_target(world: World, which: NDArray[np.intp], shapes: NDArray[np.object_]) -> NDArray[np.object_]:
+def _by_target(scene: Scene, which: NDArray[np.intp], shapes: NDArray[np.object_]) -> NDArray[np.object_]:
     """Union of the shapes of each target, by ascending numbers of targets."""
-    ends = np.searchsorted(which, np.arange(len(world.task) + 1))
+    ends = np.searchsorted(which, np.arange(len(scene.task) + 1))
     return np.array([united(shapes[a:b]) for a, b in pairwise(ends)], dtype=object)

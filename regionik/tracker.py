@@ -17,8 +17,6 @@ import shapely
 from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import ground_of
-from regionik.areas.touching import room_between
 from regionik.explain.constraints import no_way_to, setpoint_at
 from regionik.explain.failures import invalid_plan
 from regionik.planners.driving.pitch_arm import HeightError, arm_share, pitch_arm
@@ -37,13 +35,14 @@ from regionik.postures.poses import (
     lift_offs,
     motion_stats,
 )
+from regionik.scene import Scene
 from regionik.values import Configuration, Motion, Plan, PlannedArea, Report
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.drives import DifferentialDrive, wheel_travel
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 from regionik.worlds.robot import Robot, with_joint_margin
-from regionik.worlds.scene import Target, World
+from regionik.worlds.scene import Target
 
 FINEST = 6  # halvings of the segment between two set-points at most
 SAME = 1e-9  # [rad] or [m]
@@ -53,10 +52,10 @@ LARGEST_SWING = math.radians(1.0)  # by which the base turns more or less than i
 DRAWN = 0.005  # half the drawn width of the curves that the axis may stand on [m]
 
 
-def can_track(world: World) -> bool:
+def can_track(scene: Scene) -> bool:
     """True if the tracker can plan a world: wheels, a pitch arm ahead of them, and full orientations."""
-    full = all(target.orientation is not None for target in world.task)
-    return full and tracking_robot(world.robot) is not None
+    full = all(target.orientation is not None for target in scene.task)
+    return full and tracking_robot(scene.robot) is not None
 
 
 def tracking_robot(robot: Robot) -> TrackingRobot | None:
@@ -69,21 +68,21 @@ def tracking_robot(robot: Robot) -> TrackingRobot | None:
     return None if arm is None else TrackingRobot(arm, x, lift, chain.lower + off, chain.upper - off)
 
 
-def plan_tracked(world: World, seed: int) -> Plan:
+def plan_tracked(scene: Scene, seed: int) -> Plan:
     """Plan a world that the tracker can plan (`can_track`).
 
     Raises NoPlanFound when a height is out of reach, or no heading of the base at the first set-point leads
     to a valid plan.
     """
-    robot = tracking_robot(with_joint_margin(world.robot, world.rules.criteria))
+    robot = tracking_robot(with_joint_margin(scene.robot, scene.rules.criteria))
     assert robot is not None, "asked of a world that the tracker can plan"
     tell("tracker", 0, 0)
     reports, no_way = list[Report](), list[str]()
     try:
-        for k, found in enumerate(tracked_paths(world, robot)):
+        for k, found in enumerate(tracked_paths(scene, robot)):
             tell("tracker", k, 0)
             try:
-                made = _plan_of(world, seed, robot, found)
+                made = _plan_of(scene, seed, robot, found)
             except NoPathError as error:
                 no_way.append(str(error))
                 continue
@@ -92,20 +91,20 @@ def plan_tracked(world: World, seed: int) -> Plan:
                 return replace(made, stats={**made.stats, "margins": report.margins})
             reports.append(report)
     except HeightError as error:
-        raise NoPlanFound(_out_of_reach(world, error)) from None
-    raise NoPlanFound(_none_holds(world, reports, no_way))
+        raise NoPlanFound(_out_of_reach(scene, error)) from None
+    raise NoPlanFound(_none_holds(scene, reports, no_way))
 
 
-def _motion_of(world: World, seed: int, found: TrackedPath) -> Motion:
+def _motion_of(scene: Scene, seed: int, found: TrackedPath) -> Motion:
     """States of all runs and of the drives to them, with the tool lifted; raises NoPathError."""
-    start, rows, k = world.start, list[Row](), 0
+    start, rows, k = scene.start, list[Row](), 0
     here = None if start is None else Pose(start.base, start.joints)
     if here is not None:
         rows.append(Row(here, "transit", -1))
     for run in found.runs:
         poses = [Pose(base, joints) for base, joints in zip(run.base, run.joints, strict=True)]
         if here is not None:
-            rows += [Row(pose, "transit", -1) for pose in _lifted(world, seed, here, poses[0])]
+            rows += [Row(pose, "transit", -1) for pose in _lifted(scene, seed, here, poses[0])]
         for pose in poses:
             reached = k == 0 or found.owner[k] != found.owner[k - 1]
             rows.append(Row(pose, "setpoint" if reached else "step", found.owner[k]))
@@ -116,36 +115,36 @@ def _motion_of(world: World, seed: int, found: TrackedPath) -> Motion:
     return columns(rows)
 
 
-def _lifted(world: World, seed: int, here: Pose, there: Pose) -> list[Pose]:
+def _lifted(scene: Scene, seed: int, here: Pose, there: Pose) -> list[Pose]:
     """States between two poses with the tool lifted: fold the arm, drive, and unfold it."""
     if same(here.base, here.joints, there.base, there.joints):
         return []
-    carry = world.robot.carry
-    way = drive_wheeled(room_between(world, here.base, there.base), here.base, there.base, seed=seed)
-    driven = [Pose(base, carry) for base in way.sample(world.rules.step * 0.999)]
+    carry = scene.robot.carry
+    way = drive_wheeled(scene.footprint_between(here.base, there.base), here.base, there.base, seed=seed)
+    driven = [Pose(base, carry) for base in way.sample(scene.rules.step * 0.999)]
     folded = Pose(there.base, carry)
     return [*arm_states(here, driven[0]), *driven[:-1], folded, *arm_states(folded, there)]
 
 
-def _plan_of(world: World, seed: int, robot: TrackingRobot, path: TrackedPath) -> Plan:
-    motion = _motion_of(world, seed, path)
+def _plan_of(scene: Scene, seed: int, robot: TrackingRobot, path: TrackedPath) -> Plan:
+    motion = _motion_of(scene, seed, path)
     methods = {"tracker": sum(len(run.base) - 1 for run in path.runs)}
-    if drives := len(path.runs) - (world.start is None):
+    if drives := len(path.runs) - (scene.start is None):
         methods["drive"] = drives
     at = np.flatnonzero(motion.kind == "setpoint")
-    tools = world.robot.tool(motion.base[at], motion.joints[at])[:, :3, 3]
-    misses = tools - [target.position for target in world.task]
+    tools = scene.robot.tool(motion.base[at], motion.joints[at])[:, :3, 3]
+    misses = tools - [target.position for target in scene.task]
     found = tuple(
         Configuration(motion.base[k], motion.joints[k], float(np.linalg.norm(miss)), 0, True)
         for k, miss in zip(at.tolist(), misses, strict=True)
     )
-    free = shapely.union_all(ground_of(world).inner.pieces)
+    free = shapely.union_all(scene.ground.inner.pieces)
     areas = tuple(
-        _area(robot, target, free, axis_of(world.robot, one.base))
-        for target, one in zip(world.task, found, strict=True)
+        _area(robot, target, free, axis_of(scene.robot, one.base))
+        for target, one in zip(scene.task, found, strict=True)
     )
-    stats = motion_stats(world.robot.drive, found, motion, methods)
-    return Plan(world, seed, found, motion, areas, lift_offs(motion), (), stats)
+    stats = motion_stats(scene.robot.drive, found, motion, methods)
+    return Plan(scene.world, seed, found, motion, areas, lift_offs(motion), (), stats)
 
 
 def _area(robot: TrackingRobot, target: Target, free: BaseGeometry, axis: Array) -> PlannedArea:
@@ -171,27 +170,27 @@ def _area(robot: TrackingRobot, target: Target, free: BaseGeometry, axis: Array)
     return PlannedArea((reach & free) | taken, taken, reach - free - taken)
 
 
-def _out_of_reach(world: World, error: HeightError) -> Explanation:
+def _out_of_reach(scene: Scene, error: HeightError) -> Explanation:
     below = error.height < error.low
     off = error.low - error.height if below else error.height - error.high
     low, high, asked, missing = (1000 * value for value in (error.low, error.high, error.height, off))
     reason = (
-        f"{no_way_to(setpoint_at(world.task, error.index))}: with this very tool direction and its last "
+        f"{no_way_to(setpoint_at(scene.task, error.index))}: with this very tool direction and its last "
         f"joint at zero, as the tracker keeps it, the arm attains heights of {low:.2f} to {high:.2f} mm, "
         f"wherever the base stands; {asked:.2f} mm is asked for, {missing:.2f} mm too "
         f"{'low' if below else 'high'}. Other postures are not ruled out."
     )
-    return Explanation("undecided", error.index, reason, (Cause("reach", world.robot.name, off),))
+    return Explanation("undecided", error.index, reason, (Cause("reach", scene.robot.name, off),))
 
 
-def _none_holds(world: World, reports: Sequence[Report], no_way: Sequence[str]) -> Explanation:
+def _none_holds(scene: Scene, reports: Sequence[Report], no_way: Sequence[str]) -> Explanation:
     """First violation of the plan that stays valid for longest, or the first drive without a path."""
     tried = len(reports) + len(no_way)
     many = f"{tried} ways to follow the set-points were tried, from all headings of the base and both elbows"
     if reports:
         first = [min(report.violations, key=lambda v: v.state or 0) for report in reports]
         farthest = max(first, key=lambda violation: violation.state or 0)
-        told = invalid_plan(world, [farthest])
+        told = invalid_plan(scene.world, [farthest])
         return replace(told, reason=f"{many}. Of the one that goes farthest: {farthest.text}.")
     if no_way:
         return Explanation("ladder-broken", 0, f"{many}. {no_way[0]}.", (Cause("floor", "floor"),))
@@ -199,7 +198,7 @@ def _none_holds(world: World, reports: Sequence[Report], no_way: Sequence[str]) 
         "No way was found to follow the set-points: from all headings of the base and both elbows that "
         "were tried some joint leaves its limits."
     )
-    return Explanation("no-posture", None, reason, (Cause("limits", world.robot.name),))
+    return Explanation("no-posture", None, reason, (Cause("limits", scene.robot.name),))
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,30 +209,30 @@ class TrackedPath:
     runs: tuple[TrackedRun, ...]
 
 
-def tracked_paths(world: World, robot: TrackingRobot) -> Iterator[TrackedPath]:
+def tracked_paths(scene: Scene, robot: TrackingRobot) -> Iterator[TrackedPath]:
     """Yield paths from all headings of the base and both elbows: fewest lift-offs first, then least travel.
 
     A new run begins where a joint would leave its limits; starts from which no runs follow are left out.
     Raises HeightError with the index of the set-point, or of the one before.
     """
-    given = () if world.start is None else (float(world.start.base[2]),)
+    given = () if scene.start is None else (float(scene.start.base[2]),)
     starts = [
         (heading, elbow)
         for elbow in (1, -1)
-        if _attains_all(world, robot, elbow)
-        for heading in (*given, *start_headings(robot, tool_frame(world.task[0]), elbow))
+        if _attains_all(scene, robot, elbow)
+        for heading in (*given, *start_headings(robot, tool_frame(scene.task[0]), elbow))
     ]
     for most in (1.0, np.inf):
-        found = [_tracked(world, robot, *start, most) for start in starts]
-        yield from sorted((one for one in found if one.runs), key=lambda one: _cost(world, one))
+        found = [_tracked(scene, robot, *start, most) for start in starts]
+        yield from sorted((one for one in found if one.runs), key=lambda one: _cost(scene, one))
         starts = [start for start, one in zip(starts, found, strict=True) if not one.runs]
 
 
-def _cost(world: World, found: TrackedPath) -> tuple[int, float]:
+def _cost(scene: Scene, found: TrackedPath) -> tuple[int, float]:
     """Number of drives with the tool lifted, and travel of the faster wheel besides [m]."""
-    start, first = world.start, found.runs[0]
+    start, first = scene.start, found.runs[0]
     away = start is not None and not same(start.base, start.joints, first.base[0], first.joints[0])
-    ways = (np.abs(wheel_travel(run.base, world.robot.gauge)).max(1).sum() for run in found.runs)
+    ways = (np.abs(wheel_travel(run.base, scene.robot.gauge)).max(1).sum() for run in found.runs)
     return len(found.runs) + away, float(sum(ways))
 
 
@@ -242,9 +241,9 @@ def same(base: Array, joints: Array, other: Array, others: Array) -> bool:
     return bool(max(np.abs(base - other).max(), np.abs(joints - others).max()) <= SAME)
 
 
-def _attains_all(world: World, robot: TrackingRobot, elbow: int) -> bool:
+def _attains_all(scene: Scene, robot: TrackingRobot, elbow: int) -> bool:
     """True if shoulder and elbow are within limits at all set-points, the arm facing them or not."""
-    frames = [tool_frame(target) for target in world.task]
+    frames = [tool_frame(target) for target in scene.task]
     shares = [
         [arm_share(robot.arm, T, robot.lift, k, elbow=elbow, facing=side) for side in (1, -1)]
         for k, T in enumerate(frames)
@@ -259,17 +258,17 @@ def _holds(robot: TrackingRobot, joints: Array) -> bool:
 
 
 def _tracked(
-    world: World, robot: TrackingRobot, heading: float | None, elbow: int, most: float
+    scene: Scene, robot: TrackingRobot, heading: float | None, elbow: int, most: float
 ) -> TrackedPath:
     """Runs along a path whose segments are halved until the motion between poses keeps the rules."""
-    parts = [1] * len(world.task)
+    parts = [1] * len(scene.task)
     for _ in range(FINEST):
-        poses, owner = _path(world.task, parts)
+        poses, owner = _path(scene.task, parts)
         try:
             runs = track_runs(robot, poses, heading=heading, elbow=elbow, most=most)
         except HeightError as error:  # between two set-points: named by the one before
             raise HeightError(owner[error.index], error.height, error.low, error.high) from None
-        coarse = {owner[k] for k in _coarse_poses(world, np.array(poses), runs)} if runs else set()
+        coarse = {owner[k] for k in _coarse_poses(scene, np.array(poses), runs)} if runs else set()
         if not coarse:
             break
         parts = [2 * n if i in coarse else n for i, n in enumerate(parts)]
@@ -294,12 +293,12 @@ def tool_frame(target: Target) -> Array:
     return T
 
 
-def _coarse_poses(world: World, poses: Array, runs: tuple[TrackedRun, ...]) -> list[int]:
+def _coarse_poses(scene: Scene, poses: Array, runs: tuple[TrackedRun, ...]) -> list[int]:
     """Indices of poses up to whose next the robot moves too far, or the tool leaves its path."""
-    rules, robot = world.rules, world.robot
+    rules, robot = scene.rules, scene.robot
     base, joints = (np.concatenate([getattr(run, part) for run in runs]) for part in ("base", "joints"))
     bend, move = np.diff(joints, axis=0), np.diff(poses, axis=0)
-    cone = min(target.cone for target in world.task)
+    cone = min(target.cone for target in scene.task)
     lifted = np.cumsum([len(run.base) for run in runs])[:-1] - 1  # steps from one run to the next
     slide, arc = robot.drive.parts(base[:-1], base[1:])
     turn = slide[:, 2]

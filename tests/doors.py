@@ -14,6 +14,7 @@ from regionik.pipeline import search
 from regionik.reachability.field import reach_field
 from regionik.reachability.reach import reach
 from regionik.regions import admissible_area
+from regionik.scene import scene_of
 from regionik.values import Answer, Stop
 from regionik.worlds.arrays import Array
 from regionik.worlds.documents.world_file import world_to_document
@@ -131,7 +132,7 @@ class Doors:
     def _plan(self) -> None:
         self.seen["plans"] += 1
         try:
-            search(self.world)
+            search(scene_of(self.world))
         except NoPlanFound as no:
             why = no.explanation
             self.wrong.append(f"every stop is confirmed, and there is no plan: {why.verdict}: {why.reason}")

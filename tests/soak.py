@@ -24,6 +24,7 @@ from rich.progress import track
 from regionik.output.urdf import robot_to_urdf
 from regionik.pipeline import search
 from regionik.reachability.reach import reach
+from regionik.scene import scene_of
 from regionik.timing.retime import retime
 from regionik.timing.trajectory import is_timed, sample_plan
 from regionik.values import Plan
@@ -189,7 +190,7 @@ def _against_witness(known: Plan, kind: str, seed: int) -> Judged:
     world = known.world
     wrong = tuple(f"its witness: {text}" for text in against(known))
     try:
-        made = search(world)
+        made = search(scene_of(world))
         made = made if world.speeds is None else retime(made)
         verdict, wrong = "planned", wrong + against(made)
     except NoPlanFound as failure:
@@ -204,7 +205,7 @@ def _against_witness(known: Plan, kind: str, seed: int) -> Judged:
 
 def _planned(world: World, kind: str, seed: int) -> Judged:
     try:
-        made = search(world)
+        made = search(scene_of(world))
         made = made if world.speeds is None else retime(made)
     except NoPlanFound as failure:
         why = failure.explanation

@@ -17,6 +17,7 @@ from regionik.area_verification import verify_areas
 from regionik.cli.app import app
 from regionik.output.plan_file import load_plan
 from regionik.pipeline import search
+from regionik.scene import scene_of
 from regionik.storage.plan_document import FIGURES, plan_to_text
 from regionik.timing.retime import retime
 from regionik.values import Plan
@@ -43,7 +44,7 @@ def planned(how: str) -> Plan:
     if how == "timed":
         return retime(planned("free"), Speeds(tool_velocity=0.1))
     asked = replace(world().rules, mode="stops", order="any") if how == "stops" else world().rules
-    return search(replace(world(), rules=asked))
+    return search(scene_of(replace(world(), rules=asked)))
 
 
 def document(how: str) -> dict[str, Any]:

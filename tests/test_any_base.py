@@ -10,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.geometry import Point, Polygon
 
-from regionik.areas.standing import room_for
 from regionik.planners.collision.convex_bodies import Piece
 from regionik.planners.collision.distances import obstacles_from
 from regionik.planners.collision.proximity import nearest
@@ -21,9 +20,10 @@ from regionik.planners.reach.any_base import bound_cell
 from regionik.planners.reach.planar_cells import AWAY, PITCH, TURN, YAW
 from regionik.planners.search.box_search import Verdict
 from regionik.planners.solvers.planar_kinematics import two_link_angles
-from regionik.postures.arm_guard import contact_for, guard_of
+from regionik.postures.arm_guard import contact_for
 from regionik.reachability.any_base import any_base_of, prepared, search_any_base
 from regionik.reachability.reach import reach
+from regionik.scene import scene_of
 from regionik.verification.verifier import verify_answers
 from regionik.worlds.arms import planar_arm
 from regionik.worlds.arrays import Array
@@ -67,8 +67,8 @@ def is_answer(world: World, target: Target, base: Array, q: Array) -> bool:
     assert np.linalg.norm(tool[:3, 3] - target.position) < 1e-9
     if target.direction is not None and tool[:3, 2] @ target.direction < np.cos(target.cone):
         return False
-    touch = nearest(guard_of(world).bodies, base, q, contact=contact_for(world, [target]), within=0.0)
-    return touch.kind == "none" and bool(fits(room_for(world), *base.tolist()))
+    touch = nearest(scene_of(world).guard.bodies, base, q, contact=contact_for(world, [target]), within=0.0)
+    return touch.kind == "none" and bool(fits(scene_of(world).footprint, *base.tolist()))
 
 
 @pytest.mark.parametrize("robot", ["youbot", pytest.param("youbot-real", marks=pytest.mark.slow)])
@@ -76,7 +76,7 @@ def test_a_cell_that_is_ruled_out_holds_no_answer(robot: str) -> None:
     rng, seen = np.random.default_rng(len(robot)), Counter[str]()
     for seed in range(30):
         world = replace(random_world(seed), robot=robot_named(robot))
-        mount = prepared(world).mount
+        mount = prepared(scene_of(world)).mount
         for _ in range(60):
             spot = rng.uniform([-0.5, -1.5, 0.02], [4, 1.5, 0.6])
             target = Target(spot, world.task[0].direction, world.task[0].cone)
@@ -85,7 +85,7 @@ def test_a_cell_that_is_ruled_out_holds_no_answer(robot: str) -> None:
             half[TURN] = min(half[TURN], mount.high - mid[TURN], mid[TURN] - mount.low)
             elbow = float(rng.choice([-1.0, 1.0]))
             low, high = np.append(mid - half, elbow), np.append(mid + half, elbow)
-            verdict = bound_cell(any_base_of(world, target), low, high)
+            verdict = bound_cell(any_base_of(scene_of(world), target), low, high)
             for share in rng.uniform(-1, 1, (20, 4)):
                 found = posture(world, target, mid + share * half, elbow)
                 if found is not None and is_answer(world, target, *found):
@@ -102,12 +102,12 @@ def test_what_is_found_passes_and_what_is_none_withstands_random_postures() -> N
         world = random_world(seed)
         for spot in rng.uniform([0, -1, 0.02], [3, 1, 0.4], (6, 3)):
             target = Target(spot, world.task[0].direction, world.task[0].cone)
-            looked = search_any_base(world, target, 4000)
+            looked = search_any_base(scene_of(world), target, 4000)
             told[looked.verdict] += 1
             if looked.pose is not None:
                 assert is_answer(world, target, looked.pose.base, looked.pose.joints)
             if looked.verdict == Verdict.RULED_OUT:
-                mount = prepared(world).mount
+                mount = prepared(scene_of(world)).mount
                 for mid in rng.uniform(
                     [-np.pi, -np.pi, -0.6, mount.low], [np.pi, np.pi, 0.6, mount.high], (200, 4)
                 ):
@@ -148,7 +148,7 @@ def test_an_arm_that_looks_back_has_its_base_in_the_way(height: float, angle: fl
 
 
 def test_a_budget_that_is_spent_leaves_places_open() -> None:
-    looked = search_any_base(kept_heading(), level(0.05, 0.7), 50)
+    looked = search_any_base(scene_of(kept_heading()), level(0.05, 0.7), 50)
     assert looked.verdict == Verdict.OPEN
     assert 0 < looked.gap < 4
 
@@ -203,7 +203,7 @@ def test_a_footprint_that_is_surely_out_fits_at_no_pose_nearby(seed: int) -> Non
 
 def test_a_base_keeps_the_heading_that_its_rules_fix_alone() -> None:
     world = World("own", robot_named("youbot-real"), HALL)
-    mount = prepared(world).mount
+    mount = prepared(scene_of(world)).mount
     assert mount.mount.tolist() == world.robot.mount[:2].tolist()
     assert np.isnan(mount.yaw)
-    assert prepared(replace(world, rules=replace(world.rules, heading="fixed"))).mount.yaw == 0.0
+    assert prepared(scene_of(replace(world, rules=replace(world.rules, heading="fixed")))).mount.yaw == 0.0

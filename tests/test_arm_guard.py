@@ -10,8 +10,9 @@ import shapely
 
 from regionik.pipeline import search
 from regionik.planners.collision.proximity import Touch
-from regionik.postures.arm_guard import SPARE, guard_of
+from regionik.postures.arm_guard import SPARE
 from regionik.postures.poses import Pose, pose_between
+from regionik.scene import scene_of
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.obstacles import Box, Cylinder, Sphere
@@ -52,13 +53,13 @@ def sampled(world: World, at: Pose, skip_last: bool = False) -> float:
 def apart(at: Pose) -> bool:
     """Whether links are well away from each other, so that obstacles alone decide."""
     world = replace(cluttered(0.0), obstacles=())
-    return guard_of(world).clear(at)
+    return scene_of(world).guard.clear(at)
 
 
 @pytest.mark.parametrize("clearance", [0.0, 0.03])
 def test_clear_where_sampled_distances_are(clearance: float) -> None:
     world, rng, seen = cluttered(clearance), np.random.default_rng(0), [0, 0]
-    guard = guard_of(world)
+    guard = scene_of(world).guard
     for _ in range(300):
         at = random_pose(rng)
         gap = sampled(world, at)
@@ -73,7 +74,7 @@ def test_clear_where_sampled_distances_are(clearance: float) -> None:
 
 def test_a_motion_that_is_not_stopped_is_clear_all_along() -> None:
     world, rng, passed = cluttered(0.01), np.random.default_rng(1), 0
-    guard = guard_of(world)
+    guard = scene_of(world).guard
     for _ in range(120):
         a = random_pose(rng)
         b = Pose(a.base + rng.uniform(-0.1, 0.1, 3), np.clip(
@@ -92,7 +93,7 @@ def test_a_motion_that_is_not_stopped_is_clear_all_along() -> None:
 
 def test_without_avoidance_everything_is_clear() -> None:
     world, rng = cluttered(0.05), np.random.default_rng(2)
-    guard = guard_of(replace(world, rules=replace(world.rules, avoidance=False)))
+    guard = scene_of(replace(world, rules=replace(world.rules, avoidance=False))).guard
     poses = [random_pose(rng) for _ in range(20)]
     assert not guard.on
     assert all(guard.clear(at) for at in poses)
@@ -115,18 +116,18 @@ def test_the_last_link_may_touch_what_the_tool_works_on() -> None:
     world = cluttered(0.0, (Target(spot),))
     world = replace(world, rules=replace(world.rules, tool_contact=0.26, contact_depth=0.3))
     at = on_target(world, spot, rng)
-    assert guard_of(world).clear(at)
-    shallow = guard_of(replace(world, rules=replace(world.rules, contact_depth=0.0)))
+    assert scene_of(world).guard.clear(at)
+    shallow = scene_of(replace(world, rules=replace(world.rules, contact_depth=0.0))).guard
     assert not shallow.clear(at)
     assert "it may touch it 0.001 m deep, within 0.26 m of the tool" in shallow.words(shallow.touch(at))
-    assert not guard_of(replace(world, rules=replace(world.rules, tool_contact=0.0))).clear(at)
-    assert not guard_of(replace(world, task=())).clear(at)
+    assert not scene_of(replace(world, rules=replace(world.rules, tool_contact=0.0))).guard.clear(at)
+    assert not scene_of(replace(world, task=())).guard.clear(at)
     lifted = Pose(at.base + [0.0, 0.3, 0.0], at.joints)  # farther off than tool_contact
-    assert guard_of(world).clear(lifted) == guard_of(replace(world, task=())).clear(lifted)
+    assert scene_of(world).guard.clear(lifted) == scene_of(replace(world, task=())).guard.clear(lifted)
 
 
 def test_words_and_causes_name_link_and_thing() -> None:
-    guard = guard_of(cluttered(0.03))
+    guard = scene_of(cluttered(0.03)).guard
     off = np.zeros(3)
     near = Touch(0.01, 2, "obstacle", 1, off, off)
     deep = Touch(-0.02, 2, "self", 0, off, off)
@@ -145,5 +146,5 @@ def test_words_and_causes_name_link_and_thing() -> None:
 def test_a_start_with_little_to_spare_is_not_blocked() -> None:
     """Two links of this arm, with a joint between them that turns both, are 0.4 mm apart in all postures."""
     world = witness("offsets", 806).world
-    assert 0 < guard_of(world).spare < SPARE
-    search(world)  # raises where no plan is found
+    assert 0 < scene_of(world).guard.spare < SPARE
+    search(scene_of(world))  # raises where no plan is found

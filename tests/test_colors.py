@@ -16,6 +16,7 @@ from regionik.planners.collision.proximity import nearest
 from regionik.postures.poses import axis_of
 from regionik.reachability.field import reach_field, reach_slice
 from regionik.regions import outer_areas
+from regionik.scene import scene_of
 from regionik.tracker import can_track
 from regionik.values import Plan
 from regionik.view.clearance import bodies_around
@@ -47,7 +48,7 @@ def assert_true(plan: Plan) -> None:
     motion = plan.motion
     places = shapely.points(axis_of(plan.world.robot, motion.base))
     at_work = places[motion.kind == "setpoint"]
-    outer = outer_areas(plan.world, plan.world.task)
+    outer = outer_areas(scene_of(plan.world), plan.world.task)
     for red in (drawn(picture, "floor/rejected"), floor.rejected):
         assert not shapely.contains(red, places).any()
     for used, dead_end in (
@@ -111,7 +112,7 @@ def test_no_set_point_of_a_world_that_is_planned_is_red(name: str) -> None:
 @pytest.mark.parametrize("name", sorted(set(world_names()) - {"pillar", "wall", "door"}))
 def test_nor_one_of_any_bundled_world_that_areas_decide(name: str) -> None:
     world = load_world(name)
-    assert (assert_live(world).explanation is None) or can_track(world)
+    assert (assert_live(world).explanation is None) or can_track(scene_of(world))
 
 
 @pytest.mark.slow
@@ -120,7 +121,7 @@ def test_colours_and_verdicts_agree_on_random_worlds(seed: int) -> None:
     world = random_world(seed)
     areas = assert_live(world)
     try:
-        found = search(world)
+        found = search(scene_of(world))
     except NoPlanFound:
         return
     assert areas.explanation is None

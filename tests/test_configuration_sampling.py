@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import shapely
 
-from regionik.areas.standing import anywhere, spread
+from regionik.areas.standing import spread
 from regionik.mfabrik import configurations
 from regionik.moving.base_motion import Candidate
 from regionik.moving.configuration_sampling import HEADINGS, KEPT, PLACES, ConfigurationSampler, Evidence
@@ -19,9 +19,9 @@ from regionik.moving.path_following import ResolvedMotion
 from regionik.moving.path_search import PathSearch
 from regionik.planners.collision.proximity import Touch
 from regionik.planners.geometry.angles import wrap
-from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import Pose, axis_of
 from regionik.pruning import Pruned, choose_chain, solvers_along, start_place, start_pose, whole_path
+from regionik.scene import scene_of
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.scene import World
 
@@ -29,16 +29,18 @@ from regionik.worlds.scene import World
 @cache
 def prepared(name: str) -> tuple[World, Pruned, tuple[Candidate, ...]]:
     world = load_world(name)
-    standing, _, pruned = whole_path(world)
-    chain = choose_chain(pruned, standing, start_place(world))
-    solvers = solvers_along(world, pruned.ladder, standing, chain)
-    goals = configurations(world.task, solvers, start_pose(world, pruned, chain[0]))
+    standing, _, pruned = whole_path(scene_of(world))
+    chain = choose_chain(pruned, standing, start_place(scene_of(world)))
+    solvers = solvers_along(scene_of(world), pruned.ladder, standing, chain)
+    goals = configurations(world.task, solvers, start_pose(scene_of(world), pruned, chain[0]))
     return world, pruned, tuple(Candidate(goal, k) for goal, k in zip(goals, chain, strict=True))
 
 
 def sampler(name: str) -> ConfigurationSampler:
     world, pruned, _ = prepared(name)
-    return ConfigurationSampler(world, guard_of(world), pruned.ladder, anywhere(world), 0)
+    return ConfigurationSampler(
+        scene_of(world), scene_of(world).guard, pruned.ladder, scene_of(world).free_floor.anywhere, 0
+    )
 
 
 @pytest.mark.parametrize(("name", "i"), [("shelf", 0), ("shelf", 12), ("pipe", 5), ("tao1", 0), ("tao3", 0)])
@@ -52,7 +54,7 @@ def test_every_option_is_clear_and_on_target(name: str, i: int) -> None:
         at = spot.pose
         tool = robot.tool(at.base, at.joints)[:3, 3]
         axis = shapely.Point(axis_of(robot, at.base))
-        assert guard_of(world).clear(at)
+        assert scene_of(world).guard.clear(at)
         assert np.linalg.norm(tool - world.task[i].position) <= world.rules.tolerance * (1 + 1e-9)
         assert pruned.ladder.component[spot.component].distance(axis) < 1e-9
         assert (at.joints >= robot.chain.lower - 1e-9).all()
@@ -62,7 +64,10 @@ def test_every_option_is_clear_and_on_target(name: str, i: int) -> None:
 @pytest.mark.parametrize(("name", "i"), [("shelf", 0), ("pipe", 5), ("l_shape", 3)])
 def test_a_run_may_begin_at_headings_all_round_far_from_limits_first(name: str, i: int) -> None:
     world, pruned, nominal = prepared(name)
-    looking, robot = replace(sampler(name), resolved=ResolvedMotion(world, guard_of(world))), world.robot
+    looking, robot = (
+        replace(sampler(name), resolved=ResolvedMotion(scene_of(world), scene_of(world).guard)),
+        world.robot,
+    )
     found = list(looking.roomy(i, pruned.kept(i), nominal[i].pose))
     turned = [wrap(float(one.pose.base[2] - nominal[i].pose.base[2])) for one in found]
     heading = [int(np.rint(turn / (2 * np.pi / HEADINGS))) % HEADINGS for turn in turned]
@@ -71,7 +76,7 @@ def test_a_run_may_begin_at_headings_all_round_far_from_limits_first(name: str, 
     for n, one in enumerate(found):
         axis = shapely.Point(axis_of(robot, one.pose.base))
         tool = robot.tool(one.pose.base, one.pose.joints)[:3, 3]
-        assert guard_of(world).clear(one.pose)
+        assert scene_of(world).guard.clear(one.pose)
         assert np.linalg.norm(tool - world.task[i].position) <= world.rules.tolerance * (1 + 1e-9)
         assert pruned.ladder.component[one.component].distance(axis) < 1e-9
         assert all(room[k] >= room[n] for k in range(n) if heading[k] == heading[n])
@@ -95,7 +100,9 @@ def test_the_same_options_again() -> None:
 def test_without_avoidance_there_is_only_what_mfabrik_found() -> None:
     world, pruned, nominal = prepared("shelf")
     bare = replace(world, rules=replace(world.rules, avoidance=False))
-    looking = ConfigurationSampler(bare, guard_of(bare), pruned.ladder, anywhere(world), 0)
+    looking = ConfigurationSampler(
+        scene_of(bare), scene_of(bare).guard, pruned.ladder, scene_of(world).free_floor.anywhere, 0
+    )
     assert list(looking.options(3, [nominal[3].component], nominal[2].pose, nominal[3])) == [nominal[3]]
     assert not looking.evidence
 
@@ -126,7 +133,9 @@ def test_evidence_counts_what_was_looked_at_and_keeps_the_best() -> None:
 def test_a_search_is_told_as_evidence() -> None:
     world, pruned, nominal = prepared("shelf")
     shut = replace(world, rules=replace(world.rules, arm_clearance=0.2))
-    looking = ConfigurationSampler(shut, guard_of(shut), pruned.ladder, anywhere(world), 0)
+    looking = ConfigurationSampler(
+        scene_of(shut), scene_of(shut).guard, pruned.ladder, scene_of(world).free_floor.anywhere, 0
+    )
     here = Pose(np.zeros(3), world.robot.carry)
     assert list(looking.options(0, [nominal[0].component], here, nominal[0])) == []
     seen = looking.evidence[0]
@@ -141,9 +150,11 @@ def search_without_start(name: str, **rules: Any) -> PathSearch:
     """What is left of a search once it asks why not."""
     world, pruned, _ = prepared(name)
     asked = replace(world, rules=replace(world.rules, **rules))
-    looking = ConfigurationSampler(asked, guard_of(asked), pruned.ladder, anywhere(world), 0)
+    looking = ConfigurationSampler(
+        scene_of(asked), scene_of(asked).guard, pruned.ladder, scene_of(world).free_floor.anywhere, 0
+    )
     nobody: Any = None
-    return PathSearch(asked, looking, nobody, nobody)
+    return PathSearch(scene_of(asked), looking, nobody, nobody)
 
 
 def test_postures_that_are_clear_are_not_said_to_touch_nothing_at_best() -> None:

@@ -13,8 +13,8 @@ from regionik.explain.arm_failures import target_in_solid
 from regionik.planners.collision.contacts import farthest_below as compiled_farthest
 from regionik.planners.collision.distances import obstacles_from
 from regionik.planners.collision.robot_bodies import core_of
-from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import Pose
+from regionik.scene import scene_of
 from regionik.values import Report
 from regionik.verification.contact import (
     SweptSolid,
@@ -223,7 +223,7 @@ def test_the_planner_keeps_to_what_the_proof_asks() -> None:
             (np.array([*rng.uniform(-0.03, 0.004, 2), rng.normal() * 0.02]), Q, "transit", -1),
         ])  # fmt: skip
         world = world_of(motion, facing(), robot=robot, rules=rules)
-        guard = guard_of(world)
+        guard = scene_of(world).guard
         free = guard.stop([Pose(*state) for state in zip(motion.base, motion.joints, strict=True)]) is None
         holds = not of_kinds(verify(plan_of(world, motion, 1)), "arm", "contact")
         assert holds or not free
@@ -238,8 +238,8 @@ def of_kinds(report: Report, *kinds: str) -> list[str]:
 def test_a_set_point_that_the_tip_cannot_touch_is_explained() -> None:
     motion = motion_of([(STANDING, Q, "setpoint", 0)])
     world = world_of(motion, facing())
-    found = target_in_solid(world)
+    found = target_in_solid(scene_of(world))
     assert found is not None
     assert "contact_depth" in found.reason
     assert found.causes[0].margin == pytest.approx(0.034, abs=1e-6)
-    assert target_in_solid(replace(world, rules=replace(RULES, contact_depth=0.034))) is None
+    assert target_in_solid(scene_of(replace(world, rules=replace(RULES, contact_depth=0.034)))) is None

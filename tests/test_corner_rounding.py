@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from regionik.pipeline import search
+from regionik.scene import scene_of
 from regionik.smoothing.smooth_motion import Reconnection
 from regionik.timing.corner_rounding import rounded
 from regionik.timing.jerk_limited_timing import stretched
@@ -160,7 +161,7 @@ def test_the_robot_rests_where_the_tool_comes_to_a_path_that_has_a_speed(
     Runs begin where they were found, as one of them does on a corner that is rounded without a speed.
     """
     monkeypatch.setattr(Reconnection, "_way", lambda *_: None)
-    before = search(load_world("slab"))
+    before = search(scene_of(load_world("slab")))
     for asked, rests in ((ASKED, True), (replace(ASKED, tool_velocity=None), False)):
         found = retime(before, asked).motion
         lifted = found.kind == "transit"

@@ -17,6 +17,7 @@ from regionik.planners.reach.criteria_paving import distances_within_thresholds
 from regionik.planners.reach.rings import FREE
 from regionik.planners.solvers.posture_criteria import Thresholds, posture_margin, thresholds_of
 from regionik.regions import admissible_area, outer_areas
+from regionik.scene import scene_of
 from regionik.verification.limits import efforts, joint_margins, manipulability
 from regionik.verification.verifier import verify
 from regionik.worlds.arms import planar_arm
@@ -357,7 +358,7 @@ def test_intervals_end_at_the_axis(z: float) -> None:
 def test_outer_areas_under_criteria_are_valid(kind: str, seed: int) -> None:
     """Worlds of the soak whose sectors crossed the axis and themselves."""
     world = soaked_world(kind, seed)
-    assert all(area.is_valid for area in outer_areas(world, world.task))
+    assert all(area.is_valid for area in outer_areas(scene_of(world), world.task))
 
 
 # --- solvers, plans, verify

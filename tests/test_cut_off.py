@@ -9,8 +9,8 @@ import pytest
 import shapely
 
 from regionik import plan, verify
-from regionik.areas.standing import anywhere, turning
 from regionik.explain.cut_off import barrier
+from regionik.scene import scene_of
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, translation
 from regionik.worlds.errors import Explanation, NoPlanFound
@@ -91,24 +91,24 @@ def test_a_cupboard_that_the_arm_reaches_into_but_for_its_boards_is_told_so_with
 def test_what_cuts_a_place_off_is_found_by_name(robot: Robot) -> None:
     inside, outside = np.array([[2.0, 0.0, 0.0]]), np.zeros(3)
     boards = cupboard(1.6)
-    found = barrier(world(robot, boards), outside, inside)
+    found = barrier(scene_of(world(robot, boards)), outside, inside)
     assert found is not None
     assert found.proven
     assert set(found.names) == BOARDS
     for board in BOARDS:
         opened = tuple(one for one in boards if one.name != board)
-        assert barrier(world(robot, opened), outside, inside) is None
+        assert barrier(scene_of(world(robot, opened)), outside, inside) is None
 
 
 @pytest.mark.parametrize("robot", [POINTED, ROUND, LONG])
 def test_a_wall_all_across_the_floor_is_named_and_floors_apart_are_the_floor(robot: Robot) -> None:
     there = np.array([[3.5, 0.0, 0.0]])
     wall = Box("wall", np.array([0.2, 5.0, 1.0]), np.array([1.5, 0.0, 0.5]))
-    across = barrier(world(robot, (CRATE, wall)), np.zeros(3), there)
+    across = barrier(scene_of(world(robot, (CRATE, wall))), np.zeros(3), there)
     assert across is not None
     assert across.names == ("wall",)
     apart = shapely.MultiPolygon([shapely.box(-2, -1, 1, 1), shapely.box(2.5, -1, 5, 1)])
-    parted = barrier(world(robot, (CRATE,), apart), np.zeros(3), there)
+    parted = barrier(scene_of(world(robot, (CRATE,), apart)), np.zeros(3), there)
     assert parted is not None
     assert parted.names == ()
     assert parted.words == "the floor cuts it off"
@@ -142,7 +142,7 @@ def two_rooms(mode: Mode) -> World:
 
 def test_places_at_every_heading_are_joined_by_turning_between_them() -> None:
     asked = two_rooms("stops")
-    circle, turned = anywhere(asked), turning(asked)
+    circle, turned = scene_of(asked).free_floor.anywhere, scene_of(asked).free_floor.turning
     left, right = np.array([1.0, 1.0]), np.array([5.0, 1.0])
     assert circle.piece_at(left, 0.0) != circle.piece_at(right, 0.0)
     assert turned.piece_at(left, 0.0) == turned.piece_at(right, 2.0)

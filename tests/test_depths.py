@@ -13,6 +13,7 @@ from shapely.affinity import rotate, translate
 
 from regionik.explain.failures import blocked_start
 from regionik.planners.geometry.depths import deepest_inside, farthest_outside
+from regionik.scene import scene_of
 from regionik.values import Configuration, Motion, Plan
 from regionik.verification.verifier import verify
 from regionik.worlds.documents.world_file import world_from_document
@@ -74,7 +75,7 @@ def test_a_base_over_an_inner_corner_is_off_the_floor_by_its_farthest_point() ->
     assert found.amount == pytest.approx(ahead, abs=1e-3)
     assert f"by {found.amount:.4f} m" in found.text
     start = {"base": [0.0, 0.0, np.pi / 4], "joints": [0.0, 1.5, -1.0, 0.5, 0.0]}
-    blocked = blocked_start(made(start=start))
+    blocked = blocked_start(scene_of(made(start=start)))
     assert blocked is not None
     assert blocked.causes[0].margin == pytest.approx(ahead, abs=1e-3)
 

@@ -19,6 +19,7 @@ from regionik.area_verification import verify_areas
 from regionik.cli.app import app
 from regionik.output.plan_file import load_plan
 from regionik.pipeline import plan, search
+from regionik.scene import scene_of
 from regionik.timing.retime import retime
 from regionik.values import Plan, Report
 from regionik.verification.verifier import verify
@@ -168,10 +169,10 @@ def test_areas_of_a_base_that_faces_its_targets_hold(tmp_path: Path) -> None:
     world = load_world("free")
     assert world.rules.heading == "face_target"
     path = tmp_path / "plan.json"
-    search(replace(world, task=world.task[:4])).save(path)
+    search(scene_of(replace(world, task=world.task[:4]))).save(path)
     assert CliRunner().invoke(app, ["verify", str(path)]).exit_code == 0
 
 
 def test_areas_that_only_touch_have_nothing_in_common() -> None:
     """GEOS finds 0.05 m2 of a rejected area here in the admissible one, nothing if asked the other way."""
-    search(soaked_world("made", 644))  # raises where the plan does not hold
+    search(scene_of(soaked_world("made", 644)))  # raises where the plan does not hold

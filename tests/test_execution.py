@@ -15,6 +15,7 @@ from shapely.geometry import box
 from regionik.output.urdf import robot_to_urdf
 from regionik.pipeline import search, why
 from regionik.regions import admissible_area
+from regionik.scene import scene_of
 from regionik.simulation.noise import typical_noise
 from regionik.simulation.simulate import simulate
 from regionik.timing.retime import retime
@@ -47,7 +48,7 @@ def strict_plan() -> Plan:
     block = Box("block", np.array([0.6, 0.1, 0.6]), np.array([0.9, 0.35, 0.3]))
     task = tuple(Target(np.array([0.4 + 0.15 * k, 0.2, 0.3])) for k in range(8))
     rules = Rules(clearance=0.05, arm_clearance=0.01)
-    return search(strict(World("past", robot, Floor(box(-1, -1, 3, 2)), (block,), task, rules)))
+    return search(scene_of(strict(World("past", robot, Floor(box(-1, -1, 3, 2)), (block,), task, rules))))
 
 
 def test_a_plan_holds_wherever_the_base_strays() -> None:
@@ -83,7 +84,7 @@ def standing(errors: Execution, *solids: Box, floor: float = 1.0, reach: float =
     rules = Rules(clearance=0.05, reach_margin=0.0, avoidance=False)
     robot = replace(youbot(), footprint=np.array(FOOTPRINT))
     world = World("one", robot, Floor(box(-floor, -floor, floor, floor)), solids, (), rules)
-    made = search(replace(world, task=(Target(np.array([reach, 0.0, 0.2])),)))
+    made = search(scene_of(replace(world, task=(Target(np.array([reach, 0.0, 0.2])),))))
     return replace(made, world=strict(made.world, errors), stats={})
 
 
@@ -159,10 +160,10 @@ def test_a_run_tells_the_errors_that_it_needed() -> None:
     task = tuple(Target(np.array([0.4 + 0.1 * k, 0.05 * k, 0.25])) for k in range(4))
     world = replace(world, task=task, start=None)
     speeds = Speeds(base_velocity=0.3, tool_velocity=0.1)
-    run = simulate(retime(search(world), speeds), typical_noise(), seed=1)
+    run = simulate(retime(search(scene_of(world)), speeds), typical_noise(), seed=1)
     errors = run.execution
     off = np.hypot(*(run.base - run.reference.base)[:, :2].T)
     assert off.max() <= errors.base_error < off.max() + 2e-4
     assert run.figures["tool_error"]["worst"] <= errors.tool_error <= (errors.arm_error or 0.0)
-    again = retime(search(strict(world, errors)), speeds)
+    again = retime(search(scene_of(strict(world, errors))), speeds)
     assert verify(again).ok

@@ -14,6 +14,7 @@ import trimesh
 from regionik.pipeline import plan
 from regionik.reachability.reach import reach
 from regionik.regions import admissible_area, is_ruled_out, outer_areas
+from regionik.scene import scene_of
 from regionik.timing.trajectory import trajectory
 from regionik.values import Plan, Stop
 from regionik.verification.base_clearance import footprint_hulls
@@ -193,8 +194,8 @@ def test_joints_that_their_limits_hold_still_leave_outer_areas(robot: Robot, hea
     spot = robot.tool(BASE, POSTURE)[:3, 3]
     start = Start(BASE, POSTURE) if heading == "fixed" else None
     world = world_with(robot, Target(spot), start=start, heading=heading)
-    assert not is_ruled_out(world)
-    assert shapely.distance(outer_areas(world, world.task)[0], shapely.Point(BASE[:2])) < 1e-5
+    assert not is_ruled_out(scene_of(world))
+    assert shapely.distance(outer_areas(scene_of(world), world.task)[0], shapely.Point(BASE[:2])) < 1e-5
     assert reach(world, spot[None]).verdict[0] != "unreachable"
 
 

@@ -11,6 +11,7 @@ import shapely
 
 import regionik as rik
 from regionik.parking.stops import find_served
+from regionik.scene import scene_of
 from regionik.values import Stop
 from regionik.worlds.links import capsules_along
 from regionik.worlds.obstacles import Box
@@ -41,7 +42,9 @@ def laboratory() -> World:
 @lru_cache(maxsize=4)
 def found_by(criterion: StopCriterion) -> tuple[tuple[Stop, ...], int]:
     world = laboratory()
-    found, parking, _ = find_served(replace(world, rules=replace(world.rules, stop_criterion=criterion)))
+    found, parking, _ = find_served(
+        scene_of(replace(world, rules=replace(world.rules, stop_criterion=criterion)))
+    )
     return found, parking.lower
 
 

@@ -14,6 +14,7 @@ from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATIO
 from regionik.postures.poses import axis_of
 from regionik.reachability.reach import reach
 from regionik.regions import reach_of
+from regionik.scene import scene_of
 from regionik.worlds.arms import with_pivot
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
@@ -78,7 +79,7 @@ def test_the_place_of_every_posture_is_in_the_outer_area_of_its_pose(kind: str) 
         asked = tilted(tool[:3, :3], cone, rng)
         turned = {"orientation": asked} if k % 2 else {"direction": asked[:, 2]}
         target = Target(tool[:3, 3], cone=cone, **turned)
-        outer = reach_of(World("bare", robot, FLOOR), target, coarse=k < 2)
+        outer = reach_of(scene_of(World("bare", robot, FLOOR)), target, coarse=k < 2)
         assert outer.distance(shapely.Point(axis_of(robot, base))) < 1e-6
 
 
@@ -95,7 +96,7 @@ def test_a_wrist_at_its_highest_or_lowest_uses_the_whole_cone(end: float, framed
     turn = Rotation.from_rotvec(-cone * axis).as_matrix() @ tool[:3, :3]
     turned = {"orientation": turn} if framed else {"direction": turn[:, 2]}
     target = Target(tool[:3, 3], cone=cone, **turned)
-    outer = reach_of(World("straight", robot, FLOOR), target)
+    outer = reach_of(scene_of(World("straight", robot, FLOOR)), target)
     assert outer.distance(shapely.Point(axis_of(robot, np.zeros(3)))) < 1e-6
 
 

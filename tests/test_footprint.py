@@ -11,7 +11,6 @@ import shapely
 from shapely import affinity, box
 from shapely.geometry import LineString, MultiPolygon, Point, Polygon
 
-from regionik.areas.standing import by_heading
 from regionik.planners.driving.arcs import arc_end
 from regionik.planners.driving.footprint import arc_is_free, fits, slide_is_free
 from regionik.planners.driving.footprint_planner import (
@@ -36,6 +35,7 @@ from regionik.planners.driving.minkowski_sums import grown_by_disc, minkowski_su
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.driving.pose_planner import SLIDE, Steering, slide_cost
 from regionik.planners.geometry.angles import wrap
+from regionik.scene import scene_of
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Shadow
@@ -128,7 +128,7 @@ def test_a_window_shows_a_part_of_the_same_areas(footprint: Array, low: float, h
 @pytest.mark.filterwarnings("ignore:.*encountered in buffer:RuntimeWarning")
 def test_where_edges_nearly_meet_floors_stay_valid_as_they_are_moved() -> None:
     """A random world whose floor, less what stands on it, crossed itself by rounding."""
-    sides = by_heading(witness("wrists", 160275).world).sides
+    sides = scene_of(witness("wrists", 160275).world).free_floor.by_heading.sides
     assert shapely.is_valid([side.floor for side in sides]).all()
 
 

@@ -13,8 +13,8 @@ import shapely
 
 import regionik as rik
 from regionik.cli import app
-from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import Pose
+from regionik.scene import scene_of
 from regionik.values import Answer
 from regionik.worlds.arms import with_pivot_limits
 from regionik.worlds.bundled import robot_named
@@ -151,7 +151,7 @@ def test_what_a_posture_does_is_found(name: str) -> None:
     while len(asked) < 12:
         q = rng.uniform(low, high)
         tool = world.robot.tool(HERE, q)
-        if tool[2, 3] > 0.1 and guard_of(world).clear(Pose(np.array(HERE), q)):
+        if tool[2, 3] > 0.1 and scene_of(world).guard.clear(Pose(np.array(HERE), q)):
             spot, axis = tool[:3, 3], tool[:3, 2]
             asked += [Target(spot, axis, 0.05), Target(spot, axis, 2.0)]
             asked += [Target(spot), Target(spot, orientation=tool[:3, :3], cone=0.1)]

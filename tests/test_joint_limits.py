@@ -17,6 +17,7 @@ from regionik.planners.smoothing.path_smoothing import HalfSpaces, PathProblem
 from regionik.planners.solvers.aims import in_columns
 from regionik.planners.solvers.damped_least_squares import ORIENTATION, POSITION, Aim
 from regionik.planners.solvers.serial_chain import rotation_about
+from regionik.scene import scene_of
 from regionik.smoothing.runs import _off_limits
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
@@ -88,11 +89,11 @@ def test_a_motion_is_brought_to_the_middle_as_a_whole() -> None:
     world = World("ur", ur_robot(), FLOOR, (), (), Rules())
     motion = np.tile(np.zeros(UR.dof), (4, 1))
     motion[:, 5] = [-6.1, -5.5, -5.0, -5.8]
-    turned = whole_turns(world, motion)
+    turned = whole_turns(scene_of(world), motion)
     assert turned[5] == pytest.approx(2 * np.pi)
     assert not turned[:5].any()
     motion[:, 5] = np.linspace(-6.1, 6.1, 4)  # there is no room for another turn
-    assert not whole_turns(world, motion).any()
+    assert not whole_turns(scene_of(world), motion).any()
 
 
 def _raster(count: int) -> tuple[Target, ...]:

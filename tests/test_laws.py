@@ -17,6 +17,7 @@ from regionik.pipeline import search
 from regionik.pruning import whole_path
 from regionik.reachability.reach import reach
 from regionik.regions import admissible_area, path_areas
+from regionik.scene import scene_of
 from regionik.storage.plan_document import plan_to_text
 from regionik.values import Configuration
 from regionik.verification.verifier import verify
@@ -105,7 +106,7 @@ def test_areas_move_with_the_world(seed: int, x: float, y: float, yaw: float) ->
 def test_plans_move_with_the_world(seed: int) -> None:
     world = sound_world(seed)
     for shift, yaw in ((np.array([2.0, -1.0]), 0.0), (np.array([0.3, 4.0]), 2.0)):
-        assert verify(search(moved(world, shift, yaw))).ok
+        assert verify(search(scene_of(moved(world, shift, yaw)))).ok
 
 
 def larger(robot: Robot, by: float) -> Robot:
@@ -188,7 +189,7 @@ def in_units(world: World, by: float) -> World:
 @pytest.mark.parametrize("seed", SOUND)
 def test_a_plan_holds_in_any_unit(seed: int) -> None:
     """Lengths of world and plan in feet, centimetres or the like: the same verdict, margins in that unit."""
-    made = search(sound_world(seed))
+    made = search(scene_of(sound_world(seed)))
     margins = verify(made).margins
     for by in (0.5, 3.280839895, 100.0):
         unit = by ** np.array([1, 1, 0])
@@ -208,9 +209,9 @@ def test_a_plan_holds_in_any_unit(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", SOUND)
 def test_what_can_be_planned_can_be_planned_in_other_units(seed: int) -> None:
-    one = search(sound_world(seed))
+    one = search(scene_of(sound_world(seed)))
     for by in (0.25, 2.0):
-        other = search(in_units(sound_world(seed), by))
+        other = search(scene_of(in_units(sound_world(seed), by)))
         assert other.lift_offs == one.lift_offs
         assert verify(other).ok
 
@@ -261,7 +262,7 @@ def shuffled(value: Any) -> Any:
 def test_order_of_keys_gives_the_same_bytes(name: str) -> None:
     world = load_world(name)
     again = world_from_document(shuffled(world_to_document(world)))
-    assert plan_to_text(search(again)) == plan_to_text(search(world))
+    assert plan_to_text(search(scene_of(again))) == plan_to_text(search(scene_of(world)))
 
 
 @pytest.mark.parametrize("seed", SOUND)
@@ -273,16 +274,16 @@ def test_order_of_obstacles_and_corners_does_not_matter(seed: int) -> None:
         floor=Floor(shapely.Polygon([*corners[2:], *corners[:2]][::-1])),
         obstacles=world.obstacles[::-1],
     )
-    one, two = (plan_to_document(search(each)) for each in (world, other))
+    one, two = (plan_to_document(search(scene_of(each))) for each in (world, other))
     assert [s["kind"] for s in one["states"]] == [s["kind"] for s in two["states"]]
-    for mine, yours in zip(path_areas(world).inner, path_areas(other).inner, strict=True):
+    for mine, yours in zip(path_areas(scene_of(world)).inner, path_areas(scene_of(other)).inner, strict=True):
         assert mine.symmetric_difference(yours).area < 1e-9
     assert json.dumps(one["states"]) == json.dumps(two["states"])
 
 
 def verdict_of(world: World) -> str:
     try:
-        whole_path(world)
+        whole_path(scene_of(world))
     except NoPlanFound as failure:
         return failure.explanation.verdict
     return "whole"
@@ -298,8 +299,8 @@ def test_the_way_back_has_the_same_areas(seed: int) -> None:
     assert verdicts[0] == verdicts[1]
     if verdicts[0] != "whole":
         return
-    _, _, there = whole_path(world)
-    _, _, home = whole_path(back)
+    _, _, there = whole_path(scene_of(world))
+    _, _, home = whole_path(scene_of(back))
     count = len(world.task)
     assert len(there.breaks) == len(home.breaks)
     if there.breaks:

@@ -16,6 +16,7 @@ from regionik.moving.layered_search import EDGE, LIFT, Layer, LayeredSearch
 from regionik.planners.driving.pose_lattice import spin_moves
 from regionik.postures.poses import axis_of
 from regionik.pruning import whole_path
+from regionik.scene import scene_of
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.obstacles import Box
@@ -34,8 +35,8 @@ def search(seed: int) -> LayeredSearch:
         Box(f"box {k}", np.array([0.3, 0.3, 1.0]), np.array([*rng.uniform(-1, 1, 2), 0.5])) for k in range(3)
     )
     world = World("random", robot, Floor(shapely.box(-2, -2, 2, 2)), boxes, task, Rules(avoidance=False))
-    standing, _, pruned = whole_path(world)
-    return LayeredSearch(world, pruned.ladder, pruned.keep, pruned.breaks, standing)
+    standing, _, pruned = whole_path(scene_of(world))
+    return LayeredSearch(scene_of(world), pruned.ladder, pruned.keep, pruned.breaks, standing)
 
 
 @pytest.fixture(autouse=True)
@@ -101,7 +102,7 @@ def step_cost(
         for dy in range(-inside - 1 + abs(dx), inside + 2 - abs(dx))
     ):
         inside += 1
-    spots = [target.position for target in graph.world.task]
+    spots = [target.position for target in graph.scene.task]
     stride = 0.0 if i == COUNT - 1 else float(np.linalg.norm(spots[i + 1] - spots[i]))
     return EDGE * stride * (1 - inside / depth)
 
@@ -125,7 +126,7 @@ def test_poses_lie_in_their_components_and_the_first_costs_least(seed: int) -> N
         offered = list(graph.arrivals(i, components, here))
         assert offered
         for pose, k in offered:
-            axis = axis_of(graph.world.robot, pose)
+            axis = axis_of(graph.scene.robot, pose)
             assert k in components
             assert shapely.contains_xy(ladder.component[k], *axis)
         steered = [pose.tolist() for pose, _ in graph.onward(i, components, here)]
@@ -136,9 +137,9 @@ def test_poses_lie_in_their_components_and_the_first_costs_least(seed: int) -> N
 def test_a_seam_in_the_open_needs_no_lift_off() -> None:
     graph = search(0)
     task = tuple(Target(np.array([x, 0.0, 0.3])) for x in np.linspace(0, 2, COUNT * 4))
-    world = replace(graph.world, obstacles=(), task=task)
-    standing, _, pruned = whole_path(world)
-    seam = LayeredSearch(world, pruned.ladder, pruned.keep, pruned.breaks, standing)
+    scene = graph.scene.changed(obstacles=(), task=task)
+    standing, _, pruned = whole_path(scene)
+    seam = LayeredSearch(scene, pruned.ladder, pruned.keep, pruned.breaks, standing)
     assert seam.lift_offs(0) == 0
     heading = seam.heading(0, np.array([0.0, -0.4]))
     assert heading is not None

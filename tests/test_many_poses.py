@@ -13,11 +13,12 @@ import pytest
 import shapely
 
 from regionik.area_verification import verify_areas
-from regionik.areas.reachable import PosedReach, inner_rows, reach_rows
-from regionik.areas.standing import by_heading, turning
+from regionik.areas.reachable import PosedReach
 from regionik.output.plan_file import load_plan
 from regionik.pruning import prune_path, whole_path
+from regionik.reach_rows import inner_rows, reach_rows
 from regionik.regions import path_areas, planned_areas
+from regionik.scene import scene_of
 from regionik.storage.plan_document import PARTS, kept_areas, plan_to_text
 from regionik.values import Configuration, Motion, Plan
 from regionik.worlds.bundled import robot_named
@@ -64,11 +65,11 @@ def pivoted_points(count: int) -> World:
 
 def with_areas(world: World) -> Plan:
     """A plan of the areas of a world, its base at rest."""
-    standing, areas, pruned = whole_path(world)
+    standing, areas, pruned = whole_path(scene_of(world))
     still = np.zeros(world.robot.chain.dof)
     one = Configuration(np.zeros(3), still, 0.0, 0, True)
     motion = Motion(np.zeros((1, 3)), still[None], np.array(["step"]), np.array([-1]), np.array([np.nan]))
-    shown = planned_areas(world, areas, standing, pruned.left)
+    shown = planned_areas(scene_of(world), areas, standing, pruned.left)
     return Plan(world, 0, (one,) * len(world.task), motion, shown, 0)
 
 
@@ -99,9 +100,9 @@ def test_areas_are_verified_without_unions_for_each_pose(monkeypatch: pytest.Mon
 
 def test_reach_is_asked_once_where_headings_make_no_difference(monkeypatch: pytest.MonkeyPatch) -> None:
     world = raster(4)
-    spans = [side.span for side in turning(world).sides]
+    spans = [side.span for side in scene_of(world).free_floor.turning.sides]
     assert len(spans) > 24
-    work = partial(inner_rows, world, world.task, (1,), spans)
+    work = partial(inner_rows, scene_of(world), world.task, (1,), spans)
     assert calls(monkeypatch, PosedReach, "rows", work) == 1
 
 
@@ -114,9 +115,9 @@ def test_reach_is_that_of_each_span(make: Callable[[int], World]) -> None:
             first, *others = chain.joints
             chain = Chain((replace(first, lower=-1.0, upper=1.0), *others), chain.T_last_tool)
         one = replace(world, robot=replace(world.robot, chain=chain))
-        spans = [side.span for side in by_heading(one).sides][:6]
-        for span, found in zip(spans, inner_rows(one, one.task, (1, -1), spans), strict=True):
-            alone = reach_rows(one, one.task, (1, -1), inner=True, span=span)
+        spans = [side.span for side in scene_of(one).free_floor.by_heading.sides][:6]
+        for span, found in zip(spans, inner_rows(scene_of(one), one.task, (1, -1), spans), strict=True):
+            alone = reach_rows(scene_of(one), one.task, (1, -1), inner=True, span=span)
             assert found[0].tolist() == alone[0].tolist()
             assert found[1] == alone[1]
             assert shapely.equals_exact(found[2], alone[2]).all()
@@ -125,11 +126,13 @@ def test_reach_is_that_of_each_span(make: Callable[[int], World]) -> None:
 @pytest.mark.parametrize("make", [raster, points])
 def test_admissible_areas_are_those_of_all_headings(make: Callable[[int], World]) -> None:
     world = make(5)
-    standing = turning(world)
-    areas, pruned = prune_path(world, standing, (1,))
+    standing = scene_of(world).free_floor.turning
+    areas, pruned = prune_path(scene_of(world), standing, (1,))
     assert not callable(pruned)
-    for i, shown in enumerate(planned_areas(world, areas, standing, pruned.left)):
-        whole = shapely.union_all(path_areas(world, facings=(1,), standing=standing).inner[areas.target == i])
+    for i, shown in enumerate(planned_areas(scene_of(world), areas, standing, pruned.left)):
+        whole = shapely.union_all(
+            path_areas(scene_of(world), facings=(1,), standing=standing).inner[areas.target == i]
+        )
         assert shapely.symmetric_difference(shown.admissible, whole, grid_size=1e-9).area < 1e-7
         assert shapely.symmetric_difference(shown.pruned, pruned.area(i), grid_size=1e-9).area < 1e-7
         assert whole.area > 0.01

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from regionik.mfabrik import Solver
 from regionik.postures.families import BACK, FRONT, Family
 from regionik.regions import path_areas
+from regionik.scene import scene_of
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.errors import InputError
@@ -35,7 +36,7 @@ def test_every_target_within_limits_is_solved(mobile: bool) -> None:
     rng = np.random.default_rng(2)
     scene = World("w", YOUBOT, Floor(shapely.box(-3, -3, 3, 3)), (), (), Rules())
     targets = np.column_stack([rng.uniform(-1, 1, (1500, 2)), rng.uniform(0.0, 0.65, 1500)])
-    areas = path_areas(scene, [Target(target) for target in targets], (FRONT,))
+    areas = path_areas(scene_of(scene), [Target(target) for target in targets], (FRONT,))
     lower, upper = YOUBOT.chain.lower, YOUBOT.chain.upper
     assert len(areas.target) > 1200
     for i, area in zip(areas.target, areas.inner, strict=True):

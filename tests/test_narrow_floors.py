@@ -9,7 +9,7 @@ import pytest
 import shapely
 
 from regionik import plan, verify
-from regionik.areas.standing import by_heading
+from regionik.scene import scene_of
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.drives import BaseKind
 from regionik.worlds.errors import NoPlanFound
@@ -82,7 +82,7 @@ def test_a_strip_narrower_than_the_footprint_is_refused_with_both_widths() -> No
 
 
 def test_a_side_without_floor_has_no_piece_to_start_on() -> None:
-    standing = by_heading(strip(0.5))
+    standing = scene_of(strip(0.5)).free_floor.by_heading
     assert any(side.free.is_empty for side in standing.sides)
     assert all(piece.area > 0 for piece in standing.pieces.polygon)
     label = standing.piece_at(np.array([0.6, 0.25]), 0.0)

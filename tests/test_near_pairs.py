@@ -12,7 +12,7 @@ from regionik.planners.collision.near_pairs import NearPairs, near_pairs
 from regionik.planners.collision.proximity import nearest
 from regionik.planners.collision.robot_bodies import NO_CONTACT, Bodies
 from regionik.planners.collision.robot_motion import WORLD
-from regionik.postures.arm_guard import guard_of
+from regionik.scene import scene_of
 from regionik.worlds.arrays import Array
 from regionik.worlds.documents.world_file import load_world
 from tests.test_proximity import AHEAD, CLUTTER, ROBOTS, distance_of, prepared, push, states
@@ -86,7 +86,7 @@ def keys(near: NearPairs) -> list[tuple[int, int, int]]:
 
 def test_distances_change_as_the_half_spaces_say() -> None:
     world = load_world("pillar")
-    guard = guard_of(world)
+    guard = scene_of(world).guard
     rng, robot, seen = np.random.default_rng(33), world.robot, 0
     base = np.column_stack([rng.uniform(-1.5, 1.5, (300, 2)), rng.uniform(-3, 3, 300)])
     joints = rng.uniform(robot.chain.lower, robot.chain.upper, (300, robot.chain.dof))

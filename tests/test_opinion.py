@@ -22,6 +22,7 @@ from regionik.output.urdf import robot_to_urdf
 from regionik.pipeline import search
 from regionik.reachability.reach import reach
 from regionik.regions import admissible_area
+from regionik.scene import scene_of
 from regionik.timing.retime import retime
 from regionik.values import Plan
 from regionik.worlds.bundled import world_names
@@ -157,7 +158,7 @@ def sound_plan() -> Plan:
     world = load_world("pillar")
     limits = {"joint_velocity": 0.5, "joint_acceleration": 1.0, "base_velocity": 0.3}
     speeds = Speeds(**limits, base_acceleration=0.5, tool_velocity=0.1)
-    return retime(search(replace(world, robot=replace(world.robot, payload=1.0), speeds=speeds)))
+    return retime(search(scene_of(replace(world, robot=replace(world.robot, payload=1.0), speeds=speeds))))
 
 
 def test_a_sound_plan_is_not_objected_to() -> None:

@@ -17,6 +17,7 @@ from regionik.output.plan_file import load_plan
 from regionik.parking.parking_probability import normal_probability, parking_probability
 from regionik.parking.stops import stops
 from regionik.pipeline import plan
+from regionik.scene import scene_of
 from regionik.values import Configuration, Plan, Stop
 from regionik.verification.stops import _reached, _rooms
 from regionik.verification.verifier import verify
@@ -105,7 +106,7 @@ def test_the_bound_is_below_the_truth_and_near_it(robot: str, off: tuple[float, 
     world = drilling(robot, TURNED)
     stop = stops(world)[0]
     base, count = stop.base + np.array(off), 300
-    bound = parking_probability(world, base, stop.setpoints)
+    bound = parking_probability(scene_of(world), base, stop.setpoints)
     truth = counted(world, base, stop.setpoints, count)
     assert binom.cdf(truth * count, count, bound) > 3e-5
     assert bound > truth - 0.02 - 4 * np.sqrt(truth * (1 - truth) / count)
@@ -115,12 +116,12 @@ def test_a_smaller_error_and_fewer_setpoints_are_more_probable() -> None:
     world, stop = drilled().world, drilled().stops[0]
     base = stop.base + [0.15, 0.0, 0.0]
     found = [
-        parking_probability(drilling("youbot-real", size * TURNED), base, stop.setpoints)
+        parking_probability(scene_of(drilling("youbot-real", size * TURNED)), base, stop.setpoints)
         for size in (0.25, 1.0, 2.0)
     ]
     assert found == sorted(found, reverse=True)
     world = drilling("youbot-real", TURNED)
-    assert parking_probability(world, base, stop.setpoints[:1]) >= found[1]
+    assert parking_probability(scene_of(world), base, stop.setpoints[:1]) >= found[1]
 
 
 @pytest.mark.slow
@@ -144,7 +145,7 @@ def test_any_order_has_the_probabilities_of_its_own_setpoints() -> None:
     world = drilling("youbot", SMALL, length=1.1)
     freed = replace(world, task=world.task[::2] + world.task[1::2], rules=replace(world.rules, order="any"))
     for stop in stops(freed):
-        assert stop.probability == parking_probability(freed, stop.base, stop.setpoints) > 0.9
+        assert stop.probability == parking_probability(scene_of(freed), stop.base, stop.setpoints) > 0.9
 
 
 def test_the_criterion_finds_a_more_probable_place() -> None:
@@ -197,7 +198,7 @@ def test_directions_of_any_arm_have_a_proven_probability(aside: float) -> None:
     world = replace(world, task=task)
     base, count = stops(world)[0].base + [0.0, aside, 0.0], 200
     bound, truth = (
-        parking_probability(world, base, (0, 1, 2, 3)),
+        parking_probability(scene_of(world), base, (0, 1, 2, 3)),
         counted(world, base, (0, 1, 2, 3), count),
     )
     assert bound > 0

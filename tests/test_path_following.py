@@ -16,10 +16,10 @@ from regionik.moving.path_following import PathFollower, PathSegment, SegmentPoi
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.polylines import between as between_knots
 from regionik.planners.geometry.polylines import leg_lengths
-from regionik.postures.arm_guard import guard_of
 from regionik.postures.families import FRONT, Family
 from regionik.postures.poses import LARGEST_BEND, Pose, Row, axis_of, pose_between, pose_of
 from regionik.pruning import whole_path
+from regionik.scene import scene_of
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import rot_x
 from regionik.worlds.drives import BaseKind, drive_of
@@ -38,10 +38,10 @@ def world_of(name: str, solids: tuple[Solid, ...] = (), **rules: object) -> Worl
 
 
 def follower(world: World) -> PathFollower:
-    standing, _, pruned = whole_path(world)
-    guard, ladder = guard_of(world), pruned.ladder
-    driver = driver_for(world, standing, 0)
-    return PathFollower(world, ladder, guard, driver.paths(ladder))
+    standing, _, pruned = whole_path(scene_of(world))
+    guard, ladder = scene_of(world).guard, pruned.ladder
+    driver = driver_for(scene_of(world), standing, 0)
+    return PathFollower(scene_of(world), ladder, guard, driver.paths(ladder))
 
 
 def spots_at(world: World, i: int, axis: tuple[float, float], near: Pose | None = None) -> list[Candidate]:
@@ -66,7 +66,7 @@ def check(world: World, here: Pose, rows: list[Row], goal: Candidate) -> None:
             tool = world.robot.tool(at.base, at.joints)[:3, 3]
             along = np.clip((tool - p) @ (q - p) / ((q - p) @ (q - p)), 0, 1)
             assert np.linalg.norm(tool - p - along * (q - p)) <= world.rules.path_tolerance
-            assert guard_of(world).clear(at)
+            assert scene_of(world).guard.clear(at)
     tool = world.robot.tool(poses[-1].base, poses[-1].joints)[:3, 3]
     assert np.linalg.norm(tool - q) <= world.rules.tolerance
     np.testing.assert_allclose(
@@ -108,14 +108,14 @@ def test_a_board_on_the_way_stops_it_and_is_told() -> None:
     board = Box("board", np.array([0.02, 0.35, 0.4]), np.array([0.55, -0.275, 0.4]))
     world = world_of("youbot", (board,), tool_contact=0.0)
     walk = follower(world)
-    left = [spot for spot in spots_at(world, 0, (0.4, -0.3)) if guard_of(world).clear(spot.pose)]
-    right = [spot for spot in spots_at(world, 1, (0.7, -0.3)) if guard_of(world).clear(spot.pose)]
+    left = [spot for spot in spots_at(world, 0, (0.4, -0.3)) if scene_of(world).guard.clear(spot.pose)]
+    right = [spot for spot in spots_at(world, 1, (0.7, -0.3)) if scene_of(world).guard.clear(spot.pose)]
     assert left
     assert right
     assert all(walk.follow(0, a, b) is None for a in left[:2] for b in right[:2])
     touch = walk.stops[0]
     assert touch.kind == "obstacle"
-    assert guard_of(world).other(touch) == "board"
+    assert scene_of(world).guard.other(touch) == "board"
     free = replace(world, obstacles=())
     followed = [follower(free).follow(0, a, b) for a in left[:2] for b in right[:2]]
     assert any(rows is not None for rows in followed)
@@ -208,7 +208,7 @@ def test_a_path_between_two_rooms_has_no_shared_place() -> None:
     task = (Target(np.array([0.0, 0.0, 0.25])), Target(np.array([1.1, 0.0, 0.25])))
     floor = Floor(shapely.box(-1, -1, 2, 1))
     with pytest.raises(NoPlanFound):
-        whole_path(World("rooms", robot, floor, (wall,), task, Rules()))
+        whole_path(scene_of(World("rooms", robot, floor, (wall,), task, Rules())))
 
 
 def test_a_base_on_wheels_that_is_there_but_for_rounding_stands_while_the_tool_goes_on() -> None:

@@ -20,6 +20,7 @@ from regionik.output import plan_file
 from regionik.output.export import plan_to_geojson
 from regionik.output.plan_file import load_plan, plan_schema
 from regionik.pipeline import search
+from regionik.scene import scene_of
 from regionik.storage import plan_document
 from regionik.storage.files import json_values
 from regionik.storage.plan_document import multipolygon, plan_to_text
@@ -125,7 +126,7 @@ def test_parts_are_those_that_a_feature_names(document: dict[str, Any], tmp_path
 
 
 def test_areas_too_many_to_be_read_back_are_left_out(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    made = search(load_world("slab"))
+    made = search(scene_of(load_world("slab")))
     made.save(tmp_path / "plan.json")
     whole = count_values((tmp_path / "plan.json").read_bytes())
     for module in (plan_document, plan_file):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from benchmarks.tables.goals import confirm
 from regionik.areas.reach_model import ReachQuery
-from regionik.areas.reachable import PosedReach, model_of, rows_of
+from regionik.areas.reachable import PosedReach
 from regionik.parking.fewest_stops import park
 from regionik.parking.stop_motion import connect_stops
 from regionik.parking.stops import in_sequence
@@ -25,6 +25,8 @@ from regionik.planners.solvers.closed_form import Polish, postures_at
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, Aim
 from regionik.planners.solvers.mfabrik_serial import in_arm_frame
 from regionik.postures.arm import aim_of as goal_aim
+from regionik.reach_rows import rows_of
+from regionik.scene import scene_of
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, rot_x, rot_y
@@ -218,7 +220,7 @@ def test_a_stop_goes_on_to_set_points_that_areas_leave_to_the_next() -> None:
     robot = robot_on("ur", np.eye(4), 0.9)
     rules = Rules(mode="stops", avoidance=False, tolerance=1e-4)
     world = World("poses", robot, FLOOR, (), posed_task(robot, 3, 8), rules)
-    whole = in_sequence(world, park(world))
+    whole = in_sequence(scene_of(world), park(scene_of(world)))
     group = whole.groups[0]
     assert len(group.setpoints) == 8
     halves = tuple(group.of(some) for some in (group.setpoints[:5], group.setpoints[5:]))
@@ -261,10 +263,10 @@ def test_a_reach_too_thin_for_the_margin_is_kept() -> None:
     """Five joints meet a pose from a thin area only."""
     world = witness("offsets", 1016).world
     target = replace(world.task[0], cone=0.03)
-    model = model_of(world, target)
+    model = scene_of(world).model(target)
     assert isinstance(model, PosedReach)
     sampled = pose_reach(model.chain, model.height, goal_aim(target)).area
     assert not sampled.is_empty
     assert sampled.buffer(-world.rules.reach_margin, join_style="mitre").is_empty
     query = ReachQuery(world.rules, world.rules.reach_margin, (-np.inf, np.inf))
-    assert shapely.union_all(rows_of(world, [target], query)[2]).equals(sampled)
+    assert shapely.union_all(rows_of(scene_of(world), [target], query)[2]).equals(sampled)

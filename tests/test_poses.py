@@ -13,6 +13,7 @@ from regionik.pipeline import plan
 from regionik.postures.arm import deviation, goal_between, goal_error
 from regionik.postures.poses import axis_of
 from regionik.regions import admissible_area, path_areas
+from regionik.scene import scene_of
 from regionik.values import Plan
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
@@ -156,7 +157,7 @@ def test_places_of_the_inner_area_truly_serve(name: str, kind: str) -> None:
         world = World("bare", robot, FLOOR)
         spot = axis_of(robot, np.zeros(3))
         assert admissible_area(world, target).outer.distance(shapely.Point(spot)) < 1e-6  # q itself proves it
-        rows = path_areas(world, [target])
+        rows = path_areas(scene_of(world), [target])
         areas += len(rows.inner) > 0
         for part, family in zip(rows.inner, rows.family, strict=True):
             base = np.array([*rng.uniform(-1, 1, 2), rng.uniform(-3, 3)])

@@ -13,7 +13,6 @@ from shapely.geometry.base import BaseGeometry
 
 from benchmarks.tables.goals import confirm
 from regionik.areas.reach_model import ReachQuery
-from regionik.areas.reachable import rows_of
 from regionik.planners.reach.pose_reach import pose_reach
 from regionik.planners.reach.proven_poses import proven_pose_area
 from regionik.planners.reach.square_proofs import holds_about, square_task
@@ -21,7 +20,9 @@ from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATIO
 from regionik.planners.solvers.mfabrik_serial import in_arm_frame
 from regionik.planners.solvers.rigid_bodies import span
 from regionik.planners.solvers.serial_chain import serial_arm
+from regionik.reach_rows import rows_of
 from regionik.regions import admissible_area
+from regionik.scene import scene_of
 from regionik.worlds.arms import pivot_index, with_pivot
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
@@ -195,5 +196,5 @@ def test_areas_that_are_told_are_proven_and_lie_within_the_outer_one(name: str) 
     assert area.inner.area > 0
     assert (area.inner - area.outer).area < 1e-9
     query = ReachQuery(world.rules, world.rules.reach_margin, (-np.inf, np.inf), proven=True)
-    proven = shapely.union_all(rows_of(world, [target], query)[2])
+    proven = shapely.union_all(rows_of(scene_of(world), [target], query)[2])
     assert (area.inner - proven).area < 1e-9

@@ -5,13 +5,14 @@ import pytest
 import shapely
 
 from regionik.areas.ground import Side
-from regionik.areas.standing import Standing, anywhere
+from regionik.areas.standing import Standing
 from regionik.ladder import Ladder, build_ladder
 from regionik.motion import connect_setpoints
 from regionik.postures.families import FRONT, Family
 from regionik.postures.poses import lift_offs
 from regionik.pruning import Pruned, choose_chain, prune, start_place, whole_path
 from regionik.regions import path_areas
+from regionik.scene import scene_of
 from regionik.worlds.documents.world_file import load_world
 
 
@@ -84,7 +85,7 @@ def test_unusable_components_are_never_kept() -> None:
 def test_pocket_of_l_shape_is_cut_out() -> None:
     """M-FABRIK, experiment 4: the components inside the L at set-points 14 to 22 lead nowhere."""
     world = load_world("l_shape")
-    _, _, pruned = whole_path(world)
+    _, _, pruned = whole_path(scene_of(world))
     rungs = pruned.ladder.rungs
     cut = [i + 1 for i in range(40) if not pruned.keep[rungs[i] : rungs[i + 1]].all()]
     assert pruned.breaks == ()
@@ -98,11 +99,11 @@ def test_pocket_of_l_shape_is_cut_out() -> None:
 def test_l_shape_without_pruning_lifts_off() -> None:
     """The nearest place of every area, one after the other, ends in the pocket."""
     world = load_world("l_shape")
-    standing = anywhere(world)
-    areas = path_areas(world, facings=(FRONT,))
+    standing = scene_of(world).free_floor.anywhere
+    areas = path_areas(scene_of(world), facings=(FRONT,))
     ladder = build_ladder(areas, len(world.task), standing)
     rungs = ladder.rungs
-    start = start_place(world)
+    start = start_place(scene_of(world))
     assert start is not None
     assert world.start is not None
     spot = shapely.Point(start[:2])
@@ -115,13 +116,13 @@ def test_l_shape_without_pruning_lifts_off() -> None:
     breaks = tuple(i + 1 for i, pair in enumerate(itertools.pairwise(chain)) if pair not in edges)
     keep = np.zeros(len(ladder.component), dtype=bool)
     keep[chain] = True
-    joined = connect_setpoints(world, Pruned(ladder, keep, breaks), standing, {}, 0)
+    joined = connect_setpoints(scene_of(world), Pruned(ladder, keep, breaks), standing, {}, 0)
     assert lift_offs(joined.motion) >= 1
 
 
 def test_overlaps_agree_with_every_pair() -> None:
     world = load_world("l_shape")
-    ladder = build_ladder(path_areas(world), len(world.task), anywhere(world))
+    ladder = build_ladder(path_areas(scene_of(world)), len(world.task), scene_of(world).free_floor.anywhere)
     expected = {
         (a, b)
         for a in range(len(ladder.target))

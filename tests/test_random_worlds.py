@@ -7,6 +7,7 @@ import pytest
 import shapely
 
 from regionik.pipeline import search
+from regionik.scene import scene_of
 from regionik.verification.verifier import verify
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.errors import NoPlanFound
@@ -56,7 +57,7 @@ def random_solid(k: int, height: float, rng: np.random.Generator) -> Solid:
 
 def outcome(world: World) -> str:
     try:
-        found = search(world)  # without causes and repairs, which test_why asks for
+        found = search(scene_of(world))  # without causes and repairs, which test_why asks for
     except NoPlanFound as failure:
         why = failure.explanation
         assert why.reason

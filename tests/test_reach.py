@@ -13,6 +13,7 @@ from regionik.reachability.reach import reach
 from regionik.reachability.refinement import refine
 from regionik.reachability.target_search import MOST_MET, TargetSearch
 from regionik.regions import admissible_area
+from regionik.scene import scene_of
 from regionik.verification.verifier import verify_answers
 from regionik.worlds.arms import planar_arm
 from regionik.worlds.bundled import robot_named
@@ -135,7 +136,7 @@ def test_no_slab_is_made_once_the_search_gave_up(monkeypatch: pytest.MonkeyPatch
         def within(self, area: BaseGeometry, family: Family, span: tuple[float, float]) -> None:
             self.met = MOST_MET
 
-    found = refine(Exhausted(world, Target(np.array([0.5, 0.0, 0.25]))))
+    found = refine(Exhausted(scene_of(world), Target(np.array([0.5, 0.0, 0.25]))))
     assert (found.found, found.tried, len(made)) == (None, 1, 1)
     assert not found.left.is_empty
 

@@ -9,13 +9,7 @@ import shapely
 
 from regionik.areas.planar_reach import PlanarReach
 from regionik.areas.reach_model import ReachModel
-from regionik.areas.reachable import (
-    PivotedReach,
-    PosedReach,
-    model_of,
-    reach_model,
-    reach_rows,
-)
+from regionik.areas.reachable import PivotedReach, PosedReach, reach_model
 from regionik.areas.standing import spread
 from regionik.mfabrik import solver_for
 from regionik.pipeline import plan
@@ -25,8 +19,10 @@ from regionik.postures.families import BACK, FRONT, Family
 from regionik.postures.planar_solver import PlanarSolver
 from regionik.postures.poses import axis_of, pose_of
 from regionik.postures.serial_solver import SerialSolver
+from regionik.reach_rows import reach_rows
 from regionik.reachability.any_base import can_search
 from regionik.regions import admissible_area
+from regionik.scene import scene_of
 from regionik.verification.verifier import verify
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, rot_x
@@ -79,7 +75,7 @@ def test_an_arm_in_a_plane_has_one_model() -> None:
 def test_a_tool_across_the_plane_is_posed_but_can_be_exhausted() -> None:
     robot = across(robot_named("youbot"))
     assert isinstance(reach_model(robot, "point"), PlanarReach)
-    assert can_search(World("test", robot, FLOOR))
+    assert can_search(scene_of(World("test", robot, FLOOR)))
     for goal in GOALS[1:]:
         model = reach_model(robot, goal)
         assert isinstance(model, PosedReach)
@@ -91,7 +87,7 @@ def test_any_other_arm_is_pivoted_for_points_and_posed_for_more() -> None:
     robot = robot_named("pioneer7")
     point = reach_model(robot, "point")
     assert type(point) is PivotedReach
-    assert not can_search(World("test", robot, FLOOR))
+    assert not can_search(scene_of(World("test", robot, FLOOR)))
     assert traits(point) == {"proven"}
     for goal in GOALS[1:]:
         assert isinstance(reach_model(robot, goal), PosedReach)
@@ -104,7 +100,7 @@ def test_inner_reach_lies_within_outer_reach(name: str) -> None:
     world = World("test", robot, FLOOR, task=tuple(targets((0.1, 0.2, 0.1)).values()))
     shapes = {}
     for inner in (True, False):
-        which, families, rows = reach_rows(world, world.task, (FRONT, BACK), inner=inner)
+        which, families, rows = reach_rows(scene_of(world), world.task, (FRONT, BACK), inner=inner)
         assert len(which) == len(families) == len(rows)
         assert (np.diff(which) >= 0).all()
         shapes[inner] = [shapely.union_all(rows[which == i]) for i in range(len(world.task))]
@@ -116,8 +112,10 @@ def test_inner_reach_lies_within_outer_reach(name: str) -> None:
 @pytest.mark.parametrize("name", ["youbot", "pioneer7"])
 def test_rings_lie_at_the_distances_in_reach(name: str) -> None:
     world, z = World("test", robot_named(name), FLOOR), 0.3
-    (spans,) = model_of(world, Target(np.array([0.0, 0.0, z]))).distances(None, np.array([z]), inner=True)
-    _, _, rows = reach_rows(world, [Target(np.array([0.0, 0.0, z]))], (FRONT, BACK), inner=True)
+    (spans,) = (
+        scene_of(world).model(Target(np.array([0.0, 0.0, z]))).distances(None, np.array([z]), inner=True)
+    )
+    _, _, rows = reach_rows(scene_of(world), [Target(np.array([0.0, 0.0, z]))], (FRONT, BACK), inner=True)
     corners = np.hypot(*shapely.get_coordinates(rows).T)
     assert all(((low <= corners) & (corners <= high)).any() for low, high in spans.tolist())
     assert ((spans[:, :1] <= corners) & (corners <= spans[:, 1:])).any(axis=0).all()
@@ -126,9 +124,9 @@ def test_rings_lie_at_the_distances_in_reach(name: str) -> None:
 def test_rows_of_mixed_goals_are_those_of_each() -> None:
     world = World("test", across(robot_named("youbot")), FLOOR)
     asked = [target for spot in ((0.1, 0, 0.3), (0.5, 0.2, 0.2)) for target in targets(spot).values()]
-    which, families, rows = reach_rows(world, asked, (FRONT,), inner=True)
+    which, families, rows = reach_rows(scene_of(world), asked, (FRONT,), inner=True)
     for i, target in enumerate(asked):
-        _, some, alone = reach_rows(world, [target], (FRONT,), inner=True)
+        _, some, alone = reach_rows(scene_of(world), [target], (FRONT,), inner=True)
         assert shapely.equals_exact(rows[which == i], alone).all()
         assert tuple(families[k] for k in np.flatnonzero(which == i)) == some
 
@@ -155,7 +153,7 @@ def test_areas_at_a_fixed_heading_hold_postures_within_the_limits(
     world = World("test", robot, FLOOR, task=(target,), rules=Rules(heading="fixed"), start=Start(base, q))
     area = admissible_area(world, target).inner
     assert area.distance(shapely.Point(axis_of(robot, base))) < 0.03
-    solver = replace(solver_for(world, Family(FRONT)), span=(yaw, yaw))
+    solver = replace(solver_for(scene_of(world), Family(FRONT)), span=(yaw, yaw))
     places = spread(area, 12, 0)
     met = [solver.self_motion(target, pose_of(robot, place, yaw), q, 24) for place in places]
     assert sum(map(bool, met)) >= 0.9 * len(places)

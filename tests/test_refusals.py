@@ -13,6 +13,7 @@ from regionik.parking.stops import stops
 from regionik.pipeline import plan, why
 from regionik.planners.tries import count_tries, counted
 from regionik.reachability.reach import reach
+from regionik.scene import Scene, scene_of
 from regionik.view.page import to_html
 from regionik.view.world_picture import picture_of_explanation
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
@@ -54,9 +55,9 @@ def test_a_blocked_start_is_mended_by_a_short_step() -> None:
     assert {repair.kind for repair in found.repairs} == {"move-start", "move-obstacle"}
     for repair in found.repairs:
         assert repair.amount == pytest.approx(0.15, abs=0.01)
-        after = repaired(replace(world, obstacles=(POST,), start=start), repair)
+        after = repaired(scene_of(replace(world, obstacles=(POST,), start=start)), repair)
         assert blocked_start(after) is None
-        assert plan(after)
+        assert plan(after.world)
 
 
 def test_too_little_room_to_park_is_mended_by_a_smaller_circle() -> None:
@@ -66,7 +67,7 @@ def test_too_little_room_to_park_is_mended_by_a_smaller_circle() -> None:
         ("stop-tolerance", "rules.stop_tolerance")
     ]
     assert found.repairs[0].amount < 0.5
-    assert stops(repaired(world, found.repairs[0]))
+    assert stops(repaired(scene_of(world), found.repairs[0]).world)
 
 
 @pytest.mark.parametrize(
@@ -94,11 +95,11 @@ def test_two_small_changes_where_no_single_one_does() -> None:
     (repair,) = found.repairs
     assert len(repair.also) == 1
     assert repair.text.count(" m") >= 2
-    after = repaired(replace(world, obstacles=(plate,), task=(target,)), repair)
-    assert reach(after, after.task).reachable.all()
+    after = repaired(scene_of(replace(world, obstacles=(plate,), task=(target,))), repair)
+    assert reach(after.world, after.task).reachable.all()
     for single in (replace(repair, also=()), repair.also[0]):
-        alone = repaired(replace(world, obstacles=(plate,), task=(target,)), single)
-        assert not reach(alone, alone.task).reachable.any()
+        alone = repaired(scene_of(replace(world, obstacles=(plate,), task=(target,))), single)
+        assert not reach(alone.world, alone.task).reachable.any()
 
 
 def test_what_was_tried_is_said_where_nothing_helps() -> None:
@@ -116,13 +117,13 @@ def test_repairs_are_tried_with_hardly_more_tries_than_the_search_made(
     world = replace(hall(*SPOTS), obstacles=TUBE)
     quick = Explanation("no-posture", 1, "It is closed.", tuple(Cause("obstacle", one.name) for one in TUBE))
 
-    def closed(_: World) -> bool:
+    def closed(_: Scene) -> bool:
         for _k in range(10):
             count_tries()
         return False
 
     with counted() as tries:
-        found = tried_changes.mended_motion(world, quick, closed, made)
+        found = tried_changes.mended_motion(scene_of(world), quick, closed, made)
     assert tries.made <= made + 2 * 5
     assert not found.repairs
     assert ("Tried were" in found.reason) == (made == 400)  # nothing is said to be tried that was not

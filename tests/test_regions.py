@@ -6,11 +6,11 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from regionik.areas.ground import ground_of
 from regionik.areas.layers import grow
-from regionik.areas.reachable import reach_rows
 from regionik.postures.families import BACK, FRONT
+from regionik.reach_rows import reach_rows
 from regionik.regions import admissible_area, outer_areas, path_areas
+from regionik.scene import scene_of
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError
@@ -33,9 +33,9 @@ def box(x: float, y: float, size: float = 0.4, name: str = "box") -> Box:
 def test_inner_points_work_and_points_outside_outer_do_not(z: float) -> None:
     scene = world(box(0.5, 0.1), Cylinder("post", 0.1, 0.5, np.array([-0.2, 0.4, 0.25])))
     area = admissible_area(scene, [0, 0, z])
-    _, _, rings = reach_rows(scene, [Target(np.array([0, 0, z]))], (FRONT, BACK), inner=False)
+    _, _, rings = reach_rows(scene_of(scene), [Target(np.array([0, 0, z]))], (FRONT, BACK), inner=False)
     rng = np.random.default_rng(0)
-    shadows = ground_of(scene).shadows
+    shadows = scene_of(scene).ground.shadows
     for spot in rng.uniform(-0.8, 0.8, (2000, 2)):
         point = shapely.Point(spot)
         gap = min(shadow.distance(point) for shadow in shadows)
@@ -72,7 +72,7 @@ def test_order_of_obstacles_does_not_matter() -> None:
 
 def test_all_at_once_equals_one_by_one() -> None:
     scene = load_world("l_shape")
-    areas = path_areas(scene)
+    areas = path_areas(scene_of(scene))
     for i, target in enumerate(scene.task):
         whole = shapely.union_all(areas.inner[areas.target == i])
         assert whole.symmetric_difference(admissible_area(scene, target).inner).area < 1e-12
@@ -81,7 +81,7 @@ def test_all_at_once_equals_one_by_one() -> None:
 def test_thin_rings_leave_valid_areas() -> None:
     heights = np.linspace(-0.4, 0.7, 2000)
     targets = [Target(np.array([0, 0, z])) for z in heights]
-    areas = path_areas(world(), targets)
+    areas = path_areas(scene_of(world()), targets)
     assert shapely.is_valid(areas.inner).all()
 
 
@@ -114,8 +114,8 @@ def test_fixed_heading_cuts_the_ring_behind_the_base() -> None:
     free = World("w", robot, FLOOR, (), (), Rules(), start)
     fixed = World("w", robot, FLOOR, (), (), Rules(heading="fixed"), start)
     whole = admissible_area(free, [0, 0, 0.25]).inner.area
-    front = path_areas(fixed, [Target(np.array([0, 0, 0.25]))], (FRONT,)).inner
-    ring = path_areas(free, [Target(np.array([0, 0, 0.25]))], (FRONT,)).inner
+    front = path_areas(scene_of(fixed), [Target(np.array([0, 0, 0.25]))], (FRONT,)).inner
+    ring = path_areas(scene_of(free), [Target(np.array([0, 0, 0.25]))], (FRONT,)).inner
     assert shapely.area(front).sum() == pytest.approx(shapely.area(ring).sum() * 338 / 360, rel=2e-3)
     # +-169 deg of pivot leave 22 deg behind the base; the target lies there for places ahead of it
     assert not front[0].intersects(shapely.Point(0.4, 0.0))
@@ -125,11 +125,11 @@ def test_fixed_heading_cuts_the_ring_behind_the_base() -> None:
 def test_tool_direction_gives_ring_sectors() -> None:
     scene = world()
     target = Target(np.array([0, 0, 0.25]), np.array([0, -1, 0]), np.deg2rad(15))
-    areas = path_areas(scene, [target], (FRONT,))
+    areas = path_areas(scene_of(scene), [target], (FRONT,))
     x0, y0, x1, y1 = shapely.total_bounds(areas.inner)
     # At the direction itself from 0.236 to 0.517 m ahead; a pitch that leans within the cone reaches farther.
     assert (x0, y0, x1, y1) == pytest.approx((-0.134, 0.213, 0.134, 0.525), abs=2e-3)
-    outer = outer_areas(scene, [target])[0]
+    outer = outer_areas(scene_of(scene), [target])[0]
     assert outer.covers(shapely.union_all(areas.inner).buffer(-1e-9))
 
 
@@ -154,7 +154,7 @@ def test_outer_floor_holds_the_axis_of_every_base_that_stands_free(
     x, y, yaw = pose
     turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
     stood = shapely.MultiPoint(corners @ turn.T + (x, y)).convex_hull
-    ground = ground_of(scene)
+    ground = scene_of(scene).ground
     if ground.floor.contains(stood) and ground.shadows[0].distance(stood) > 0.02:
         axis = shapely.Point(turn @ np.array(mount) + (x, y))
         assert ground.outer.free.distance(axis) < 1e-8

@@ -10,6 +10,7 @@ from regionik.explain.changes import repaired
 from regionik.pipeline import plan, why
 from regionik.pruning import spans
 from regionik.reachability.reach import reach
+from regionik.scene import scene_of
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import Explanation, Repair
@@ -50,8 +51,8 @@ BESIDE = hall(Target(np.array([0.0, 0.0, 0.3]), np.array([1.0, 0.0, 0.0]), 0.3),
 )
 def test_a_target_is_mended_by_as_little_as_brute_force_finds(kind: str, world: World) -> None:
     repair = of_kind(why(world, world.task[0]), kind)
-    changed = repaired(world, repair)
-    assert reach(changed, changed.task).reachable.all()
+    changed = repaired(scene_of(world), repair)
+    assert reach(changed.world, changed.task).reachable.all()
     assert as_small_as_brute_force(world, repair)
     assert not as_small_as_brute_force(world, part_of(world, repair, 1.2))
 
@@ -72,12 +73,12 @@ NEARLY = replace(UNBROKEN, rules=replace(UNBROKEN.rules, clearance=0.108))
 )
 def test_a_path_is_mended_by_as_little_as_brute_force_finds(kind: str, world: World) -> None:
     repair = of_kind(why(world), kind)
-    assert plan(repaired(world, repair))
-    assert not any(spans(less) for less in smaller(world, repair))
+    assert plan(repaired(scene_of(world), repair).world)
+    assert not any(spans(scene_of(less)) for less in smaller(world, repair))
     if kind == "lift-off":
         assert (repair.name, repair.amount) == ("set-point 11", 1.0)
     else:
-        assert any(spans(less) for less in smaller(world, part_of(world, repair, 1.2)))
+        assert any(spans(scene_of(less)) for less in smaller(world, part_of(world, repair, 1.2)))
 
 
 @pytest.mark.parametrize(
@@ -96,7 +97,7 @@ def test_a_way_round_what_the_arm_would_touch(seed: int, longest: float) -> None
     (world,) = cases([seed])
     repair = of_kind(why(world, world.task[0]), "move-target")
     assert repair.amount < longest
-    changed = repaired(world, repair)
-    assert reach(changed, changed.task).reachable.all()
+    changed = repaired(scene_of(world), repair)
+    assert reach(changed.world, changed.task).reachable.all()
     # What the arm touches comes and goes along a direction.
     assert as_small_as_brute_force(world, repair, near=0.1)

@@ -14,8 +14,8 @@ from scipy.spatial.transform import Rotation
 from regionik.moving import path_following
 from regionik.moving.path_following import ResolvedMotion
 from regionik.postures.arm import deviation
-from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import Pose, arrays
+from regionik.scene import scene_of
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.drives import BaseKind
@@ -40,7 +40,7 @@ def world_of(base: BaseKind, way: Array, *solids: Sphere, posture: Array = POSTU
 def test_the_tool_is_led_as_the_base_drives(base: BaseKind, bearing: float, far: float) -> None:
     way = far * np.array([np.cos(bearing), np.sin(bearing), 0.1])
     world, here = world_of(base, way)
-    states = ResolvedMotion(world, guard_of(world)).onward(0, here)
+    states = ResolvedMotion(scene_of(world), scene_of(world).guard).onward(0, here)
     if states is None:  # a car cannot help its arm sideways
         assert base == "car"
         return
@@ -64,7 +64,7 @@ def test_the_tool_turns_within_its_cone(bearing: float, tilt: float, cone: float
     axis = world.robot.tool(here.base, here.joints)[:3, 2]
     wished = Rotation.from_rotvec(tilt * np.array([np.cos(bearing), np.sin(bearing), 0.0])).apply(axis)
     task = tuple(replace(target, direction=wished, cone=2 * (abs(tilt) + cone)) for target in world.task)
-    states = ResolvedMotion(replace(world, task=task), guard_of(world)).onward(0, here)
+    states = ResolvedMotion(scene_of(replace(world, task=task)), scene_of(world).guard).onward(0, here)
     assert states is not None
     for pose in states:
         turned = deviation(task[1], world.robot.tool(pose.base, pose.joints)[:3, :3])
@@ -75,7 +75,7 @@ def test_it_is_the_motion_of_all_that_moves() -> None:
     """Rolling takes over what the arm would do: the joints move less than with a base that stands."""
     ahead = 0.1 * np.array([np.cos(0.4), np.sin(0.4), 0.0])
     world, here = world_of("differential", ahead)
-    states = ResolvedMotion(world, guard_of(world)).onward(0, here)
+    states = ResolvedMotion(scene_of(world), scene_of(world).guard).onward(0, here)
     assert states is not None
     assert np.linalg.norm(states[-1].base[:2] - here.base[:2]) > 0.03
     assert np.abs(states[-1].joints - here.joints).max() < 0.3
@@ -89,8 +89,8 @@ def test_a_joint_next_to_its_limit_stays_within(joint: int, upper: bool, bearing
     near = chain.upper - 1e-3 if upper else chain.lower + 1e-3
     posture = np.where(np.arange(5) == joint, near, POSTURE)
     world, here = world_of("omni", np.array([np.cos(bearing), np.sin(bearing), up]) * 0.05, posture=posture)
-    guard = guard_of(replace(world, rules=Rules(avoidance=False)))
-    for pose in ResolvedMotion(world, guard).onward(0, here) or ():
+    guard = scene_of(replace(world, rules=Rules(avoidance=False))).guard
+    for pose in ResolvedMotion(scene_of(world), guard).onward(0, here) or ():
         assert (pose.joints >= chain.lower).all()
         assert (pose.joints <= chain.upper).all()
 
@@ -98,7 +98,9 @@ def test_a_joint_next_to_its_limit_stays_within(joint: int, upper: bool, bearing
 def test_a_fixed_heading_is_kept() -> None:
     world, here = world_of("omni", np.array([0.05, 0.1, 0.0]))
     fixed = replace(world, rules=Rules(heading="fixed"), start=Start(here.base, here.joints))
-    turned, kept = (ResolvedMotion(one, guard_of(one)).onward(0, here) for one in (world, fixed))
+    turned, kept = (
+        ResolvedMotion(scene_of(one), scene_of(one).guard).onward(0, here) for one in (world, fixed)
+    )
     assert turned is not None
     assert kept is not None
     assert turned[-1].base[2] != here.base[2]
@@ -109,10 +111,10 @@ def test_what_is_in_the_way_is_not_touched() -> None:
     way = np.array([0.12, 0.0, 0.0])
     world, here = world_of("differential", way)
     tool = world.task[0].position
-    assert ResolvedMotion(world, guard_of(world)).onward(0, here) is not None
+    assert ResolvedMotion(scene_of(world), scene_of(world).guard).onward(0, here) is not None
     ball = Sphere("ball", 0.03, tool + 0.5 * way + [0.0, 0.0, 0.02])
     world = world_of("differential", way, ball)[0]
-    assert ResolvedMotion(world, guard_of(world)).onward(0, here) is None
+    assert ResolvedMotion(scene_of(world), scene_of(world).guard).onward(0, here) is None
 
 
 @pytest.mark.parametrize("base", ["differential", "omni"])
@@ -120,14 +122,14 @@ def test_links_go_round_what_is_in_their_way(base: BaseKind) -> None:
     """A ball where the least motion would lead a link."""
     way = np.array([0.0, 0.0, -0.1])
     world, here = world_of(base, way)
-    plain = ResolvedMotion(world, guard_of(world)).onward(0, here)
+    plain = ResolvedMotion(scene_of(world), scene_of(world).guard).onward(0, here)
     assert plain is not None
     elbow, tool = world.robot.frames(plain[-1].base, plain[-1].joints)[[3, -1], :3, 3]
     world = world_of(base, way, Sphere("ball", 0.02, 0.6 * elbow + 0.4 * tool - [0.0, 0.0, 0.03]))[0]
-    guard = guard_of(world)
+    guard = scene_of(world).guard
     assert guard.clear(here)
     assert not guard.passes([here, *plain])
-    round_it = ResolvedMotion(world, guard).onward(0, here)
+    round_it = ResolvedMotion(scene_of(world), guard).onward(0, here)
     assert round_it is not None
     assert guard.passes([here, *round_it])
 
@@ -135,7 +137,7 @@ def test_links_go_round_what_is_in_their_way(base: BaseKind) -> None:
 def test_a_base_that_would_leave_the_floor_does_not_go() -> None:
     world, here = world_of("differential", np.array([0.0, 0.0, 0.02]))
     narrow = replace(world, floor=Floor(shapely.box(3, 3, 5, 5)))
-    assert ResolvedMotion(narrow, guard_of(narrow)).onward(0, here) is None
+    assert ResolvedMotion(scene_of(narrow), scene_of(narrow).guard).onward(0, here) is None
 
 
 def test_a_hop_that_is_not_proven_is_halved(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -144,7 +146,7 @@ def test_a_hop_that_is_not_proven_is_halved(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr(path_following, "REACH_STRIDE", 10.0)
     world, here = world_of("omni", np.array([0.0, 0.3, 0.1]))
     world = replace(world, rules=replace(world.rules, step=1.0))
-    states = ResolvedMotion(world, guard_of(world)).onward(0, here)
+    states = ResolvedMotion(scene_of(world), scene_of(world).guard).onward(0, here)
     assert states is not None
     assert len(states) > 1
     tools = world.robot.tool(*arrays([here, *states]))[:, :3, 3]
@@ -156,7 +158,10 @@ def test_a_hop_that_is_not_proven_is_halved(monkeypatch: pytest.MonkeyPatch) -> 
 @given(bearing=st.floats(-np.pi, np.pi), off=st.floats(-0.3, 0.3))
 def test_what_redundancy_leaves_open_goes_back_home(bearing: float, off: float) -> None:
     world, here = world_of("omni", 0.1 * np.array([np.cos(bearing), np.sin(bearing), 0.0]))
-    motion, home = ResolvedMotion(world, guard_of(world)), here.joints + off * np.array([0, 1, -1, 1, 0])
+    motion, home = (
+        ResolvedMotion(scene_of(world), scene_of(world).guard),
+        here.joints + off * np.array([0, 1, -1, 1, 0]),
+    )
     there, plain = motion.onward(0, here, home), motion.onward(0, here)
     assert there is not None
     assert plain is not None
@@ -171,7 +176,7 @@ def test_what_only_the_next_target_asks_for_is_met_there() -> None:
     tilted = Rotation.from_rotvec([0.0, 0.06, 0.0]).as_matrix() @ frame[:, 2]
     first, then = world.task[0], Target(world.task[1].position, direction=tilted, cone=0.01)
     world = replace(world, task=(first, then))
-    states = ResolvedMotion(world, guard_of(world)).onward(0, here)
+    states = ResolvedMotion(scene_of(world), scene_of(world).guard).onward(0, here)
     assert states is not None
     tool = world.robot.tool(states[-1].base, states[-1].joints)
     assert deviation(then, tool[:3, :3]) <= then.cone + 1e-6

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from regionik.output.plan_file import load_plan
 from regionik.pipeline import plan, search
 from regionik.planners.timing.time_optimal import PathDerivatives, time_optimal_velocities
+from regionik.scene import scene_of
 from regionik.timing import retime as stage
 from regionik.timing.limits import MotionLimits, segments_on_path, tool_velocity
 from regionik.timing.parametrization import path_of
@@ -311,7 +312,7 @@ def test_a_single_state_needs_no_time(asked: Speeds) -> None:
 
 
 def test_a_world_of_one_set_point_that_the_soak_found_is_timed() -> None:
-    assert verify(retime(search(soaked_world("overhead", 591)))).ok
+    assert verify(retime(search(scene_of(soaked_world("overhead", 591))))).ok
 
 
 def test_a_path_goes_nowhere_beyond_its_states() -> None:
@@ -331,7 +332,7 @@ def test_a_path_goes_nowhere_beyond_its_states() -> None:
 @pytest.mark.slow
 def test_a_path_on_which_the_engine_stumbles_is_timed() -> None:
     """In metres its linear programs end without an answer at one state, by rounding."""
-    timed = retime(search(soaked_world("made", 197)))
+    timed = retime(search(scene_of(soaked_world("made", 197))))
     assert verify(timed).ok
     assert 0 < timed.motion.time[-1] < np.inf
 

@@ -15,9 +15,8 @@ from hypothesis import strategies as st
 from shapely.affinity import affine_transform
 
 import regionik as rik
-from regionik.areas.ground import ground_of
-from regionik.areas.standing import by_heading, outer_by_heading, room_for
 from regionik.planners.driving.footprint import fits, slide_is_free
+from regionik.scene import scene_of
 from regionik.worlds.arrays import Array
 from regionik.worlds.body import BodyPrism, fixed_prisms, lift_for, lift_range, lifted_prisms
 from regionik.worlds.bundled import robot_named
@@ -183,12 +182,14 @@ def test_inner_floors_keep_columns_off_tables_and_outer_ones_leave_nothing_out(n
     here = world(with_column(robot_named(name)), TABLE, lamp, post, ball, Prism("desk", corner, 0.7, 0.75))
     (column,) = fixed_prisms(here.robot, inside=False)
     shadows = [body_shadow(solid, column) for solid in here.solids]
-    feet = [one.shape(64).buffer(0.05) for one in ground_of(here).shadows]
+    feet = [one.shape(64).buffer(0.05) for one in scene_of(here).ground.shadows]
     outline = shapely.convex_hull(shapely.multipoints(here.robot.footprint))
     rng = np.random.default_rng(1)
     offset = here.robot.mount[:2]
     taken = 0
-    for inner, outer in zip(by_heading(here).sides, outer_by_heading(here).sides, strict=True):
+    for inner, outer in zip(
+        scene_of(here).free_floor.by_heading.sides, scene_of(here).free_floor.outer.sides, strict=True
+    ):
         low, high = inner.span if np.isfinite(inner.span).all() else (-np.pi, np.pi)
         for x, y in rng.uniform(-3, 3, (40, 2)):
             yaw = rng.uniform(low, high)
@@ -208,7 +209,7 @@ def test_columns_keep_their_clearance_above_and_below_too() -> None:
     here = world(with_column(robot_named("youbot")), shelf)
     for clearance, meets in ((0.01, True), (0.05, False)):
         rules = replace(here.rules, arm_clearance=clearance)
-        inner = ground_of(replace(here, rules=rules)).inner.free
+        inner = scene_of(replace(here, rules=rules)).ground.inner.free
         assert inner.contains(shapely.Point(1.0, 0.5)) == meets
 
 
@@ -228,8 +229,8 @@ def test_a_target_over_a_table_is_reached_from_beside_it_alone() -> None:
 def test_what_the_footprint_rejects_needs_no_layer_of_the_column() -> None:
     wall = Box("wall", np.array([2.0, 0.1, 2.0]), np.array([0.0, 1.0, 1.0]))
     inside = with_column(robot_named("youbot-real"), x=0.0, y=0.0)
-    assert not ground_of(world(inside, wall)).around
-    assert len(ground_of(world(inside, wall, TABLE)).around[0].names) == 1
+    assert not scene_of(world(inside, wall)).ground.around
+    assert len(scene_of(world(inside, wall, TABLE)).ground.around[0].names) == 1
 
 
 def test_a_torso_on_a_lift_keeps_off_a_board_at_all_heights_that_the_target_allows() -> None:
@@ -249,7 +250,7 @@ def test_a_torso_on_a_lift_keeps_off_a_board_at_all_heights_that_the_target_allo
 
 def test_the_base_drives_with_its_column_among_table_tops() -> None:
     here = world(with_column(robot_named("youbot-real")), TABLE)
-    room, (column,) = room_for(here), fixed_prisms(here.robot, inside=False)
+    room, (column,) = scene_of(here).footprint, fixed_prisms(here.robot, inside=False)
     shadow = body_shadow(TABLE, column)
     rng = np.random.default_rng(2)
     seen = {True: 0, False: 0}

@@ -21,9 +21,9 @@ from regionik.parking.stops import in_sequence
 from regionik.pipeline import plan
 from regionik.planners.coverage.set_cover import least_cover, overlay_faces, undominated
 from regionik.planners.coverage.tours import VisitingOrder
-from regionik.postures.arm_guard import guard_of
 from regionik.postures.arm_roadmap import HeldPostures
 from regionik.postures.poses import Pose
+from regionik.scene import scene_of
 from regionik.verification.verifier import verify
 from regionik.worlds.links import capsules_along
 from regionik.worlds.obstacles import Box
@@ -61,8 +61,8 @@ def few_poses(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_no_cover_by_the_poses_drawn_has_fewer() -> None:
     """What each pose serves is proven of all, where the cover asks for it only of those that it takes."""
     world = holes(6, 2)
-    parking = park(world)
-    cover = PoseCover(world, parking.parking_areas)
+    parking = park(scene_of(world))
+    cover = PoseCover(scene_of(world), parking.parking_areas)
     found = cover.fewest()
     inside = np.zeros((len(cover._drawn), len(world.task)), dtype=bool)
     for row, pose in zip(inside, cover._drawn, strict=True):
@@ -77,14 +77,14 @@ def test_no_cover_by_the_poses_drawn_has_fewer() -> None:
 @pytest.mark.usefixtures("few_poses")
 def test_every_posture_of_a_stop_is_clear_and_joined_to_every_other() -> None:
     world = holes(4, 2)
-    sequence, rng = in_sequence(world, park(world)), np.random.default_rng(0)
-    guard = guard_of(sequence.world)
+    sequence, rng = in_sequence(scene_of(world), park(scene_of(world))), np.random.default_rng(0)
+    guard = sequence.scene.guard
     for group in sequence.groups:
         held = group.held
         assert held is not None
         assert held.roadmap is not None
         for i, joints in zip(group.setpoints, held.joints, strict=True):
-            target, tool = sequence.world.task[i], world.robot.tool(held.base, joints)
+            target, tool = sequence.scene.task[i], world.robot.tool(held.base, joints)
             assert np.linalg.norm(tool[:3, 3] - target.position) <= world.rules.tolerance
             assert target.direction is not None
             assert tool[:3, 2] @ target.direction >= np.cos(target.cone) - 1e-9
@@ -101,7 +101,7 @@ def test_a_panel_is_planned_by_as_many_stops_whatever_the_criterion(criterion: S
     world = holes(4, 2)
     found = plan(replace(world, rules=replace(RULES, stop_criterion=criterion)))
     assert verify(found).ok
-    assert len(found.stops) == len(in_sequence(world, park(world)).groups)
+    assert len(found.stops) == len(in_sequence(scene_of(world), park(scene_of(world))).groups)
     assert min(stop.tolerance for stop in found.stops) >= RULES.stop_tolerance * 0.999
 
 
@@ -109,13 +109,13 @@ def test_a_panel_is_planned_by_as_many_stops_whatever_the_criterion(criterion: S
 def test_the_arm_goes_by_a_tour_that_no_order_of_its_postures_shortens() -> None:
     """Each motion as long as its slowest joint takes, out from the posture that it is driven in and back."""
     world = replace(holes(3, 2), speeds=Speeds(joint_velocity=(1.0, 0.5, 1.0, 1.0, 2.0, 0.2)))
-    found, sequence = plan(world), in_sequence(world, park(world))
+    found, sequence = plan(world), in_sequence(scene_of(world), park(scene_of(world)))
     at, total, best = np.flatnonzero(found.motion.kind == "setpoint"), 0.0, 0.0
     for stop, group in zip(found.stops, sequence.groups, strict=True):
         assert group.held is not None
         off = found.motion.joints[at[stop.first : stop.last + 1]] - group.held.joints
         assert np.allclose(off, 2 * np.pi * np.round(off / (2 * np.pi)), atol=1e-6)  # but for whole turns
-        far = arm_times(group.held, sequence.world)
+        far = arm_times(group.held, sequence.scene.world)
         ways = np.array([(0, *way, 0) for way in permutations(range(1, len(far)))])
         lengths = far[ways[:, :-1], ways[:, 1:]].sum(axis=1)
         total, best = total + lengths[0], best + lengths.min()
@@ -130,14 +130,14 @@ def test_a_tour_takes_no_posture_that_does_not_hold(monkeypatch: pytest.MonkeyPa
     toured, seen = arm_tour._toured, list[bool]()
 
     def watched(world: World, group: StopGroup, held: HeldPostures) -> tuple[HeldPostures, VisitingOrder]:
-        made, order = toured(world, group, held)
+        made, order = toured(scene_of(world), group, held)
         seen.append(sorted(made.joints.tolist()) == sorted(held.joints.tolist()))
         return made, order
 
     monkeypatch.setattr(arm_tour, "_toured", watched)
     monkeypatch.setattr(PostureCarrier, "keeps", lambda *_: False)  # of all but those known to hold
     world = holes(3, 2)
-    in_sequence(world, park(world))
+    in_sequence(scene_of(world), park(scene_of(world)))
     assert seen == [True] * len(seen) != []
 
 
@@ -145,7 +145,7 @@ def arm_times(held: HeldPostures, world: World) -> np.ndarray:
     """Times of the ways between postures, the first that which the arm is driven in, straight from there."""
     assert held.roadmap is not None
     assert world.speeds is not None
-    joints, guard = np.vstack([held.roadmap.joints[:1], held.joints]), guard_of(world)
+    joints, guard = np.vstack([held.roadmap.joints[:1], held.joints]), scene_of(world).guard
     far = np.zeros((len(joints), len(joints)))
     for a, b in combinations(range(len(joints)), 2):
         way = held.roadmap.way(guard, joints[a], joints[b]) if a else []

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from regionik.areas.ground import united
 from regionik.areas.reach_model import ReachModel
-from regionik.areas.reachable import reach_model, reach_rows
+from regionik.areas.reachable import reach_model
 from regionik.mfabrik import Solver
 from regionik.pipeline import plan
 from regionik.planners.reach.proven_poses import likely_distances, proven_distances
@@ -23,8 +23,10 @@ from regionik.planners.solvers.rigid_bodies import span
 from regionik.planners.solvers.serial_chain import SerialArm, serial_arm
 from regionik.postures.arm import Goal, aim_of, goal_error
 from regionik.postures.poses import pose_of
+from regionik.reach_rows import reach_rows
 from regionik.reachability.field import reach_field
 from regionik.regions import admissible_area, known_area
+from regionik.scene import scene_of
 from regionik.verification.limits import efforts, manipulability
 from regionik.verification.verifier import verify
 from regionik.worlds.arms import pivot_index, pivot_joints
@@ -203,8 +205,10 @@ def test_places_of_inner_areas_have_a_posture_that_meets_all(kind: str, seed: in
     robot = loaded_robot(kind, seed)
     asked, target = some_criteria(robot, seed), target_of(robot, goal, seed)
     plain, world = (World("test", robot, FLOOR, rules=Rules(criteria=one)) for one in (None, asked))
-    bare, inner = (united(reach_rows(w, [target], (1,), inner=True, proven=True)[2]) for w in (plain, world))
-    outer = united(reach_rows(world, [target], (1,), inner=False)[2])
+    bare, inner = (
+        united(reach_rows(scene_of(w), [target], (1,), inner=True, proven=True)[2]) for w in (plain, world)
+    )
+    outer = united(reach_rows(scene_of(world), [target], (1,), inner=False)[2])
     assert inner.area <= bare.area + 1e-9
     assert (inner - outer).area < 1e-9
     if not inner.is_empty:
@@ -219,7 +223,7 @@ def test_inner_areas_under_criteria_are_worth_looking_at() -> None:
     for goal, least in zip(GOALS, (0.8, 0.5, 0.4), strict=True):
         target = target_of(robot, goal, 3)
         world = World("test", robot, FLOOR, task=(target,), rules=Rules(criteria=asked))
-        found = known_area(world, target).area
+        found = known_area(scene_of(world), target).area
         assert found > 0
         assert admissible_area(world, target).inner.area >= least * found
 
@@ -257,7 +261,7 @@ def test_m_fabrik_finds_postures_that_meet_all(goal: Goal) -> None:
     robot = replace(robot_named("pioneer7"), payload=1.0)
     asked, target = some_criteria(robot, 4), target_of(robot, goal, 4)
     world = World("test", robot, FLOOR, task=(target,), rules=Rules(criteria=asked))
-    solver = Solver(robot, known_area(world, target), criteria=asked)
+    solver = Solver(robot, known_area(scene_of(world), target), criteria=asked)
     rng = np.random.default_rng(1)
     rows = [solver(target, rng.uniform([-1, -1, -3], [1, 1, 3]), q) for q in postures(robot, 1, 20)]
     met = [one for one in rows if one.converged]

@@ -12,6 +12,7 @@ from regionik.moving.shortcuts import DETOUR, PACES, SAVED, Clock, Shortcuts, tr
 from regionik.moving.transit import TransitPlanner
 from regionik.pipeline import search
 from regionik.postures.poses import Pose, arrays
+from regionik.scene import scene_of
 from regionik.verification.verifier import verify
 from regionik.worlds.drives import BaseKind
 from regionik.worlds.obstacles import Box
@@ -58,7 +59,7 @@ def test_the_base_goes_no_farther_and_all_stays_clear(seed: int) -> None:
 def test_a_quicker_motion_keeps_clear_and_its_base_goes_no_farther(seed: int, base: BaseKind) -> None:
     rng = np.random.default_rng(seed)
     world = world_of("youbot", PILLAR) if base == "omni" else rolling(base)
-    planner, clock = carrier(world), Clock(world)
+    planner, clock = carrier(world), Clock(scene_of(world))
     spans = rng.uniform(-1.0, 1.0, (2, 5)) * [0.9, 0.9, 3.0, 0.9, 0.4]
     here, there = (posed(world, row[:3], *row[3:]) for row in spans)
     way = planner.folded(here, there, 0) if all(map(planner.guard.proves, (here, there))) else None
@@ -90,7 +91,7 @@ def test_wheels_roll_on_however_the_arm_moves(base: BaseKind) -> None:
     poses = [posed(world, arc[0], bend, 0.2 * (-1) ** k) for k, bend in enumerate(bends)]
     poses += [Pose(place, poses[-1].joints) for place in arc[1:]]
     assert planner.guard.passes(poses)
-    shortcuts, clock = Shortcuts(planner.guard, planner.driver, 0), Clock(world)
+    shortcuts, clock = Shortcuts(planner.guard, planner.driver, 0), Clock(scene_of(world))
     quick = shortcuts.quicker(poses)
     assert clock.whole(quick) < 0.8 * clock.whole(poses)
     for other in (quick, *(shortcuts._between(poses, *paces) for paces in PACES)):
@@ -100,7 +101,7 @@ def test_wheels_roll_on_however_the_arm_moves(base: BaseKind) -> None:
 def test_base_and_arm_go_at_once() -> None:
     """Where there is room a motion takes little longer than that of the slower part alone."""
     world = world_of("youbot")
-    planner, clock = carrier(world), Clock(world)
+    planner, clock = carrier(world), Clock(scene_of(world))
     here, there = posed(world, HERE, 0.9, -0.4), posed(world, THERE, -0.9, 0.4)
     way = planner.folded(here, there, 0)
     assert way is not None
@@ -144,6 +145,6 @@ def test_wheels_keep_their_way(base: str) -> None:
 )
 def test_where_shortcuts_do_not_help_other_ways_are_looked_for(kind: str, seed: int, most: float) -> None:
     """The base drew back as the arm could not fold, went round as its circle, or had to turn its arm by."""
-    plan = search(soaked_world(kind, seed))
+    plan = search(scene_of(soaked_world(kind, seed)))
     assert verify(plan).ok
     assert max(detours(*told(plan)).values()) < most

@@ -15,6 +15,7 @@ from regionik.explain.several import naming_as_given, numbered
 from regionik.output.plan_file import load_plan
 from regionik.parking.stops import stops
 from regionik.pipeline import plan
+from regionik.scene import scene_of
 from regionik.storage.plan_document import plan_to_text
 from regionik.values import Plan
 from regionik.verification.verifier import verify
@@ -133,7 +134,7 @@ def test_targets_in_solids_are_all_named_and_left_out() -> None:
     crate = Box("crate", np.array([0.6, 0.6, 0.8]), np.array([1.3, 0.0, 0.4]))
     spots = (SPOTS[0], (1.3, 0.1, 0.4), (1.3, -0.1, 0.4), (2.5, 0.0, 0.3))
     world = replace(hall(*spots), obstacles=(crate,))
-    found = target_in_solid(world)
+    found = target_in_solid(scene_of(world))
     assert found is not None
     assert [one.setpoint for one in found.failures] == [1, 2]
     assert all("crate" in one.reason for one in found.failures)

@@ -16,15 +16,14 @@ from scipy.spatial.transform import Rotation
 from shapely.affinity import rotate, translate
 
 from regionik import pipeline
-from regionik.areas.standing import room_for, turns_matter
 from regionik.moving.state_keeper import AREA_MARGIN, NEAR, StateKeeper
 from regionik.planners.smoothing.path_smoothing import HalfSpaces, within_reach
 from regionik.planners.smoothing.quadratic_program import least_weighted, minimize_quadratic
 from regionik.planners.solvers.aims import beyond_cones, missed_by, tool_jacobians
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, Aims
-from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import axis_of
 from regionik.pruning import whole_path
+from regionik.scene import scene_of
 from regionik.smoothing import runs
 from regionik.smoothing import smooth_motion as stage
 from regionik.smoothing.smooth_motion import Reconnection, smooth_motion
@@ -69,14 +68,14 @@ def as_found(world: World) -> Plan:
     """The plan before it is smoothed."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pipeline, "smooth_motion", lambda plan, standing: plan)
-        return pipeline.search(world)
+        return pipeline.search(scene_of(world))
 
 
 @lru_cache
 def both(name: str) -> tuple[Plan, Plan]:
     world = load_world(name)
     found = as_found(world)
-    return found, smooth_motion(found, whole_path(world)[0])
+    return found, smooth_motion(scene_of(found.world), found, whole_path(scene_of(world))[0])
 
 
 def way_of_path(plan: Plan, k: int) -> float:
@@ -140,7 +139,7 @@ def test_runs_begin_where_the_arm_has_less_to_move() -> None:
 def test_runs_stay_where_no_way_to_them_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     found, _ = both("shelf")
     monkeypatch.setattr(Reconnection, "_way", lambda *_: None)
-    held = smooth_motion(found, whole_path(found.world)[0])
+    held = smooth_motion(scene_of(found.world), found, whole_path(scene_of(found.world))[0])
     lifted = [plan.motion.base[plan.motion.kind == "transit"] for plan in (found, held)]
     assert held is not found
     assert np.array_equal(*lifted)
@@ -148,7 +147,7 @@ def test_runs_stay_where_no_way_to_them_is_found(monkeypatch: pytest.MonkeyPatch
 
 def test_the_same_bytes_again() -> None:
     found, smooth = both("l_shape")
-    again = smooth_motion(found, whole_path(found.world)[0])
+    again = smooth_motion(scene_of(found.world), found, whole_path(scene_of(found.world))[0])
     assert np.array_equal(again.motion.base, smooth.motion.base)
     assert np.array_equal(again.motion.joints, smooth.motion.joints)
 
@@ -157,7 +156,7 @@ def test_a_long_run_is_smoothed_in_parts(monkeypatch: pytest.MonkeyPatch) -> Non
     """Parts share the state between them, which the plan has once."""
     found, whole = both("free")
     monkeypatch.setattr(runs, "MOST_STATES", 30)
-    parts = smooth_motion(found, whole_path(found.world)[0])
+    parts = smooth_motion(scene_of(found.world), found, whole_path(scene_of(found.world))[0])
     assert parts is not found
     assert verify(parts).ok
     rows = np.hstack([parts.motion.base, parts.motion.joints])
@@ -169,7 +168,7 @@ def test_what_cannot_be_proven_stays_as_it_was(monkeypatch: pytest.MonkeyPatch) 
     found, _ = both("pillar")
     refusal = Report(False, {}, (Violation("arm", 5, 0, 1.0, "no"),))
     monkeypatch.setattr(stage, "verify", lambda plan: refusal)
-    assert smooth_motion(found, whole_path(found.world)[0]) is found
+    assert smooth_motion(scene_of(found.world), found, whole_path(scene_of(found.world))[0]) is found
 
 
 def test_a_state_that_fails_is_held_closer(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -187,7 +186,7 @@ def test_a_state_that_fails_is_held_closer(monkeypatch: pytest.MonkeyPatch) -> N
         return report
 
     monkeypatch.setattr(stage, "verify", strict)
-    kept = smooth_motion(found, whole_path(found.world)[0])
+    kept = smooth_motion(scene_of(found.world), found, whole_path(scene_of(found.world))[0])
     assert np.linalg.norm(free.setpoints[20].base[:2] - near[20]) > 0.02
     assert np.linalg.norm(kept.setpoints[20].base[:2] - near[20]) <= 0.02
     assert kept is not found
@@ -202,7 +201,7 @@ def on_wheels(drive: BaseKind) -> tuple[Plan, Plan]:
     world = load_world("l_shape")
     wheels = replace(world, robot=robot_on(world.robot, drive))
     found = as_found(wheels)
-    return found, smooth_motion(found, whole_path(wheels)[0])
+    return found, smooth_motion(scene_of(found.world), found, whole_path(scene_of(wheels))[0])
 
 
 def test_a_car_keeps_its_way() -> None:
@@ -225,18 +224,20 @@ def test_a_differential_drive_rolls_without_slip_and_sooner() -> None:
 
 def test_a_base_found_off_its_areas_is_not_drawn_into_them() -> None:
     """As where pruning cut the component, or base and joints went on together."""
-    found, standing = both("free")[0], whole_path(load_world("free"))[0]
+    found, standing = both("free")[0], whole_path(scene_of(load_world("free")))[0]
     away = tuple(replace(area, pruned=translate(area.pruned, 0.0, 0.9)) for area in found.areas)
-    (run,) = runs.runs_of(replace(found, areas=away), standing, 0.025, loose=False)
+    (run,) = runs.runs_of(scene_of(found.world), replace(found, areas=away), standing, 0.025, loose=False)
     assert run.problem.keep(run.states).least.max() <= 0.0
 
 
 def test_a_base_found_off_the_floor_of_all_slabs_stays_where_it_was() -> None:
     """As its footprint may have room where no slab of headings shows any; it was drawn back, off its path."""
-    found, standing = both("free")[0], whole_path(load_world("free"))[0]
+    found, standing = both("free")[0], whole_path(scene_of(load_world("free")))[0]
     away = tuple(replace(area, pruned=translate(area.pruned, 0.0, 90.0)) for area in found.areas)
     sides = tuple(replace(side, floor=translate(side.floor, 0.0, 90.0)) for side in standing.sides)
-    (run,) = runs.runs_of(replace(found, areas=away), replace(standing, sides=sides), 0.025, loose=False)
+    (run,) = runs.runs_of(
+        scene_of(found.world), replace(found, areas=away), replace(standing, sides=sides), 0.025, loose=False
+    )
     assert run.problem.keep(run.states).least.max() <= 0.0
     still = np.zeros(len(run.states))
     assert run.mended(run.states, [0], still, still) == pytest.approx(run.states)
@@ -250,7 +251,9 @@ def test_a_distance_that_is_demanded_is_not_given_up() -> None:
     states = np.concatenate([start.base, start.joints])[None]
     x, y = axis_of(world.robot, states[:, :3])[0]
     area = np.array([shapely.box(x - 0.001, y - 1, x + 1, y + 1)])
-    asked = [StateKeeper(world.robot, guard_of(world), None, area, np.array([mm / 1000])) for mm in (0, 5)]
+    asked = [
+        StateKeeper(world.robot, scene_of(world).guard, None, area, np.array([mm / 1000])) for mm in (0, 5)
+    ]
     easy, strict = (keeper.half_spaces(states) for keeper in asked)
     assert easy.least[0] <= 0.0
     assert strict.least[0] == pytest.approx(0.004)
@@ -294,7 +297,9 @@ def test_half_spaces_of_the_footprint_are_its_distance_and_how_it_changes() -> N
         placed = translate(placed, state[0], state[1])
         return min(placed.distance(one) - least for one, least in kept.items())
 
-    keeper = StateKeeper(cart, guard_of(world), room_for(world), np.full(2000, floor), np.zeros(2000))
+    keeper = StateKeeper(
+        cart, scene_of(world).guard, scene_of(world).footprint, np.full(2000, floor), np.zeros(2000)
+    )
     spaces, seen = keeper.on_floor(states), 0
     for k, state in enumerate(states):
         before = room(state)
@@ -322,9 +327,9 @@ def test_both_sides_of_a_front_keep_their_distance(yaw: float) -> None:
     world = World("posts", cart, Floor(floor), posts, (Target(np.array([0, 0, 0.3])),), Rules(clearance=0.0))
     state = np.zeros((1, 3 + cart.chain.dof))
     state[0, 2] = yaw
-    spaces = StateKeeper(cart, guard_of(world), room_for(world), np.array([floor]), np.zeros(1)).on_floor(
-        state
-    )
+    spaces = StateKeeper(
+        cart, scene_of(world).guard, scene_of(world).footprint, np.array([floor]), np.zeros(1)
+    ).on_floor(state)
     held = spaces.normal[spaces.least >= 0.0, 2]
     assert sorted(held) == pytest.approx([-0.2, 0.2], abs=1e-6)
 
@@ -338,9 +343,9 @@ def test_a_base_that_has_room_at_some_headings_only_is_smoothed() -> None:
     post = Cylinder("post", 0.05, 0.1, np.array([0.0, -0.45, 0.05]))
     floor = Floor(shapely.box(-2.5, -0.45, 2.5, 0.45))
     world = World("lane", cart, floor, (post,), task, Rules(clearance=0.02))
-    assert turns_matter(world)
+    assert scene_of(world).free_floor.turns_matter
     found = as_found(world)
-    smooth = smooth_motion(found, whole_path(world)[0])
+    smooth = smooth_motion(scene_of(found.world), found, whole_path(scene_of(world))[0])
     assert smooth is not found
     assert verify(smooth).ok
 
@@ -408,7 +413,9 @@ def test_what_is_missing_of_a_constraint_costs(cost: float, least: float, upper:
 
 def test_states_far_from_one_that_failed_stay() -> None:
     found, _ = both("depot")
-    run = next(runs.runs_of(found, whole_path(found.world)[0], 0.05, loose=False))
+    run = next(
+        runs.runs_of(scene_of(found.world), found, whole_path(scene_of(found.world))[0], 0.05, loose=False)
+    )
     smooth, n = run.smoothed(), len(run.states)
     failed, demanded = [3, n // 2], np.zeros(n)
     narrow = np.full(n, np.inf)

@@ -15,9 +15,10 @@ from regionik.output.urdf import robot_to_urdf
 from regionik.pipeline import why
 from regionik.planners.avoidance.avoiding_fabrik import links_clear
 from regionik.planners.collision.proximity import nearest
-from regionik.postures.arm_guard import SPARE, guard_of
+from regionik.postures.arm_guard import SPARE
 from regionik.postures.poses import Pose
 from regionik.reachability.reach import reach
+from regionik.scene import scene_of
 from regionik.values import Plan
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
@@ -89,7 +90,7 @@ def test_arms_are_not_carried_in_the_floor() -> None:
 def test_all_checks_agree_with_the_height_of_the_lowest_point(seed: int, clearance: float) -> None:
     joints = posture(seed)
     made = at_rest(joints, arm_clearance=clearance, tool_contact=0.0)
-    room, guard = lowest(joints) - clearance, guard_of(made.world)
+    room, guard = lowest(joints) - clearance, scene_of(made.world).guard
     if abs(room - SPARE) < 1e-5 or abs(room) < 1e-5:
         return
     assert guard.clear(Pose(HERE, joints)) == (room > SPARE)
@@ -121,11 +122,11 @@ def test_a_dip_between_two_states_is_found() -> None:
     rules = Rules(clearance=0.0, tool_contact=0.0)
     world = world_of(motion, robot=raised, rules=rules)
     ends = [Pose(HERE, ahead), Pose(HERE, back)]
-    assert verify(plan_of(world, motion, 1)).ok == (guard_of(world).stop(ends) is None)
+    assert verify(plan_of(world, motion, 1)).ok == (scene_of(world).guard.stop(ends) is None)
     low = replace(world, robot=replace(raised, mount=np.zeros(4)))
-    stopped = guard_of(low).stop(ends)
+    stopped = scene_of(low).guard.stop(ends)
     assert stopped is not None
-    assert guard_of(low).cause(stopped).kind == "floor"
+    assert scene_of(low).guard.cause(stopped).kind == "floor"
 
 
 @pytest.mark.parametrize(("depth", "holds"), [(0.0, False), (0.036, True)])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -13,19 +12,10 @@ from hypothesis import strategies as st
 from shapely import affinity
 
 from regionik import admissible_area as area
-from regionik.areas.ground import ground_of
 from regionik.areas.layers import GUARD
-from regionik.areas.standing import (
-    Standing,
-    anywhere,
-    away,
-    by_heading,
-    into_span,
-    outer_by_heading,
-    stands_about,
-    turns_matter,
-)
+from regionik.areas.standing import Standing, away, into_span, stands_about
 from regionik.postures.poses import pose_of
+from regionik.scene import scene_of
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.obstacles import Box, Cylinder, Solid
 from regionik.worlds.scene import Floor, Heading, Rules, Start, Target, World
@@ -45,7 +35,7 @@ def room_left(world: World, axis: np.ndarray, yaw: float) -> float:
     """By how much the footprint keeps inside the floor and its clearance; negative where it does not."""
     outline = shapely.convex_hull(shapely.multipoints(world.robot.footprint - world.robot.mount[:2]))
     body = affinity.translate(affinity.rotate(outline, yaw, origin=(0, 0), use_radians=True), *axis)
-    floor, ground = world.floor.polygon, ground_of(world)
+    floor, ground = world.floor.polygon, scene_of(world).ground
     inside = floor.boundary.distance(body) if floor.covers(body) else -floor.boundary.distance(body) - 1e-9
     gaps = [shadow.distance(body) - ground.clearance for shadow in ground.shadows]
     return float(min([inside, *gaps]))
@@ -71,10 +61,10 @@ def test_a_heading_brought_into_a_span(yaw: float, middle: float, width: float) 
 
 def test_inner_slabs_hold_at_every_heading_and_outer_ones_at_no_other() -> None:
     world, rng = world_of(POST, CRATE), np.random.default_rng(0)
-    for side in by_heading(world).sides:
+    for side in scene_of(world).free_floor.by_heading.sides:
         for axis in points_in(side.free, 40, rng):
             assert room_left(world, axis, rng.uniform(*side.span)) >= GUARD / 2
-    for side in outer_by_heading(world).sides:
+    for side in scene_of(world).free_floor.outer.sides:
         beyond = shapely.box(-0.5, -0.5, 7, 2.5) - side.floor
         for axis in points_in(beyond, 40, rng):
             assert room_left(world, axis, rng.uniform(*side.span)) < 1e-9
@@ -88,7 +78,7 @@ def test_a_base_stands_about_a_pose_where_it_has_as_much_room(pointed: bool) -> 
     for axis in points_in(world.floor.polygon, 150, rng):
         yaw, by = rng.uniform(-np.pi, np.pi), rng.choice([0.0, 0.01, 0.1])
         room = room_left(world, axis, yaw) - by
-        stands = stands_about(world, pose_of(world.robot, axis, yaw), by)
+        stands = stands_about(scene_of(world).ground, world.robot, pose_of(world.robot, axis, yaw), by)
         assert stands == (room > 0) or abs(room) < GUARD + 0.01 * by
         found.add(stands)
     assert found == {True, False}
@@ -96,18 +86,19 @@ def test_a_base_stands_about_a_pose_where_it_has_as_much_room(pointed: bool) -> 
 
 def test_slabs_go_round_the_full_turn_and_hold_all_that_holds_at_every_heading() -> None:
     world = world_of(POST, CRATE)
-    spans = [side.span for side in by_heading(world).sides]
+    spans = [side.span for side in scene_of(world).free_floor.by_heading.sides]
     assert sum(high - low for low, high in spans) == pytest.approx(2 * np.pi)
     for (_, high), (low, _) in zip(spans, spans[1:] + spans[:1], strict=True):
         assert np.remainder(low - high + np.pi, 2 * np.pi) - np.pi == pytest.approx(0, abs=1e-9)
-    everywhere = anywhere(world).sides[0].free.buffer(-2e-3)  # arcs of the circle are chords
-    assert all(side.free.covers(everywhere) for side in by_heading(world).sides)
+    anywhere = scene_of(world).free_floor.anywhere.sides[0]
+    everywhere = anywhere.free.buffer(-2e-3)  # arcs of the circle are chords
+    assert all(side.free.covers(everywhere) for side in scene_of(world).free_floor.by_heading.sides)
 
 
 def test_a_corridor_joins_rooms_by_heading_alone() -> None:
     world = world_of()
     left, right = np.array([1.0, 1.0]), np.array([5.7, 1.0])
-    circle, slabs = anywhere(world), by_heading(world)
+    circle, slabs = scene_of(world).free_floor.anywhere, scene_of(world).free_floor.by_heading
     assert circle.piece_at(left, 0.0) != circle.piece_at(right, 0.0)
     assert slabs.piece_at(left, 2.0) == slabs.piece_at(right, -1.0)
 
@@ -123,19 +114,21 @@ def test_an_area_by_heading_is_larger_and_within_its_bound() -> None:
 
 
 def test_where_slabs_bring_nothing_there_are_none() -> None:
-    assert turns_matter(world_of())
-    assert not turns_matter(world_of(heading="fixed"))
-    assert not turns_matter(world_of(robot="youbot"))
+    assert scene_of(world_of()).free_floor.turns_matter
+    assert not scene_of(world_of(heading="fixed")).free_floor.turns_matter
+    assert not scene_of(world_of(robot="youbot")).free_floor.turns_matter
     bounded = replace(world_of(), robot=robot_named("youbot"))
-    assert by_heading(bounded) is anywhere(bounded)
-    fixed = anywhere(world_of(heading="fixed")).sides
+    assert scene_of(bounded).free_floor.by_heading is scene_of(bounded).free_floor.anywhere
+    fixed = scene_of(world_of(heading="fixed")).free_floor.anywhere.sides
     assert [side.span for side in fixed] == [(0.3, 0.3)]
 
 
-@pytest.mark.parametrize("standing", [by_heading, outer_by_heading])
-def test_worlds_share_slabs_where_nothing_differs_that_they_depend_on(
-    standing: Callable[[World], Standing],
-) -> None:
+@pytest.mark.parametrize("floor", ["by_heading", "outer"])
+def test_worlds_share_slabs_where_nothing_differs_that_they_depend_on(floor: str) -> None:
+    def standing(world: World) -> Standing:
+        found: Standing = getattr(scene_of(world).free_floor, floor)
+        return found
+
     world = world_of(POST)
     task = (Target(np.array([1.0, 1.0, 0.3])),)
     lifted = replace(world.robot, mount=world.robot.mount + [0.0, 0.0, 0.2, 0.0])

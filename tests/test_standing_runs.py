@@ -12,6 +12,7 @@ from regionik.parking.standing_runs import standing_runs
 from regionik.pipeline import plan
 from regionik.postures.poses import axis_of
 from regionik.pruning import whole_path
+from regionik.scene import scene_of
 from regionik.verification.verifier import verify
 from regionik.worlds.links import capsules_along
 from regionik.worlds.obstacles import Box, Cylinder
@@ -61,8 +62,8 @@ def test_a_base_that_faces_its_targets_does_not_stand(heading: Heading) -> None:
         task=scene.task[::6],
         rules=replace(scene.rules, heading=heading),
     )
-    standing, _, pruned = whole_path(scene)
-    found = standing_runs(scene, pruned, standing)
+    standing, _, pruned = whole_path(scene_of(scene))
+    found = standing_runs(scene_of(scene), pruned, standing)
     assert len(found) == (5 if heading == "free" else 0)
     assert len({tuple(one.found.base) for one in found.values()}) <= 1
     for one in found.values():

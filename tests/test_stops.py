@@ -24,6 +24,7 @@ from regionik.planners.coverage import set_cover
 from regionik.planners.coverage.set_cover import least_cover, overlay_faces, undominated
 from regionik.postures.families import BACK, FRONT
 from regionik.regions import outer_areas, path_areas
+from regionik.scene import scene_of
 from regionik.values import Plan
 from regionik.verification.led_postures import _excess, _Goals, _residual_and_jacobian
 from regionik.verification.verifier import verify
@@ -71,7 +72,7 @@ def fewest(world: World) -> int:
     count = len(world.task)
     areas = {facing: np.empty(count, dtype=object) for facing in (FRONT, BACK)}
     for facing, row in areas.items():
-        found = path_areas(world, facings=(facing,))
+        found = path_areas(scene_of(world), facings=(facing,))
         row[:] = [
             shapely.union_all([part.buffer(-TAU, quad_segs=64) for part in found.inner[found.target == i]])
             for i in range(count)
@@ -88,7 +89,7 @@ def fewest(world: World) -> int:
 @pytest.mark.parametrize("seed", range(8))
 def test_none_of_all_ways_to_cut_the_path_needs_fewer_stops(seed: int) -> None:
     world = wave(seed)
-    found = park(world)
+    found = park(scene_of(world))
     assert len(found.groups) == fewest(world)
     assert len(found.groups) >= found.lower
 
@@ -97,13 +98,13 @@ def test_none_of_all_ways_to_cut_the_path_needs_fewer_stops(seed: int) -> None:
 def test_a_path_backwards_needs_as_many(seed: int) -> None:
     world = wave(seed)
     back = replace(world, task=world.task[::-1])
-    assert len(park(world).groups) == len(park(back).groups)
+    assert len(park(scene_of(world)).groups) == len(park(scene_of(back)).groups)
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_more_clearance_and_more_tolerance_never_need_fewer(seed: int) -> None:
     for key in ("clearance", "stop_tolerance"):
-        counts = [len(park(ruled(wave(seed), **{key: value})).groups) for value in (0.0, 0.05, 0.1)]
+        counts = [len(park(scene_of(ruled(wave(seed), **{key: value}))).groups) for value in (0.0, 0.05, 0.1)]
         assert counts == sorted(counts)
 
 
@@ -111,7 +112,7 @@ def test_more_clearance_and_more_tolerance_never_need_fewer(seed: int) -> None:
 @pytest.mark.parametrize("criterion", ["tolerance", "clearance", "manipulability", "effort", "distance"])
 def test_every_circle_lies_in_every_area(order: str, criterion: str) -> None:
     world = ruled(wave(1, count=8), order=order, stop_criterion=criterion)
-    areas = path_areas(world)
+    areas = path_areas(scene_of(world))
     found = stops(world)
     assert sorted(i for stop in found for i in stop.setpoints) == list(range(len(world.task)))
     for stop in found:
@@ -160,7 +161,7 @@ def sampled_cover(world: World, spacing: float) -> int:
     axes = np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2)
     yaws, served = np.arange(0, 2 * np.pi, np.pi / 18), np.zeros((len(axes), 36, len(world.task)), dtype=bool)
     for facing, turn in ((FRONT, 0.0), (BACK, np.pi)):
-        found = path_areas(world, facings=(facing,))
+        found = path_areas(scene_of(world), facings=(facing,))
         for i, target in enumerate(world.task):
             parts = [shapely.get_parts(area) for area in found.inner[found.target == i]]
             area = shapely.union_all([part.buffer(-TAU) for some in parts for part in some])
@@ -186,9 +187,9 @@ def test_some_of_many_areas_are_enough_for_a_cover_and_a_bound(
     most: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     world = scattered(0, 3.0)
-    whole = park(world)
+    whole = park(scene_of(world))
     monkeypatch.setattr(set_cover, "MOST", most)
-    found = park(world)
+    found = park(scene_of(world))
     assert found.lower <= whole.lower
     assert int(found.known["fewest_of_inner_areas"]) <= len(whole.groups) <= len(found.groups)
     assert most < 15 or len(found.groups) == len(whole.groups)
@@ -203,23 +204,23 @@ def test_some_of_many_areas_are_enough_for_a_cover_and_a_bound(
 def test_the_bound_asks_for_few_outer_areas(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Those of a few set-points bound the stops as those of all do, which take long for many an arm."""
     world, asked = scattered(seed, 3.0), list[int]()
-    every = overlay_faces(fewest_stops._outer_places(world, world.task))
+    every = overlay_faces(fewest_stops._outer_places(scene_of(world), world.task))
 
     def counted(world: World, targets: list[Target]) -> list[BaseGeometry]:
         asked.append(len(targets))
-        return outer_areas(world, targets)
+        return outer_areas(scene_of(world), targets)
 
     monkeypatch.setattr(fewest_stops, "outer_areas", counted)
-    assert park(world).lower == least_cover(every.inside).lower
+    assert park(scene_of(world)).lower == least_cover(every.inside).lower
     assert 2 * sum(asked) < len(world.task)
 
 
 def test_what_a_place_serves_does_not_depend_on_what_was_asked_before() -> None:
     """The zero of the arm's plane was taken from a set-point out of its reach where that came first."""
     world = scattered(0, 0.8)
-    sequence = in_sequence(world, park(world))
+    sequence = in_sequence(scene_of(world), park(scene_of(world)))
     for group in sequence.groups:
-        side, fresh = next(iter(group.places)), PlacementSearch(sequence.world, sequence.parking_areas)
+        side, fresh = next(iter(group.places)), PlacementSearch(sequence.scene, sequence.parking_areas)
         placement = None if group.spot is None else fresh.at(group, group.spot, side)
         assert placement is not None
         assert placement.setpoints == group.setpoints

@@ -10,10 +10,10 @@ import shapely
 
 from regionik.area_verification import verify_areas
 from regionik.areas import surroundings
-from regionik.areas.surroundings import about_path, within_reach
 from regionik.pipeline import plan, why
 from regionik.planners.collision.convex_bodies import Piece, solid_pieces
 from regionik.reachability.reach import reach
+from regionik.scene import scene_of
 from regionik.verification import arm_clearance
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
@@ -151,15 +151,15 @@ def test_a_plan_is_verified_by_what_is_near_it_alone(monkeypatch: pytest.MonkeyP
 
 def test_what_is_left_out_is_out_of_reach_and_what_is_cut_is_cut_beyond_it() -> None:
     world = speckled((Target(np.array([0.0, 0.2, 0.3])),))
-    near, path = within_reach(world, np.array([[0.0, 0.2]])), about_path(world)
-    assert len(near.solids) < len(path.solids) < len(world.solids)
-    assert {one.name for one in near.solids} < {one.name for one in world.solids}
+    near, path = scene_of(world).within_reach(np.array([[0.0, 0.2]])), scene_of(world).about_path()
+    assert len(near.world.solids) < len(path.world.solids) < len(world.solids)
+    assert {one.name for one in near.world.solids} < {one.name for one in world.solids}
     (wall,) = (one for one in near.floor.cells if one.name == "wall")
     x0, _, x1, _ = wall.polygon.bounds
     assert -8 < x0 < -1
     assert 1 < x1 < 8
     few = replace(world, floor=replace(world.floor, cells=world.floor.cells[:100]))
-    assert within_reach(few, np.zeros((1, 2))) is few
+    assert scene_of(few).within_reach(np.zeros((1, 2))) is scene_of(few)
 
 
 def test_a_plan_made_near_its_path_is_verified_in_the_whole_world() -> None:

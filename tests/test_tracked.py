@@ -12,6 +12,7 @@ from regionik.pipeline import check_world, plan
 from regionik.planners.driving.pitch_arm import arm_share
 from regionik.planners.driving.pose_tracking import track_runs
 from regionik.postures.poses import axis_of
+from regionik.scene import scene_of
 from regionik.tracker import DRAWN, can_track, tracking_robot
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
@@ -169,15 +170,17 @@ def test_a_base_that_must_turn_for_joint_one_lifts_the_tool_for_it() -> None:
 
 def test_worlds_that_the_tracker_does_not_follow() -> None:
     circle = load_world("circle")
-    assert can_track(circle)
-    assert not can_track(replace(circle, robot=replace(ROBOT, base="omni")))
-    assert not can_track(replace(circle, robot=robot_named("youbot")))
-    assert not can_track(replace(circle, robot=replace(ROBOT, mount=np.array([0.1, 0.05, 0.1, 0.0]))))
+    assert can_track(scene_of(circle))
+    assert not can_track(scene_of(replace(circle, robot=replace(ROBOT, base="omni"))))
+    assert not can_track(scene_of(replace(circle, robot=robot_named("youbot"))))
+    assert not can_track(
+        scene_of(replace(circle, robot=replace(ROBOT, mount=np.array([0.1, 0.05, 0.1, 0.0]))))
+    )
     bare = replace(circle, task=tuple(Target(t.position) for t in circle.task))
-    assert not can_track(bare)
-    check_world(bare)  # areas and M-FABRIK plan it
+    assert not can_track(scene_of(bare))
+    check_world(scene_of(bare))  # areas and M-FABRIK plan it
     with pytest.raises(InputError, match=r"rules\.heading: .* expected free, got fixed"):
-        check_world(replace(circle, rules=replace(circle.rules, heading="fixed")))
+        check_world(scene_of(replace(circle, rules=replace(circle.rules, heading="fixed"))))
 
 
 def test_the_arm_is_read_from_its_chain() -> None:

@@ -12,8 +12,6 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from regionik.areas.ground import ground_of
-from regionik.areas.standing import anywhere
 from regionik.moving import transit
 from regionik.moving.base_motion import TURN_STRIDE
 from regionik.moving.drivers import WheeledDriver, WheeledPaths, driver_for
@@ -22,8 +20,8 @@ from regionik.planners.driving import pose_planner
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.driving.sampling import connect_poses
 from regionik.planners.geometry.angles import wrap
-from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import LARGEST_BEND, Pose, axis_of, distinct, pose_between, pose_of
+from regionik.scene import scene_of
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.drives import BaseKind
@@ -40,7 +38,11 @@ def world_of(name: str, *solids: Solid, heading: Heading = "free") -> World:
 
 
 def carrier(world: World) -> TransitPlanner:
-    return TransitPlanner(world, guard_of(world), driver_for(world, anywhere(world), 0))
+    return TransitPlanner(
+        scene_of(world),
+        scene_of(world).guard,
+        driver_for(scene_of(world), scene_of(world).free_floor.anywhere, 0),
+    )
 
 
 def posed(world: World, base: np.ndarray, *bends: float) -> Pose:
@@ -51,14 +53,14 @@ def posed(world: World, base: np.ndarray, *bends: float) -> Pose:
 
 def check(world: World, here: Pose, way: list[Pose], there: Pose) -> None:
     robot, poses = world.robot, [here, *way, there]
-    free = ground_of(world).inner.free
+    free = scene_of(world).ground.inner.free
     for a, b in zip(poses[:-1], poses[1:], strict=True):
         assert np.hypot(*(b.base - a.base)[:2]) <= world.rules.step + 1e-9
         assert abs(wrap(b.base[2] - a.base[2])) <= LARGEST_BEND
         assert np.abs(b.joints - a.joints).max() <= LARGEST_BEND + 1e-9
         for share in np.linspace(0, 1, 5):
             at = pose_between(a, b, float(share), world.robot.drive)
-            assert guard_of(world).clear(at)
+            assert scene_of(world).guard.clear(at)
             assert free.distance(shapely.Point(axis_of(robot, at.base))) < 1e-3
             assert (at.joints >= robot.chain.lower - 1e-9).all()
             assert (at.joints <= robot.chain.upper + 1e-9).all()
@@ -123,7 +125,7 @@ def test_the_arm_draws_back_where_it_cannot_fold() -> None:
     flat = np.array([0.0, 0.3, 0.0, 1.2, 0.0])
     here = Pose(np.array([0.25, 0.0, 0.0]), flat)
     there = posed(world, np.array([-0.8, 0.5, 0.0]))
-    assert guard_of(world).clear(here)
+    assert scene_of(world).guard.clear(here)
     bare = replace(world, obstacles=())
     way = carrier(world).folded(here, there, 0)
     straight = carrier(bare).folded(here, there, 0)
@@ -196,17 +198,17 @@ def test_no_way_out_of_a_pen(monkeypatch: pytest.MonkeyPatch) -> None:
     )
     world = world_of("youbot", *pen)
     inside, outside = posed(world, np.zeros(3)), posed(world, np.array([-1.0, 0.0, 0.0]))
-    assert guard_of(world).clear(inside)
+    assert scene_of(world).guard.clear(inside)
     assert carrier(world).folded(inside, outside, 0) is None
     assert carrier(world).sampled(inside, outside, 0) is None
     touch = carrier(world).obstruction(inside, outside, 0)
     assert touch is not None
-    assert guard_of(world).other(touch) == "west"
+    assert scene_of(world).guard.other(touch) == "west"
 
 
 def test_no_way_of_the_arm_axis_ends_where_only_a_heading_has_room() -> None:
     world = world_of("youbot")
-    far = ground_of(world).far
+    far = scene_of(world).ground.far
     inside, outside = (posed(world, np.array([2.0 - gap, 0.0, 0.0])) for gap in (far + 0.1, far - 0.01))
     assert len(carrier(world).driver.route(inside, inside, 0))
     with pytest.raises(NoPathError):
@@ -312,7 +314,7 @@ def test_a_base_on_wheels_is_searched_a_way_once_and_none_while_the_tool_is_on_i
     world = world_of("youbot", wall)
     car = replace(world, robot=replace(world.robot, base="car", turning_radius=0.3))
     here, there = posed(car, np.array([-1.0, 0.0, 0.0])), posed(car, np.array([1.0, 0.0, 0.0]))
-    driver = WheeledDriver(car, anywhere(car), 0)
+    driver = WheeledDriver(scene_of(car), scene_of(car).free_floor.anywhere, 0)
     assert not list(WheeledPaths(driver).between(0, 0, here.base, there.base))
     assert not asked
     near = here.base + (-0.3, 0.0, 0.0)

@@ -14,9 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from regionik.areas.reach_model import FineRows
-from regionik.areas.reachable import fine_reach
 from regionik.cli import app
 from regionik.pipeline import plan, why
+from regionik.reach_rows import fine_reach
 from regionik.reachability.reach import reach
 from regionik.verification.verifier import verify
 from regionik.worlds.bundled import robot_named

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from regionik.pruning import whole_path
+from regionik.scene import scene_of
 from regionik.view.live import LiveAreas, is_equal, live_areas, live_meshes, verdict
 from regionik.worlds.bundled import robot_named, world_names
 from regionik.worlds.documents.world_file import load_world
@@ -83,7 +84,7 @@ def test_a_chain_of_changes_comes_to_what_is_made_from_nothing(seed: int, change
 @pytest.mark.parametrize("name", [name for name in world_names() if name not in ("circle", "door", "depot")])
 def test_the_verdict_is_that_of_a_plan(name: str) -> None:
     world = load_world(name)
-    pruned = whole_path(world)[2]
+    pruned = whole_path(scene_of(world))[2]
     seen = live_areas(world)
     assert seen.pruned is not None
     assert len(seen.pruned.breaks) == len(pruned.breaks)
@@ -95,7 +96,7 @@ def test_what_cannot_be_done_is_told_as_a_plan_tells_it() -> None:
     away = replace(world, task=(*world.task, Target(np.array([3.0, 3.0, 2.5]))))
     seen = live_areas(away)
     with pytest.raises(NoPlanFound) as failure:
-        whole_path(away)
+        whole_path(scene_of(away))
     assert seen.explanation is not None
     assert verdict(seen) == failure.value.explanation.reason
     missing = [body for body in live_meshes(seen) if body.path == "task/missing"]

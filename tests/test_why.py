@@ -26,6 +26,7 @@ from regionik.explain.minimal_change import (
 )
 from regionik.pipeline import plan, why
 from regionik.reachability.reach import reach
+from regionik.scene import Scene, scene_of
 from regionik.view.picture import Color
 from regionik.view.world_picture import picture_of_explanation
 from regionik.worlds.bundled import robot_named
@@ -135,7 +136,7 @@ def test_a_plan_carries_causes_and_repairs() -> None:
     assert (found.verdict, found.setpoint) == ("unreachable", 2)
     move = of_kind(found, "move-target")
     assert move.name == "set-point 3"
-    assert plan(repaired(replace(world, task=task), move, 2))
+    assert plan(repaired(scene_of(replace(world, task=task)), move, 2).world)
 
 
 def test_bad_targets_are_refused() -> None:
@@ -155,11 +156,11 @@ def is_mended(case: World) -> None:
     """Assert that the causes of a case are irreducible and that its repairs mend it, the smallest first."""
     found = explained(case, case.task[0])
     assert proven_irreducible(case, found)
-    shares = [share(case, repair) for repair in found.repairs]
+    shares = [share(scene_of(case), repair) for repair in found.repairs]
     assert shares == sorted(shares)
     for repair in found.repairs:
-        changed = repaired(case, repair)
-        assert reach(changed, changed.task).reachable.all(), repair.text
+        changed = repaired(scene_of(case), repair)
+        assert reach(changed.world, changed.task).reachable.all(), repair.text
         assert as_small_as_brute_force(case, repair), repair.text
 
 
@@ -198,11 +199,11 @@ def test_a_target_deep_in_a_solid_is_told_before_any_search() -> None:
     assert far.tip_depth[0] == 0.0
     middle, side = (Target(np.array([x, 0.1, 0.4])) for x in (1.3, 1.05))  # 0.3 m deep, and 0.05 m
     asked = replace(world, robot=far, obstacles=(crate,), task=(side, middle))
-    found = target_in_solid(asked)
+    found = target_in_solid(scene_of(asked))
     assert found is not None
     assert (found.setpoint, [cause.name for cause in found.causes]) == (1, ["crate"])
     assert "m deep in crate" in found.reason
-    assert target_in_solid(replace(asked, task=(side,))) is None
+    assert target_in_solid(scene_of(replace(asked, task=(side,)))) is None
 
     class EnoughError(Exception):
         """Ends the explanation at its first sentence."""
@@ -289,11 +290,11 @@ def test_the_filter_leaves_one_minimal_set(conflicts: set[frozenset[int]]) -> No
     world = hall(obstacles=solids, task=(Target(np.zeros(3)),))
     closed = [frozenset(names[k] for k in one) for one in conflicts]
 
-    def ruled_out(changed: World) -> bool:
-        held = {solid.name for solid in changed.obstacles}
+    def ruled_out(changed: Scene) -> bool:
+        held = {solid.name for solid in changed.world.obstacles}
         return any(one <= held for one in closed)
 
-    kept = {one.name for one in irreducible(world, constraints_of(world), ruled_out)}
+    kept = {one.name for one in irreducible(scene_of(world), constraints_of(scene_of(world)), ruled_out)}
     assert any(one == kept for one in closed)
     assert not any(one < kept for one in closed)
 
@@ -330,10 +331,10 @@ def test_every_constraint_is_taken_away_by_itself() -> None:
         task=(target,),
         rules=Rules(clearance=0.1, heading="face_target"),
     )
-    every: tuple[Constraint, ...] = constraints_of(world)
+    every: tuple[Constraint, ...] = constraints_of(scene_of(world))
     assert len(every) == 7
     for one in every:
-        left = [other.name for other in constraints_of(one.relax(world))]
+        left = [other.name for other in constraints_of(one.relax(scene_of(world)))]
         gone = {other.name for other in every} - set(left)
         # The floor's edge and joint limits are still there, wherever they are.
         expected = {one.name} if one.kind not in ("floor", "limits") else set()
@@ -354,9 +355,9 @@ def test_every_constraint_is_taken_away_by_itself() -> None:
     ids=["box", "prism", "mesh"],
 )
 def test_solids_move_as_they_are(solid: Box | Prism | Mesh) -> None:
-    move = move_obstacle(hall(obstacles=(solid,)), "it")
+    move = move_obstacle(scene_of(hall(obstacles=(solid,))), "it")
     assert move is not None
-    moved = move.at(np.array([0.5, -0.25])).obstacles[0]
+    moved = move.at(np.array([0.5, -0.25])).world.obstacles[0]
     spot = np.array([0.9, 0.1, 0.3])
     assert moved.distance(spot + [0.5, -0.25, 0.0]) == pytest.approx(solid.distance(spot))
 

@@ -9,6 +9,7 @@ from regionik.explain.changes import repaired
 from regionik.explain.constraints import ARM_CLEARANCE, arm_constraints_of
 from regionik.pipeline import plan, why
 from regionik.reachability.reach import reach
+from regionik.scene import scene_of
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.errors import Explanation, NoPlanFound
 from regionik.worlds.obstacles import Sphere
@@ -69,9 +70,9 @@ def test_causes_rule_it_out_together_and_no_fewer_do(
 
     def answer(kept: set[str]) -> str:
         left = world
-        for one in arm_constraints_of(world):
+        for one in arm_constraints_of(scene_of(world)):
             if one.name not in kept:
-                left = one.relax(left)
+                left = one.relax(scene_of(left)).world
         return str(reach(left, left.task).verdict[0])
 
     assert answer(names) == "unreachable"
@@ -83,8 +84,8 @@ def test_causes_rule_it_out_together_and_no_fewer_do(
 def test_repairs_help_and_smaller_ones_do_not(case: tuple[World, Explanation, set[str], set[str]]) -> None:
     world, found, _, _ = case
     for repair in found.repairs:
-        changed = repaired(world, repair)
-        assert reach(changed, changed.task).reachable.all(), repair.text
+        changed = repaired(scene_of(world), repair)
+        assert reach(changed.world, changed.task).reachable.all(), repair.text
         for less in smaller(world, repair)[9::15]:
             assert not reach(less, less.task).reachable.any(), repair.text
 

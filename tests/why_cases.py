@@ -12,6 +12,7 @@ from regionik.explain.changes import repaired
 from regionik.explain.constraints import constraints_of
 from regionik.reachability.reach import reach
 from regionik.regions import admissible_area, has_no_known_place, path_areas
+from regionik.scene import scene_of
 from regionik.worlds.errors import Explanation, Repair
 from regionik.worlds.scene import World
 from tests.test_random_worlds import random_world
@@ -29,13 +30,13 @@ def cases(seeds: Iterable[int]) -> list[World]:
         far = _first_shut(world)
         if far is not None:
             case = replace(world, task=(world.task[far],))
-            if has_no_known_place(case) and not reach(case, case.task).reachable.any():
+            if has_no_known_place(scene_of(case)) and not reach(case, case.task).reachable.any():
                 found.append(case)
     return found
 
 
 def _first_shut(world: World) -> int | None:
-    areas = path_areas(world)
+    areas = path_areas(scene_of(world))
     there = set(areas.target[shapely.area(areas.inner) > 0].tolist())
     return next((k for k in range(len(world.task)) if k not in there), None)
 
@@ -47,9 +48,9 @@ def proven_irreducible(world: World, found: Explanation) -> bool:
 
     def ruled_out(kept: set[str]) -> bool:
         left = world
-        for one in constraints_of(world):
+        for one in constraints_of(scene_of(world)):
             if one.name not in kept:
-                left = one.relax(left)
+                left = one.relax(scene_of(left)).world
         area = admissible_area(left, left.task[0])
         return bool(area.outer.is_empty if outer else area.inner.area <= 0)
 
@@ -68,11 +69,14 @@ def as_small_as_brute_force(world: World, repair: Repair, near: float = NEAR) ->
 def smaller(world: World, repair: Repair, near: float = NEAR) -> list[World]:
     """The world with ever more of a repair made, up to a share ``near`` less than all of it."""
     if repair.kind == "lift-off":
-        return [repaired(world, replace(repair, amount=float(n))) for n in range(round(repair.amount))]
+        return [
+            repaired(scene_of(world), replace(repair, amount=float(n))).world
+            for n in range(round(repair.amount))
+        ]
     size = _size(world, repair)
     least = (size - ROUNDING) / (1 + near)
     shares = np.linspace(0, least / size, SAMPLES + 1)[1:] if least > 0 else np.empty(0)
-    return [repaired(world, part_of(world, repair, share)) for share in shares.tolist()]
+    return [repaired(scene_of(world), part_of(world, repair, share)).world for share in shares.tolist()]
 
 
 def _size(world: World, repair: Repair) -> float:
@@ -89,7 +93,7 @@ def part_of(world: World, repair: Repair, share: float) -> Repair:
 
 
 def _helps(before: World, after: World) -> bool:
-    if not (shapely.area(path_areas(after, after.task).inner) > 1e-7).any():
+    if not (shapely.area(path_areas(scene_of(after), after.task).inner) > 1e-7).any():
         return False
     here, there = before.task[0].position, after.task[0].position
     solids = zip(before.solids, after.solids, strict=True)

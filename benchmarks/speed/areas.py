@@ -24,11 +24,11 @@ from regionik.moving.drivers import driver_for
 from regionik.moving.transit import ITERATIONS, TransitPlanner, WholeBodyPlanner
 from regionik.pipeline import search
 from regionik.planners.driving.point_planner import drive_point
-from regionik.postures.arm_guard import guard_of
 from regionik.postures.families import FRONT
 from regionik.postures.poses import Pose
 from regionik.pruning import choose_chain, solvers_along, start_place, start_pose, whole_path
 from regionik.regions import path_areas
+from regionik.scene import scene_of
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Floor, Target, World
@@ -68,7 +68,7 @@ def _areas(size: Size) -> Iterator[Row]:
         return loop(world)
 
     def bulk() -> object:
-        return path_areas(world, facings=(FRONT,))
+        return path_areas(scene_of(world), facings=(FRONT,))
 
     yield against(f"{what}, polygons", rival, bulk, plain, Wanted(2.0), size, pieces=(count, count))
 
@@ -100,13 +100,13 @@ def _each(spread: Spread | None, count: int) -> Spread:
 def search_stages(world: World) -> dict[str, float]:
     """Areas, pruning, configurations and motion, each with its seconds."""
     marks = [time.perf_counter()]
-    standing, _, pruned = whole_path(world)
+    standing, _, pruned = whole_path(scene_of(world))
     marks.append(time.perf_counter())
-    chain = choose_chain(pruned, standing, start_place(world))
-    start = start_pose(world, pruned, chain[0])
-    configurations(world.task, solvers_along(world, pruned.ladder, standing, chain), start)
+    chain = choose_chain(pruned, standing, start_place(scene_of(world)))
+    start = start_pose(scene_of(world), pruned, chain[0])
+    configurations(world.task, solvers_along(scene_of(world), pruned.ladder, standing, chain), start)
     marks.append(time.perf_counter())
-    connect_setpoints(world, pruned, standing, {}, 0)
+    connect_setpoints(scene_of(world), pruned, standing, {}, 0)
     marks.append(time.perf_counter())
     names = ("areas and pruning", "configurations", "motion")
     return dict(zip(names, np.diff(marks).tolist(), strict=True))
@@ -121,19 +121,19 @@ def _stages(world: World) -> dict[str, float]:
 def _jump(size: Size) -> Iterator[Row]:
     """The way of base and arm with the tool lifted, by stages and in the space of the whole robot."""
     world = load_world("pillar")
-    found = search(world)
+    found = search(scene_of(world))
     motion, kinds = found.motion, np.array(found.motion.kind)
     first = int(np.argmax(kinds == "setpoint"))
     lifted = np.flatnonzero((kinds == "transit") & (np.arange(len(kinds)) > first))
     runs = np.split(lifted, np.flatnonzero(np.diff(lifted) > 1) + 1)
     run = max(runs, key=lambda one: world.robot.drive.travel(motion.base[one[0] - 1 : one[-1] + 2]))
     here, there = (Pose(motion.base[k], motion.joints[k]) for k in (run[0] - 1, run[-1] + 1))
-    standing, _, _ = whole_path(world)
-    guard = guard_of(world)
-    driver = driver_for(world, standing, 0)
+    standing, _, _ = whole_path(scene_of(world))
+    guard = scene_of(world).guard
+    driver = driver_for(scene_of(world), standing, 0)
     piece = standing.piece_at(here.base[:2], float(here.base[2]))
     assert piece is not None
-    transits = TransitPlanner(world, guard, driver)
+    transits = TransitPlanner(scene_of(world), guard, driver)
 
     def staged() -> list[Pose]:
         way = transits.folded(here, there, piece)
@@ -146,7 +146,9 @@ def _jump(size: Size) -> Iterator[Row]:
         way = None
         while way is None:  # a run that finds none counts with the one that does
             seeded = replace(driver, seed=next(seeds))
-            way = WholeBodyPlanner(guard, seeded, piece).way(here, there, seeded.seed, ITERATIONS)
+            way = WholeBodyPlanner(scene_of(world), guard, seeded, piece).way(
+                here, there, seeded.seed, ITERATIONS
+            )
         return way
 
     lengths = [world.robot.drive.travel(np.array([pose.base for pose in work()])) for work in (staged, whole)]
@@ -202,7 +204,7 @@ def _growth(size: Size) -> Iterator[Row]:
     counts = [n for n in (100, 1000, 10_000, 100_000) if n <= size.count(100_000)]
     seconds = [_areas_and_pruning(meander(n, 100)) for n in counts]
     yield _slope("areas and pruning, set-points", counts, seconds, 1.1)
-    seconds = [_seconds(lambda n=n: search(meander(n, 100))) for n in counts[:-1]]  # type: ignore[misc]
+    seconds = [_seconds(lambda n=n: search(scene_of(meander(n, 100)))) for n in counts[:-1]]  # type: ignore[misc]
     last, most = _alone(counts[-1])
     yield _slope("whole plans, verified, set-points", counts, [*seconds, last], 1.1)
     what = f"most memory of a process that plans {counts[-1]:,} set-points"
@@ -222,7 +224,7 @@ def _alone(count: int) -> tuple[float, float]:
 
 
 def _areas_and_pruning(world: World) -> float:
-    return _seconds(lambda: whole_path(world))
+    return _seconds(lambda: whole_path(scene_of(world)))
 
 
 def _seconds(work: Work) -> float:

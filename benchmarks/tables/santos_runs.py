@@ -22,6 +22,7 @@ from regionik.planners.geometry.polygons import FlatPolygon, clamp
 from regionik.planners.rivals.iterative import DampedLeastSquares, PseudoInverse
 from regionik.postures.poses import axis_of
 from regionik.pruning import choose_chain, solvers_along, start_place, start_pose, whole_path
+from regionik.scene import scene_of
 from regionik.values import Configuration
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
@@ -144,16 +145,16 @@ def experiment(name: str) -> list[Row]:
     Algorithm 2 is asked wherever the straight way between two bases leaves the free floor.
     """
     world = load_world(name)
-    standing, _, pruned = whole_path(world)
-    chain = choose_chain(pruned, standing, start_place(world))
-    base, joints = start_pose(world, pruned, chain[0])
-    solvers = solvers_along(world, pruned.ladder, standing, chain)
+    standing, _, pruned = whole_path(scene_of(world))
+    chain = choose_chain(pruned, standing, start_place(scene_of(world)))
+    base, joints = start_pose(scene_of(world), pruned, chain[0])
+    solvers = solvers_along(scene_of(world), pruned.ladder, standing, chain)
     free = shapely.union_all(standing.pieces.polygon)
     rows = []
     for i, goal in enumerate(configurations(world.task, solvers, (base, joints))):
         here, there = axis_of(world.robot, base), axis_of(world.robot, goal.base)
         if not free.buffer(EDGE).covers(shapely.LineString([here, there])):
-            arm = solver_for(world, pruned.ladder.family[chain[i]])
+            arm = solver_for(scene_of(world), pruned.ladder.family[chain[i]])
             flat = FlatPolygon.from_shapely(free)
             x, y = clamp(flat.vertices, flat.starts, *here)
             steps, _ = greedy_points(flat.vertices, flat.starts, x, y, there[0], there[1], world.rules.step)

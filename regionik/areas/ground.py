@@ -9,7 +9,7 @@ ones.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 import shapely
@@ -185,9 +185,8 @@ class Ground:
         return self.names[k], gaps[k]
 
 
-@lru_cache(maxsize=8)
-def ground_of(world: World) -> Ground:
-    """Ground of a world; cached."""
+def ground_from(world: World) -> Ground:
+    """Return the ground of a world."""
     base = footprint_layer(world)
     around, inside = (upper_layers(world, base, inside=inside) for inside in (False, True))
     return Ground(world.drivable_floor, base, around, inside)

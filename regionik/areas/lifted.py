@@ -7,14 +7,15 @@ areas keep all of that range clear, outer ones are cut by what is taken at each 
 from __future__ import annotations
 
 import math
-from functools import lru_cache
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import shapely
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import EVERY, ground_of
+from regionik.areas.ground import EVERY
 from regionik.areas.layers import GUARD, BodyLayer, all_taken, layers_of
 from regionik.planners.driving.heading_slabs import ConvexScene, free_at_all, free_at_some, outline_scene
 from regionik.worlds.body import lift_for, lift_range, lifted_prisms
@@ -22,64 +23,75 @@ from regionik.worlds.scene import World
 
 STEP = 0.05  # to which ranges of lifts are widened, so that heights share their rejection [m]
 
-
-def lifts_matter(world: World) -> bool:
-    """Return True where what lifts carry may reject some place of the base."""
-    return bool(_layers(world, lift_range(world.robot), inner=True))
+Lift = tuple[float, float]  # lowest and highest [m]
 
 
-def lifted_rejection(
-    world: World, height: float, span: tuple[float, float] = EVERY, *, inner: bool
-) -> BaseGeometry:
-    """Return the places of the arm axis that are rejected for a tool at a height, at headings of a span.
+@dataclass(frozen=True, eq=False)
+class LiftedBody:
+    """What a robot's lifts carry in a world, and what of the floor that rejects."""
 
-    With ``inner`` those from which a lift may bring its load too near to something, else those from which
-    each lift does.
-    """
-    lift = _allowed(world, height)
-    return Polygon() if lift is None else _rejection(world, lift, span, inner=inner)
+    world: World
+    footprint: BodyLayer
+    # What was asked before: layers and scenes by lift, rejections by lift and span of headings, by inner
+    _layers: dict[tuple[Lift, bool], tuple[BodyLayer, ...]] = field(default_factory=dict, init=False)
+    _scenes: dict[tuple[Lift, bool], list[ConvexScene]] = field(default_factory=dict, init=False)
+    _rejections: dict[tuple[Lift, Lift, bool], BaseGeometry] = field(default_factory=dict, init=False)
 
+    @cached_property
+    def matters(self) -> bool:
+        """True where what lifts carry may reject some place of the base."""
+        return bool(self._layers_at(lift_range(self.world.robot), inner=True))
 
-def lifted_rejections(world: World, height: float) -> list[tuple[str, str, BaseGeometry]]:
-    """Return what `lifted_rejection` is made of at every heading: solid, part of the robot, and places."""
-    lift = _allowed(world, height)
-    layers = () if lift is None else _layers(world, lift, inner=True)
-    return [
-        (name, layer.part, taken)
-        for layer in layers
-        for name, taken in zip(layer.names, layer.taken(inner=True), strict=True)
-    ]
+    def rejection(self, height: float, span: tuple[float, float] = EVERY, *, inner: bool) -> BaseGeometry:
+        """Return the places of the arm axis rejected for a tool at a height, at headings of a span.
 
+        With ``inner`` those from which a lift may bring its load too near to something, else those from
+        which each lift does.
+        """
+        lift = self._allowed(height)
+        if lift is None:
+            return Polygon()
+        key = lift, span, inner
+        if key not in self._rejections:
+            self._rejections[key] = self._rejection(*key)
+        return self._rejections[key]
 
-def _allowed(world: World, height: float) -> tuple[float, float] | None:
-    """How far lifts may raise the arm for a tool at a height, widened by steps; None where none brings it."""
-    lift = lift_for(world.robot, height, world.rules.tolerance)
-    if lift is None:
-        return None
-    low, high = lift_range(world.robot)
-    return max(low, STEP * math.floor(lift[0] / STEP)), min(high, STEP * math.ceil(lift[1] / STEP))
+    def rejections(self, height: float) -> list[tuple[str, str, BaseGeometry]]:
+        """Return what `rejection` is made of at every heading: solid, part of the robot, and places."""
+        lift = self._allowed(height)
+        layers = () if lift is None else self._layers_at(lift, inner=True)
+        return [
+            (name, layer.part, taken)
+            for layer in layers
+            for name, taken in zip(layer.names, layer.taken(inner=True), strict=True)
+        ]
 
+    def _allowed(self, height: float) -> Lift | None:
+        """How far lifts may raise the arm for a tool at a height, in steps; None where none brings it."""
+        lift = lift_for(self.world.robot, height, self.world.rules.tolerance)
+        if lift is None:
+            return None
+        low, high = lift_range(self.world.robot)
+        return max(low, STEP * math.floor(lift[0] / STEP)), min(high, STEP * math.ceil(lift[1] / STEP))
 
-@lru_cache(maxsize=256)
-def _rejection(
-    world: World, lift: tuple[float, float], span: tuple[float, float], *, inner: bool
-) -> BaseGeometry:
-    if span == EVERY:
-        return shapely.union_all(all_taken(_layers(world, lift, inner=inner), inner=inner))
-    free = free_at_all if inner else free_at_some
-    scenes = _scenes(world, lift, inner=inner)
-    return shapely.union_all([scene.floor.envelope - free(scene, *span) for scene in scenes])
+    def _rejection(self, lift: Lift, span: tuple[float, float], inner: bool) -> BaseGeometry:
+        if span == EVERY:
+            return shapely.union_all(all_taken(self._layers_at(lift, inner=inner), inner=inner))
+        free = free_at_all if inner else free_at_some
+        scenes = self._scenes_at(lift, inner=inner)
+        return shapely.union_all([scene.floor.envelope - free(scene, *span) for scene in scenes])
 
+    def _scenes_at(self, lift: Lift, *, inner: bool) -> list[ConvexScene]:
+        if (lift, inner) not in self._scenes:
+            guard = GUARD if inner else 0.0
+            layers = self._layers_at(lift, inner=inner)
+            outlines = [layer.moved(np.zeros(2), guard) for layer in layers]
+            self._scenes[lift, inner] = [outline_scene(one, self.world.floor.polygon) for one in outlines]
+        return self._scenes[lift, inner]
 
-@lru_cache(maxsize=64)
-def _scenes(world: World, lift: tuple[float, float], *, inner: bool) -> list[ConvexScene]:
-    outlines = [
-        layer.moved(np.zeros(2), GUARD if inner else 0.0) for layer in _layers(world, lift, inner=inner)
-    ]
-    return [outline_scene(outline, world.floor.polygon) for outline in outlines]
-
-
-@lru_cache(maxsize=64)
-def _layers(world: World, lift: tuple[float, float], *, inner: bool) -> tuple[BodyLayer, ...]:
-    prisms = lifted_prisms(world.robot, lift, inside=not inner)
-    return layers_of(world, prisms, ground_of(world).base, inside=not inner) if prisms else ()
+    def _layers_at(self, lift: Lift, *, inner: bool) -> tuple[BodyLayer, ...]:
+        if (lift, inner) not in self._layers:
+            prisms = lifted_prisms(self.world.robot, lift, inside=not inner)
+            found = layers_of(self.world, prisms, self.footprint, inside=not inner) if prisms else ()
+            self._layers[lift, inner] = found
+        return self._layers[lift, inner]

@@ -11,8 +11,6 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import EVERY, united
-from regionik.areas.layers import GUARD, Geometries
-from regionik.areas.lifted import lifted_rejection, lifts_matter
 from regionik.areas.planar_reach import PlanarReach
 from regionik.areas.reach_model import (
     FineRows,
@@ -36,7 +34,7 @@ from regionik.planners.reach.level_reach import (
 from regionik.planners.reach.pose_reach import pose_reach
 from regionik.planners.reach.proven_poses import likely_distances, proven_distances, proven_pose_area
 from regionik.planners.reach.serial_criteria import PostureDemand, demand_of
-from regionik.postures.arm import Arm, Goal, aim_of, goal_of
+from regionik.postures.arm import Arm, Goal, aim_of
 from regionik.postures.families import FRONT, Family
 from regionik.postures.serial_solver import serial_solver
 from regionik.worlds.arms import pivot_joints, planar_arm, with_pivot_limits
@@ -44,8 +42,8 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.criteria import Criteria
 from regionik.worlds.errors import InputError
-from regionik.worlds.robot import Robot, with_joint_margin
-from regionik.worlds.scene import Rules, Target, World
+from regionik.worlds.robot import Robot
+from regionik.worlds.scene import Rules, Target
 
 FINE_ARC_POINTS = 768  # vertices of a full circle in `fine_reach`
 
@@ -83,100 +81,6 @@ def _models(robot: Robot) -> tuple[ReachModel, ReachModel]:
 def planar_reach(robot: Robot) -> PlanarReach:
     """Return the reach of an arm in one vertical plane; raises InputError when it does not work in one."""
     return PlanarReach(robot, planar_arm(robot.chain))
-
-
-def model_of(world: World, target: Target) -> ReachModel:
-    """Return the model of reach for a target, with the limits that the world's criteria leave."""
-    return reach_model(with_joint_margin(world.robot, world.rules.criteria), goal_of(target))
-
-
-def reach_rows(
-    world: World,
-    targets: Sequence[Target],
-    facings: Sequence[int],
-    *,
-    inner: bool,
-    span: tuple[float, float] = EVERY,
-    coarse: bool = False,
-    proven: bool = False,
-) -> Rows:
-    """Reach of targets as rings and ring sectors, before rejection, the base's heading within a span.
-
-    See `ReachQuery` for ``coarse`` and ``proven``.
-    """
-    margin = world.rules.reach_margin if inner else None
-    which, kinds, shapes = rows_of(
-        world, targets, ReachQuery(world.rules, margin, span, tuple(facings), coarse=coarse, proven=proven)
-    )
-    if inner:
-        shapes = _eroded(shapes, world.axis_error)
-    real = np.flatnonzero(~shapely.is_empty(shapes))
-    return which[real], tuple(kinds[k] for k in real.tolist()), shapes[real]
-
-
-def inner_rows(
-    world: World,
-    targets: Sequence[Target],
-    facings: Sequence[int],
-    spans: Sequence[tuple[float, float]],
-    *,
-    coarse: bool = False,
-) -> list[Rows]:
-    """Inner `reach_rows` at several spans of headings: the very same where these make no difference."""
-    known: dict[tuple[float, float], Rows] = {}
-    models = {model_of(world, target): None for target in targets}
-    found = []
-    for span in track("headings", spans):
-        query = ReachQuery(world.rules, world.rules.reach_margin, span, tuple(facings), coarse=coarse)
-        heeded = lifts_matter(world) or any(model.heeds_headings(query) for model in models)
-        asked = span if heeded else EVERY
-        if asked not in known:
-            known[asked] = reach_rows(world, targets, facings, inner=True, span=asked, coarse=coarse)
-        found.append(known[asked])
-    return found
-
-
-def rows_of(world: World, targets: Sequence[Target], query: ReachQuery) -> Rows:
-    """`reach_rows` as a query asks for them, whatever place an execution puts the arm axis off.
-
-    Places from which a lift would bring its load too near to something are none.
-    """
-    alike: dict[ReachModel, list[int]] = {}
-    for i, target in enumerate(targets):
-        alike.setdefault(model_of(world, target), []).append(i)
-    which, shapes = np.empty(0, dtype=np.intp), np.empty(0, dtype=object)
-    kinds: tuple[Family, ...] = ()
-    for model, members in alike.items():
-        rows = model.rows([targets[i] for i in members], query)
-        which = np.concatenate([which, np.array(members, dtype=np.intp)[rows[0]]])
-        kinds, shapes = kinds + rows[1], np.concatenate([shapes, rows[2]])
-    order = np.argsort(which, kind="stable")
-    which, shapes = which[order], shapes[order]
-    if lifts_matter(world):
-        heights = np.array([target.position[2] for target in targets])[which]
-        for z in np.unique(heights).tolist():
-            taken = lifted_rejection(world, z, query.span, inner=query.inner)
-            shapes[heights == z] = shapely.difference(shapes[heights == z], taken)
-    return which, tuple(kinds[k] for k in order), shapes
-
-
-def fine_reach(
-    world: World, target: Target, kinds: Sequence[Family], span: tuple[float, float], *, inner: bool
-) -> FineRows:
-    """Reach of one target without the rules' ``reach_margin``, with finer circles: families and shapes.
-
-    Shapes lie within the true reach, or around it by the layer of the height, with the base's heading within
-    a span.
-    """
-    query = ReachQuery(world.rules, GUARD if inner else None, span, arcs=FINE_ARC_POINTS, coarse=not inner)
-    families, shapes = reach_model(world.robot, goal_of(target)).fine_rows(target, kinds, query)
-    return families, _eroded(shapes, world.axis_error) if inner else shapes
-
-
-def _eroded(shapes: Geometries, error: float) -> Geometries:
-    """Places of the arm axis from which it stays in a shape wherever an execution puts it, (n,)."""
-    left: Geometries = shapely.buffer(shapes, -error, join_style="mitre") if error > 0 else shapes
-    return left
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from scipy.sparse.csgraph import connected_components
 from shapely.geometry import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import EVERY, Ground, Side, ground_of, united
+from regionik.areas.ground import EVERY, Ground, Side, united
 from regionik.areas.layers import GUARD, BodyLayer, Geometries, disjoint
 from regionik.planners.driving.footprint import fits
 from regionik.planners.driving.footprint_scene import FootprintScene, footprint_scene
@@ -33,6 +33,7 @@ from regionik.planners.driving.heading_slabs import (
 from regionik.planners.geometry.offsets import grown
 from regionik.postures.families import Family
 from regionik.worlds.arrays import Array
+from regionik.worlds.robot import Robot
 from regionik.worlds.scene import World
 
 SLABS = 24  # of equal width in a full turn
@@ -156,44 +157,54 @@ def component_labels(count: int, pairs: Index) -> Index:
     return label
 
 
-@lru_cache(maxsize=8)
-def anywhere(world: World) -> Standing:
-    """Free floor as one side: for every heading, or for the one that the rules fix."""
-    ground = ground_of(world)
-    if world.rules.heading == "fixed" and not ground.is_round:
-        return Standing(
-            _slab_sides(ground.floor, ground.base, ground.around, np.array([span_of_rules(world)]))
-        )
-    return Standing((Side(ground.inner.floor, ground.inner.parts, span_of_rules(world)),))
+@dataclass(frozen=True, eq=False)
+class FreeFloor:
+    """Free floor of a base at the headings that rules allow, divided by heading as stages ask."""
+
+    ground: Ground
+    headings: tuple[float, float]  # that the rules allow, `EVERY` or one [rad]
+
+    @property
+    def turns_matter(self) -> bool:
+        """True where the free floor depends on the heading."""
+        return self.headings == EVERY and not self.ground.is_round
+
+    @cached_property
+    def anywhere(self) -> Standing:
+        """One side: for every heading, or for the one that the rules fix."""
+        ground = self.ground
+        if self.headings != EVERY and not ground.is_round:
+            return Standing(_slab_sides(ground.floor, ground.base, ground.around, np.array([self.headings])))
+        return Standing((Side(ground.inner.floor, ground.inner.parts, self.headings),))
+
+    @cached_property
+    def by_heading(self) -> Standing:
+        """One side a slab of headings; `anywhere` where slabs make no difference."""
+        if not self.turns_matter:
+            return self.anywhere
+        return _inner_slabs(self.ground.floor, self.ground.base, self.ground.around)
+
+    @cached_property
+    def turning(self) -> Standing:
+        """A side for every heading and one a slab; `anywhere` where slabs make no difference.
+
+        Within a slab an arm without a pivot reaches next to nothing: it works where the base turns as it
+        likes, and the base drives by slabs from one such place to the next.
+        """
+        if not self.turns_matter:
+            return self.anywhere
+        return Standing((*self.anywhere.sides, *self.by_heading.sides))
+
+    @cached_property
+    def outer(self) -> Standing:
+        """Outer free floor by slab: no place outside a side is free at any heading of its slab."""
+        ground = self.ground
+        if not self.turns_matter:
+            return Standing((Side(ground.outer.floor, ground.outer.parts, self.headings),))
+        return _outer_slabs(ground.floor, ground.base, ground.inside)
 
 
-@lru_cache(maxsize=8)
-def by_heading(world: World) -> Standing:
-    """Free floor with one side a slab of headings; `anywhere` where slabs make no difference."""
-    if not turns_matter(world):
-        return anywhere(world)
-    ground = ground_of(world)
-    return _inner_slabs(ground.floor, ground.base, ground.around)
-
-
-@lru_cache(maxsize=8)
-def turning(world: World) -> Standing:
-    """Free floor with a side for every heading and one a slab; `anywhere` where slabs make no difference.
-
-    Within a slab an arm without a pivot reaches next to nothing: it works where the base turns as it likes,
-    and the base drives by slabs from one such place to the next.
-    """
-    if not turns_matter(world):
-        return anywhere(world)
-    return Standing((*anywhere(world).sides, *by_heading(world).sides))
-
-
-def turns_matter(world: World) -> bool:
-    """True where the free floor depends on the heading."""
-    return world.rules.heading != "fixed" and not ground_of(world).is_round
-
-
-def span_of_rules(world: World) -> tuple[float, float]:
+def headings_of(world: World) -> tuple[float, float]:
     """Headings that the rules allow [rad]."""
     if world.rules.heading != "fixed":
         return EVERY
@@ -201,35 +212,24 @@ def span_of_rules(world: World) -> tuple[float, float]:
     return yaw, yaw
 
 
-@lru_cache(maxsize=8)
-def outer_by_heading(world: World) -> Standing:
-    """Outer free floor by slab: no place outside a side is free at any heading of its slab."""
-    ground = ground_of(world)
-    if not turns_matter(world):
-        return Standing((Side(ground.outer.floor, ground.outer.parts, span_of_rules(world)),))
-    return _outer_slabs(ground.floor, ground.base, ground.inside)
+def footprint_on(ground: Ground, robot: Robot, outline: Array | None = None) -> FootprintScene:
+    """Outlines of a base in its frame and all they must keep clear of, with a guard against rounding.
+
+    The footprint's outline may be another, (n, 2).
+    """
+    outline = robot.footprint if outline is None else outline
+    return footprint_scene(
+        outline, ground.floor, ground.shadows, ground.clearance + GUARD, ground.upper(robot.mount[:2])
+    )
 
 
-@lru_cache(maxsize=8)
-def room_for(world: World) -> FootprintScene:
-    """Outlines of the base in its frame and all they must keep clear of, with a guard against rounding."""
-    return scene_on(world, ground_of(world))
-
-
-def scene_on(world: World, ground: Ground, footprint: Array | None = None) -> FootprintScene:
-    """Outlines of the base in its frame, or with another footprint (n, 2), on a ground; see `room_for`."""
-    upper = ground.upper(world.robot.mount[:2])
-    outline = world.robot.footprint if footprint is None else footprint
-    return footprint_scene(outline, ground.floor, ground.shadows, ground.clearance + GUARD, upper)
-
-
-def stands_about(world: World, base: Array, by: float) -> bool:
+def stands_about(ground: Ground, robot: Robot, base: Array, by: float) -> bool:
     """True if the base may stand, at its heading, at all places within a distance of a pose (3,) [m]."""
-    outline = world.robot.footprint
+    outline = robot.footprint
     if by > 0:  # of a point, too
         whole = grown(shapely.convex_hull(shapely.multipoints(outline)), by, outside=True)
         outline = shapely.get_coordinates(shapely.convex_hull(whole).exterior)[:-1]
-    scene = scene_on(world, ground_of(world), outline)
+    scene = footprint_on(ground, robot, outline)
     upper = scene.upper._replace(clearance=scene.upper.clearance + by)
     return bool(fits(scene._replace(upper=upper), *base.tolist()))
 

@@ -7,7 +7,6 @@ its tool or its base is at these places. Worlds with few solids stay as they are
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import lru_cache
 
 import numpy as np
 import shapely
@@ -24,22 +23,12 @@ BESIDE = 0.25  # kept besides, on all sides [m]
 DRIVEN = 2.0  # how far beyond what it reaches the base may drive about a path [m]
 
 
-def within_reach(world: World, places: Array, moved: float = 0.0) -> World:
-    """The world for a tool at places (n, 2 or more) that move so far: as it is, or without far solids [m]."""
-    if len(world.solids) < MANY or not len(places):
-        return world
-    return _cut(world, shapely.to_wkb(_about(world, places, moved)), floor=False)
+def is_large(world: World) -> bool:
+    """True of a world with so many solids that it is worth the while to leave out those far away."""
+    return len(world.solids) >= MANY
 
 
-def about_path(world: World) -> World:
-    """The world about its whole path: as it is, or without far solids and the floor among them."""
-    if len(world.solids) < MANY or not world.task:
-        return world
-    places = np.array([target.position[:2] for target in world.task])
-    return _cut(world, shapely.to_wkb(shapely.envelope(_about(world, places, DRIVEN))), floor=True)
-
-
-def _about(world: World, places: Array, more: float) -> BaseGeometry:
+def reached_about(world: World, places: Array, more: float) -> BaseGeometry:
     """Squares about places and start in which all lies that the robot may come near to, and more [m]."""
     robot, rules = world.robot, world.rules
     body = float(np.linalg.norm(robot.footprint, axis=1).max() + np.linalg.norm(robot.mount[:2]))
@@ -57,10 +46,11 @@ def _squares(middle: Array, half: float) -> Array:
     return boxes
 
 
-@lru_cache(maxsize=8)
-def _cut(world: World, region_wkb: bytes, *, floor: bool) -> World:
-    """The world without solids that do not meet a region; as it is where that leaves most of it."""
-    region = shapely.from_wkb(region_wkb)
+def cut_to(world: World, region: BaseGeometry, *, floor: bool) -> World:
+    """The world without solids that do not meet a region; as it is where that leaves most of it.
+
+    With ``floor`` its floor is cut as well.
+    """
     shapely.prepare(region)
     bounds = np.array([solid.bounds[:, :2].ravel() for solid in world.solids])
     meets = shapely.intersects(region, shapely.box(*bounds.T))

@@ -242,8 +242,9 @@ def find_stops(
         if criterion is not None:
             scene = replace(scene, rules=replace(scene.rules, stop_criterion=_stop_criterion(criterion)))
         from regionik.parking.stops import find_served
+        from regionik.scene import scene_of
 
-        found, parking, skipped = find_served(scene)
+        found, parking, skipped = find_served(scene_of(scene))
         _write_stops(scene, found, output, picture)
     written = [path for path in (output, picture) if path is not None]
     if as_json:

@@ -6,12 +6,12 @@ from collections.abc import Callable, Iterable
 
 from regionik.explain.constraints import Constraint
 from regionik.planners.progress import track
-from regionik.worlds.scene import World
+from regionik.scene import Scene
 
-Closed = Callable[[World], bool]
+Closed = Callable[[Scene], bool]
 
 
-def irreducible(world: World, constraints: Iterable[Constraint], closed: Closed) -> tuple[Constraint, ...]:
+def irreducible(scene: Scene, constraints: Iterable[Constraint], closed: Closed) -> tuple[Constraint, ...]:
     """Constraints that rule a world's task out, and of which none can be left out; none where all can be.
 
     A deletion filter: constraints are dropped one by one, in their order, where the rest still rules the task
@@ -20,22 +20,22 @@ def irreducible(world: World, constraints: Iterable[Constraint], closed: Closed)
     """
     every = tuple(constraints)
     kept = tuple(one for one in every if one.kind != "obstacle")
-    if not closed(relaxed(world, every, kept)):
+    if not closed(relaxed(scene, every, kept)):
         kept = every
     before = None
     while kept != before:
         before = kept
         for one in track("causes", before):
             rest = tuple(other for other in kept if other is not one)
-            if closed(relaxed(world, every, rest)):
+            if closed(relaxed(scene, every, rest)):
                 kept = rest
     return kept
 
 
-def relaxed(world: World, constraints: Iterable[Constraint], kept: Iterable[Constraint]) -> World:
+def relaxed(scene: Scene, constraints: Iterable[Constraint], kept: Iterable[Constraint]) -> Scene:
     """A world without the constraints that are not kept."""
     names = {(one.kind, one.name) for one in kept}
     for one in constraints:
         if (one.kind, one.name) not in names:
-            world = one.relax(world)
-    return world
+            scene = one.relax(scene)
+    return scene

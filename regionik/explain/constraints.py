@@ -13,13 +13,14 @@ import shapely
 from shapely.geometry import Point
 from shapely.ops import nearest_points
 
+from regionik.scene import Scene
 from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import Array
 from regionik.worlds.body import has_body, without_body
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import CauseKind, Repair
 from regionik.worlds.obstacles import Solid
-from regionik.worlds.scene import Target, World
+from regionik.worlds.scene import Target
 from regionik.worlds.self_collision import base_body
 
 JOINT_LIMITS = "joint limits"
@@ -44,127 +45,127 @@ class Constraint:
 
     kind: CauseKind  # as in `Cause`
     name: str  # an obstacle's own name, or one of the constants of this module
-    relax: Callable[[World], World]  # world to world without it
+    relax: Callable[[Scene], Scene]  # world to world without it
 
 
-def constraints_of(world: World) -> tuple[Constraint, ...]:
+def constraints_of(scene: Scene) -> tuple[Constraint, ...]:
     """Constraints on a world's task, the least expected as a cause first.
 
     The length of the arm and the height of its mount are none, nor is the kind of the base: areas and ladder
     are those of an omnidirectional one.
     """
-    far = sorted(world.obstacles, key=lambda solid: -_gap(solid, world))
+    far = sorted(scene.world.obstacles, key=lambda solid: -_gap(solid, scene))
     found = [Constraint("obstacle", solid.name, partial(without_obstacle, name=solid.name)) for solid in far]
-    if world.floor.cells:
+    if scene.floor.cells:
         found.append(Constraint("obstacle", CELLS, without_cells))
     found.append(Constraint("floor", EDGE, without_edge))
-    if world.rules.clearance > 0 and world.solids:
+    if scene.rules.clearance > 0 and scene.world.solids:
         found.append(Constraint("clearance", CLEARANCE, partial(with_rules, clearance=0.0)))
-    if world.rules.execution is not None:
+    if scene.rules.execution is not None:
         found.append(Constraint("execution", EXECUTION, partial(with_rules, execution=None)))
-    if len(world.robot.footprint) > 1:
+    if len(scene.robot.footprint) > 1:
         found.append(Constraint("base", FOOTPRINT, without_footprint))
-    if has_body(world.robot) and world.solids:
+    if has_body(scene.robot) and scene.world.solids:
         found.append(Constraint("base", BODY, without_upper_body))
-    if world.rules.heading != "free":
+    if scene.rules.heading != "free":
         found.append(Constraint("base", HEADING, partial(with_rules, heading="free")))
-    if any(target.direction is not None for target in world.task):
-        found.append(Constraint("direction", direction_name(world), without_direction))
-    if world.rules.criteria is not None:
+    if any(target.direction is not None for target in scene.task):
+        found.append(Constraint("direction", direction_name(scene), without_direction))
+    if scene.rules.criteria is not None:
         found.append(Constraint("criteria", CRITERIA, partial(with_rules, criteria=None)))
     found.append(Constraint("limits", JOINT_LIMITS, without_joint_limits))
     return tuple(found)
 
 
-def arm_constraints_of(world: World) -> tuple[Constraint, ...]:
+def arm_constraints_of(scene: Scene) -> tuple[Constraint, ...]:
     """`constraints_of` with the arm's clearance and self-collision."""
     found = [Constraint("self", OWN_BODY, without_own_body)]
-    if world.rules.solid_floor:
+    if scene.rules.solid_floor:
         found.append(Constraint("floor", SOLID_FLOOR, partial(with_rules, solid_floor=False)))
-    if world.rules.arm_clearance > 0 and world.arm_solids:
+    if scene.rules.arm_clearance > 0 and scene.world.arm_solids:
         found.append(Constraint("clearance", ARM_CLEARANCE, partial(with_rules, arm_clearance=0.0)))
-    return (*constraints_of(world)[:-1], *found, *constraints_of(world)[-1:])
+    return (*constraints_of(scene)[:-1], *found, *constraints_of(scene)[-1:])
 
 
-def path_constraints_of(world: World) -> tuple[Constraint, ...]:
+def path_constraints_of(scene: Scene) -> tuple[Constraint, ...]:
     """`constraints_of` a whole path, after the lift-offs that are allowed and the start of the base.
 
     The start is kept where it fixes the heading.
     """
     found = []
-    if world.rules.max_lift_offs is not None:
+    if scene.rules.max_lift_offs is not None:
         found.append(Constraint("path", LIFT_OFFS, partial(with_rules, max_lift_offs=None)))
-    if world.start is not None and world.rules.heading != "fixed":
+    if scene.start is not None and scene.rules.heading != "fixed":
         found.append(Constraint("floor", START, partial(replace, start=None)))
-    return (*found, *constraints_of(world))
+    return (*found, *constraints_of(scene))
 
 
-def direction_name(world: World) -> str:
+def direction_name(scene: Scene) -> str:
     """Name of the demand on the tool beyond its position."""
-    turned = any(target.orientation is not None for target in world.task)
+    turned = any(target.orientation is not None for target in scene.task)
     return "tool orientation" if turned else "tool direction"
 
 
-def _gap(solid: Solid, world: World) -> float:
+def _gap(solid: Solid, scene: Scene) -> float:
     """Least distance between a solid and the set-points [m]."""
-    return min(float(solid.distance(target.position)) for target in world.task)
+    return min(float(solid.distance(target.position)) for target in scene.task)
 
 
-def with_rules(world: World, **changes: object) -> World:
+def with_rules(scene: Scene, **changes: object) -> Scene:
     """A world of other rules."""
-    return replace(world, rules=replace(world.rules, **changes))  # type: ignore[arg-type]
+    return scene.changed(rules=replace(scene.rules, **changes))  # type: ignore[arg-type]
 
 
-def without_obstacle(world: World, name: str) -> World:
+def without_obstacle(scene: Scene, name: str) -> Scene:
     """No obstacle of that name."""
-    return replace(world, obstacles=tuple(solid for solid in world.obstacles if solid.name != name))
+    return scene.changed(obstacles=tuple(solid for solid in scene.world.obstacles if solid.name != name))
 
 
-def without_cells(world: World) -> World:
+def without_cells(scene: Scene) -> Scene:
     """A map with no occupied or unknown cells."""
-    return replace(world, floor=replace(world.floor, cells=()))
+    return scene.changed(floor=replace(scene.floor, cells=()))
 
 
-def without_edge(world: World) -> World:
+def without_edge(scene: Scene) -> Scene:
     """A floor that ends nowhere near the task."""
-    span = reach_bound(world.robot.chain)
-    away = float(np.hypot(*(world.robot.footprint - world.robot.mount[:2]).T).max())
-    spots = shapely.MultiPoint([target.position[:2] for target in world.task])
-    margin = 2 * (span.radius + span.length + away) + world.base_clearance + 1.0
-    wide = shapely.box(*(world.floor.polygon.union(spots.envelope).bounds)).buffer(margin, join_style="mitre")
-    return replace(world, floor=replace(world.floor, polygon=wide))
+    span = reach_bound(scene.robot.chain)
+    away = float(np.hypot(*(scene.robot.footprint - scene.robot.mount[:2]).T).max())
+    spots = shapely.MultiPoint([target.position[:2] for target in scene.task])
+    margin = 2 * (span.radius + span.length + away) + scene.world.base_clearance + 1.0
+    wide = shapely.box(*(scene.floor.polygon.union(spots.envelope).bounds)).buffer(margin, join_style="mitre")
+    return scene.changed(floor=replace(scene.floor, polygon=wide))
 
 
-def without_own_body(world: World) -> World:
+def without_own_body(scene: Scene) -> Scene:
     """Links that may pass through one another and through the base."""
-    robot = world.robot
+    robot = scene.robot
     body = base_body(robot)
     names = [solid.name for solid in robot.all_solids] + ([body.name] if body else [])
-    return replace(world, robot=replace(robot, unchecked=tuple(combinations(names, 2))))
+    return scene.changed(robot=replace(robot, unchecked=tuple(combinations(names, 2))))
 
 
-def without_footprint(world: World) -> World:
+def without_footprint(scene: Scene) -> Scene:
     """A base shrunk to its point nearest to the arm axis."""
-    axis = Point(world.robot.mount[:2])
-    outline = shapely.MultiPoint(world.robot.footprint).convex_hull
+    axis = Point(scene.robot.mount[:2])
+    outline = shapely.MultiPoint(scene.robot.footprint).convex_hull
     point = np.array(nearest_points(outline, axis)[0].coords)
-    return replace(world, robot=replace(world.robot, footprint=point))
+    return scene.changed(robot=replace(scene.robot, footprint=point))
 
 
-def without_upper_body(world: World) -> World:
+def without_upper_body(scene: Scene) -> Scene:
     """A base with nothing on it but the arm."""
-    return replace(world, robot=without_body(world.robot))
+    return scene.changed(robot=without_body(scene.robot))
 
 
-def without_direction(world: World) -> World:
+def without_direction(scene: Scene) -> Scene:
     """Set-points that ask for positions only."""
-    bare = tuple(replace(target, direction=None, orientation=None) for target in world.task)
-    return replace(world, task=bare)
+    bare = tuple(replace(target, direction=None, orientation=None) for target in scene.task)
+    return scene.changed(task=bare)
 
 
-def without_joint_limits(world: World) -> World:
+def without_joint_limits(scene: Scene) -> Scene:
     """Revolute joints without limits; prismatic ones, and those that others mimic, keep theirs."""
-    return replace(world, robot=replace(world.robot, chain=_endless(world.robot.chain)))
+    return scene.changed(robot=replace(scene.robot, chain=_endless(scene.robot.chain)))
 
 
 @lru_cache(maxsize=16)
@@ -215,32 +216,32 @@ def places_open(gap: float) -> str:
     return f"Places for the base up to {gap:.4f} m across are not ruled out"
 
 
-def joint_causes(world: World, kept: Sequence[Constraint], *, proven: bool) -> str:
+def joint_causes(scene: Scene, kept: Sequence[Constraint], *, proven: bool) -> str:
     """A sentence on irreducible causes; where it rests on inner areas alone it says so first."""
     if not kept and proven:
-        return f"The arm of {world.robot.name} on its mount is too short, whatever else is taken away."
+        return f"The arm of {scene.robot.name} on its mount is too short, whatever else is taken away."
     unproven = "By inner areas alone, which prove nothing, what stands in the way"
     what = "What rules it out" if proven else unproven
     if not kept:
-        return f"{what} is the arm of {world.robot.name} on its mount, whatever else is taken away."
-    names = [_name(world, one) for one in kept]
+        return f"{what} is the arm of {scene.robot.name} on its mount, whatever else is taken away."
+    names = [_name(scene, one) for one in kept]
     if len(names) == 1:
         return f"{what} is {names[0]}, by itself."
     return f"{what} is {join(names)} together; without any one of them the rest does not."
 
 
-def _name(world: World, one: Constraint) -> str:
+def _name(scene: Scene, one: Constraint) -> str:
     """A constraint as it stands in a sentence."""
     words = {
-        CLEARANCE: f"the clearance of {world.rules.clearance:g} m",
-        ARM_CLEARANCE: f"the arm's clearance of {world.rules.arm_clearance:g} m",
+        CLEARANCE: f"the clearance of {scene.rules.clearance:g} m",
+        ARM_CLEARANCE: f"the arm's clearance of {scene.rules.arm_clearance:g} m",
         EXECUTION: f"the errors that {EXECUTION} allows for",
         OWN_BODY: f"that the {OWN_BODY} keep apart",
-        HEADING: f"the heading policy '{world.rules.heading}'",
+        HEADING: f"the heading policy '{scene.rules.heading}'",
         FOOTPRINT: f"the {FOOTPRINT}",
-        BODY: f"{BODY} of {world.robot.name}",
+        BODY: f"{BODY} of {scene.robot.name}",
         CELLS: f"the {CELLS}",
-        JOINT_LIMITS: f"the {JOINT_LIMITS} of {world.robot.name}",
+        JOINT_LIMITS: f"the {JOINT_LIMITS} of {scene.robot.name}",
     }
     plain = f"the {one.name}" if one.kind in ("floor", "direction") else one.name
     return words.get(one.name, plain)

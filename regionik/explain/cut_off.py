@@ -11,15 +11,14 @@ import shapely
 from shapely.geometry import LineString
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import ground_of
 from regionik.areas.layers import Geometries, grow
-from regionik.areas.standing import Index, Standing, into_span, outer_by_heading, turning
+from regionik.areas.standing import Index, Standing, into_span
 from regionik.explain.constraints import CELLS, EDGE, join, no_way_to, setpoint_at, spot
 from regionik.planners.driving.footprint_planner import passage_width
 from regionik.planners.driving.footprint_scene import footprint_width
+from regionik.scene import Scene
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation, SetpointFailure
-from regionik.worlds.scene import World
 
 NO_WAY = 1e-3  # a narrower one is rounding of the floor [m]
 EXACT = 1e-4  # to which the widest place of a floor is found [m]
@@ -53,7 +52,7 @@ class Barrier(NamedTuple):
         return found or (Cause("floor", EDGE, margin),)
 
 
-def barrier(world: World, here: Array, there: Array) -> Barrier | None:
+def barrier(scene: Scene, here: Array, there: Array) -> Barrier | None:
     """What keeps the base from places: obstacles that together do, found by a deletion filter over names.
 
     Parameters
@@ -68,13 +67,14 @@ def barrier(world: World, here: Array, there: Array) -> Barrier | None:
     Barrier or None
         None where it may get to one of them by the areas that are known.
     """
-    for standing, proven in ((outer_by_heading, True), (turning, False)):
+    for proven in (True, False):
 
-        def parts(changed: World, standing: Callable[[World], Standing] = standing) -> bool:
-            return _parted(standing(changed), here, there)
+        def parts(changed: Scene, proven: bool = proven) -> bool:
+            free = changed.free_floor
+            return _parted(free.outer if proven else free.turning, here, there)
 
-        if parts(world):
-            return Barrier(_together(world, parts, LineString([here[:2], there[0, :2]])), proven)
+        if parts(scene):
+            return Barrier(_together(scene, parts, LineString([here[:2], there[0, :2]])), proven)
     return None
 
 
@@ -93,92 +93,92 @@ def _parted(standing: Standing, here: Array, there: Array) -> bool:
     return all(standing.piece_at(pose[:2], float(pose[2])) != own for pose in there)
 
 
-def _together(world: World, parts: Callable[[World], bool], way: LineString) -> tuple[str, ...]:
+def _together(scene: Scene, parts: Callable[[Scene], bool], way: LineString) -> tuple[str, ...]:
     """Names of obstacles that together part a world, none of which can be left out.
 
     Those far from the straight way are dropped first, many at once where that goes.
     """
-    if parts(_keeping(world, ())):
+    if parts(_keeping(scene, ())):
         return ()
-    off = {solid.name: np.inf for solid in world.obstacles}
-    ground = ground_of(world)
+    off = {solid.name: np.inf for solid in scene.world.obstacles}
+    ground = scene.ground
     for name, shadow in zip(ground.names, ground.shadows, strict=True):
         if name in off:
             off[name] = min(off[name], float(shadow.core.distance(way)))
-    kept = sorted(off, key=lambda name: -off[name]) + ([CELLS] if world.floor.cells else [])
+    kept = sorted(off, key=lambda name: -off[name]) + ([CELLS] if scene.floor.cells else [])
     size = len(kept) // 2 or 1
     while size:
         for k in range(0, len(kept), size):
             some = kept[k : k + size]
             rest = [name for name in kept if name not in some]
-            if parts(_keeping(world, rest)):
+            if parts(_keeping(scene, rest)):
                 kept = [*kept[:k], *[""] * len(some), *kept[k + size :]]
         kept = [name for name in kept if name]
         size = min(size, len(kept)) // 2
-    given = [solid.name for solid in world.obstacles]
+    given = [solid.name for solid in scene.world.obstacles]
     return tuple(sorted(kept, key=lambda name: given.index(name) if name in given else len(given)))
 
 
-def _keeping(world: World, names: Sequence[str]) -> World:
+def _keeping(scene: Scene, names: Sequence[str]) -> Scene:
     """A world without the obstacles, and cells of a map, that are not named."""
-    solids = tuple(solid for solid in world.obstacles if solid.name in names)
-    floor = world.floor if CELLS in names else replace(world.floor, cells=())
-    return replace(world, obstacles=solids, floor=floor)
+    solids = tuple(solid for solid in scene.world.obstacles if solid.name in names)
+    floor = scene.floor if CELLS in names else replace(scene.floor, cells=())
+    return scene.changed(obstacles=solids, floor=floor)
 
 
 def cut_off(
-    world: World, i: int, here: Array, there: Array, floor: BaseGeometry, areas: BaseGeometry
+    scene: Scene, i: int, here: Array, there: Array, floor: BaseGeometry, areas: BaseGeometry
 ) -> Explanation:
     """Explain why the base cannot get from where it stands to any known place of set-point i.
 
     ``here`` (3,) and ``there`` (n, 3) are places of the arm axis and headings, on the ``floor`` that it gets
     to and in the set-point's ``areas``.
     """
-    found = barrier(world, here, there) or Barrier((), False)
-    gap, count, who = float(shapely.distance(floor, areas)), len(world.task), setpoint_at(world.task, i)
+    found = barrier(scene, here, there) or Barrier((), False)
+    gap, count, who = float(shapely.distance(floor, areas)), len(scene.task), setpoint_at(scene.task, i)
     lead = f"to {who[0].lower()}{who[1:]}: it"
     if i > 0:
-        where = spot(world.task[i].position)
+        where = spot(scene.task[i].position)
         lead = f"between set-points {i} and {i + 1} of {count}: the latter at {where}"
     reason = (
         f"No way was found {lead} has known places only on floor {found.floor_words}: {found.words}. "
         f"The nearest such place is {gap:.3f} m beyond the floor the base can drive on, at a clearance of "
-        f"{world.base_clearance:.3f} m."
+        f"{scene.world.base_clearance:.3f} m."
     )
-    reason += narrow_passage(world, floor, areas)
+    reason += narrow_passage(scene, floor, areas)
     failures = (SetpointFailure(i, "ladder-broken", reason),)
     return Explanation("ladder-broken", i, reason, found.causes(gap), failures=failures)
 
 
-def beyond(world: World, i: int, here: BaseGeometry, areas: BaseGeometry) -> SetpointFailure:
+def beyond(scene: Scene, i: int, here: BaseGeometry, areas: BaseGeometry) -> SetpointFailure:
     """The failure of a set-point i whose ``areas`` are all on other floor than the base is on, ``here``."""
-    names = crossed(world, shapely.shortest_line(here, areas)) if not here.is_empty else []
-    reason = f"{setpoint_at(world.task, i)} has known places only on floor that the base cannot get to"
+    names = crossed(scene, shapely.shortest_line(here, areas)) if not here.is_empty else []
+    reason = f"{setpoint_at(scene.task, i)} has known places only on floor that the base cannot get to"
     return SetpointFailure(
         i, "ladder-broken", f"{reason}: {join(names or ['the edge of the floor'])} cuts it off."
     )
 
 
-def walled_off(world: World, i: int, found: Barrier, closest: str) -> Explanation:
+def walled_off(scene: Scene, i: int, found: Barrier, closest: str) -> Explanation:
     """Explain that the arm is clear at set-point i at most from floor that the base does not get to.
 
     ``closest`` tells of the contact of the posture nearest to being clear, if it was none that is.
     """
     at_best = f" (at best {closest})" if closest else ""
     reason = (
-        f"{no_way_to(setpoint_at(world.task, i))}: from where the base gets to, the arm was clear in none of "
+        f"{no_way_to(setpoint_at(scene.task, i))}: from where the base gets to, the arm was clear in none of "
         f"the postures that were looked at{at_best}, and its other known places are on floor "
         f"{found.floor_words}: {found.words}."
     )
     return Explanation("ladder-broken", i, reason, found.causes())
 
 
-def narrow_passage(world: World, here: BaseGeometry, there: BaseGeometry) -> str:
+def narrow_passage(scene: Scene, here: BaseGeometry, there: BaseGeometry) -> str:
     """A sentence on the narrowest passage between parts of the floor, where the base is too wide for it."""
-    across = footprint_width(world.robot.footprint)
+    across = footprint_width(scene.robot.footprint)
     if across == 0:
         return ""
-    passage = passage_width(_clear_floor(world), here, there)
+    passage = passage_width(_clear_floor(scene), here, there)
     if passage >= across or passage < NO_WAY:
         return ""  # where there is no way at all, something else has been said
     return (
@@ -187,9 +187,9 @@ def narrow_passage(world: World, here: BaseGeometry, there: BaseGeometry) -> str
     )
 
 
-def narrow_floor(world: World) -> str:
+def narrow_floor(scene: Scene) -> str:
     """A sentence on the widest place of the floor, where the base is wider than that all over."""
-    across, floor = footprint_width(world.robot.footprint), _clear_floor(world)
+    across, floor = footprint_width(scene.robot.footprint), _clear_floor(scene)
     if across == 0 or floor.is_empty:
         return ""
     wide = 2 * float(shapely.maximum_inscribed_circle(floor, tolerance=EXACT).length)
@@ -201,16 +201,16 @@ def narrow_floor(world: World) -> str:
     )
 
 
-def _clear_floor(world: World) -> BaseGeometry:
+def _clear_floor(scene: Scene) -> BaseGeometry:
     """Floor less what obstacles and their clearance take of it."""
-    ground = ground_of(world)
+    ground = scene.ground
     taken = [grow(shadow, ground.clearance, inner=False) for shadow in ground.shadows]
     return shapely.difference(ground.floor, shapely.union_all(taken))
 
 
-def crossed(world: World, bridge: BaseGeometry) -> list[str]:
+def crossed(scene: Scene, bridge: BaseGeometry) -> list[str]:
     """Obstacles whose grown shadows a line on the floor runs through."""
-    ground = ground_of(world)
+    ground = scene.ground
     names = (
         name for name, _, taken in ground.rejections(bridge, ground.clearance) if taken.intersects(bridge)
     )

@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import shapely
 from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import ground_of
-from regionik.areas.reachable import model_of
-from regionik.areas.standing import by_heading, outer_by_heading, turns_matter
 from regionik.areas.touching import TOUCH
 from regionik.explain.changes import one_lift_off
 from regionik.explain.constraints import join, no_way_to, rounded_down, setpoint_at, with_rules
@@ -27,6 +23,7 @@ from regionik.regions import (
     rejected_by_obstacles,
     round_outer_areas,
 )
+from regionik.scene import Scene
 from regionik.values import Violation
 from regionik.worlds.arms import reach_bound
 from regionik.worlds.body import has_body, without_body
@@ -38,146 +35,146 @@ from regionik.worlds.self_collision import base_name
 LEAST_AREA = 1e-12  # of a place that counts [m2]
 
 
-def no_place(world: World, i: int, targets: Sequence[Target] | None = None) -> Explanation:
+def no_place(scene: Scene, i: int, targets: Sequence[Target] | None = None) -> Explanation:
     """Explain why set-point i has no known place for the base: "unreachable" where its outer area is empty.
 
     Else the verdict is "undecided": an empty inner area is no proof. Of other ``targets`` than the world's
     task it is not said how wide the ways to them are.
     """
-    every = world.task if targets is None else targets
+    every = scene.task if targets is None else targets
     target = every[i]
     who = setpoint_at(every, i)
     # The layer of a height rules out most of what can be ruled out, and serves many targets.
-    coarse = round_outer_areas(world, [target], coarse=True)[0].is_empty
-    proven = coarse or outer_areas(world, [target])[0].is_empty
-    reach = reach_of(world, target, coarse=coarse)
+    coarse = round_outer_areas(scene, [target], coarse=True)[0].is_empty
+    proven = coarse or outer_areas(scene, [target])[0].is_empty
+    reach = reach_of(scene, target, coarse=coarse)
     lead = f"{who} cannot be reached" if proven else no_way_to(who)
-    open_clearance = largest_clearance(world, target)
-    above = _blocked_above(world, target) if open_clearance is None else []
+    open_clearance = largest_clearance(scene, target)
+    above = _blocked_above(scene, target) if open_clearance is None else []
     if above:
-        reason, causes, repairs = _under(world, above, lead, proven=proven)
+        reason, causes, repairs = _under(scene, above, lead, proven=proven)
     elif open_clearance is None:
-        reason, causes, repairs = _out_of_reach(world, target, lead, reach, proven=proven)
+        reason, causes, repairs = _out_of_reach(scene, target, lead, reach, proven=proven)
         if targets is None and causes[0].kind == "floor" and causes[0].margin is not None:
-            places = _places(world, reach, proven=proven)
-            reason += narrow_passage(world, places, Point(target.position[:2]))
+            places = _places(scene, reach, proven=proven)
+            reason += narrow_passage(scene, places, Point(target.position[:2]))
     else:
-        reason, causes, repairs = _crowded_out(world, lead, reach, open_clearance, proven=proven)
-    if world.rules.criteria is not None:
-        bare = largest_clearance(with_rules(world, criteria=None), target)
-        if bare is not None and bare >= world.base_clearance:
+        reason, causes, repairs = _crowded_out(scene, lead, reach, open_clearance, proven=proven)
+    if scene.rules.criteria is not None:
+        bare = largest_clearance(with_rules(scene, criteria=None), target)
+        if bare is not None and bare >= scene.world.base_clearance:
             reason += " Without the criteria of the rules it could be reached."
             causes = (Cause("criteria", "rules.criteria"), *causes)
     if not proven:
-        reason += f" It is not ruled out either: {_left_open(world, target)}."
+        reason += f" It is not ruled out either: {_left_open(scene, target)}."
     return Explanation("unreachable" if proven else "undecided", i, reason, causes, repairs)
 
 
-def _left_open(world: World, target: Target) -> str:
+def _left_open(scene: Scene, target: Target) -> str:
     """Reasons why inner areas are smaller than outer ones."""
-    ground = ground_of(world)
-    why = [f"inner areas keep {world.rules.reach_margin:g} m off the edge of reach"]
-    if not model_of(world, target).is_proven(world.rules):
+    ground = scene.ground
+    why = [f"inner areas keep {scene.rules.reach_margin:g} m off the edge of reach"]
+    if not scene.model(target).is_proven(scene.rules):
         why.append("places are sampled, pose by pose")
-    if world.rules.heading != "fixed" and not turns_matter(world) and ground.far > ground.near:
+    if scene.rules.heading != "fixed" and not scene.free_floor.turns_matter and ground.far > ground.near:
         why.append(f"the base is taken as the circle of {ground.far:.3f} m about the arm's axis")
     return join(why)
 
 
-def _blocked_above(world: World, target: Target) -> list[RejectedPart]:
+def _blocked_above(scene: Scene, target: Target) -> list[RejectedPart]:
     """Places from which what stands on the base would touch something, if there were others without it."""
-    if not has_body(world.robot):
+    if not has_body(scene.robot):
         return []
-    bare = replace(world, robot=without_body(world.robot))
+    bare = scene.changed(robot=without_body(scene.robot))
     if largest_clearance(bare, target) is None:
         return []
-    footprint = base_name(world.robot)
-    found = rejected_by_obstacles(world, reach_of(bare, target), target)
+    footprint = base_name(scene.robot)
+    found = rejected_by_obstacles(scene, reach_of(bare, target), target)
     return [part for part in found if part.part != footprint and part.polygon.area > LEAST_AREA]
 
 
 def _under(
-    world: World, blocked: Sequence[RejectedPart], lead: str, *, proven: bool
+    scene: Scene, blocked: Sequence[RejectedPart], lead: str, *, proven: bool
 ) -> tuple[str, tuple[Cause, ...], tuple[Repair, ...]]:
     """Reason where columns, torsos and the like find no room, by the obstacles that take most of it."""
     by_size = sorted(blocked, key=lambda part: -part.polygon.area)
     parts, names = (list(dict.fromkeys(getattr(one, key) for one in by_size)) for key in ("part", "name"))
     reach, would = ("could reach", "would") if proven else ("is known to reach", "would or might")
-    near = f"come within {world.arm_clearance:.3f} m of" if world.arm_clearance else "touch"
+    near = f"come within {scene.world.arm_clearance:.3f} m of" if scene.world.arm_clearance else "touch"
     reason = (
-        f"{lead}: wherever the arm {reach} it from, {join(parts[:3])} of {world.robot.name}, which the base "
+        f"{lead}: wherever the arm {reach} it from, {join(parts[:3])} of {scene.robot.name}, which the base "
         f"carries, {would} {near} {join(names[:4])}."
     )
     return reason, tuple(Cause("obstacle", name) for name in names), ()
 
 
 def _out_of_reach(
-    world: World, target: Target, lead: str, reach: BaseGeometry, *, proven: bool
+    scene: Scene, target: Target, lead: str, reach: BaseGeometry, *, proven: bool
 ) -> tuple[str, tuple[Cause, ...], tuple[Repair, ...]]:
-    span = reach_bound(world.robot.chain)
-    shoulder, length = span.height + float(world.robot.mount[2]), span.length
+    span = reach_bound(scene.robot.chain)
+    shoulder, length = span.height + float(scene.robot.mount[2]), span.length
     over = abs(float(target.position[2]) - shoulder) - length
     if over > 0:
         way = "above" if target.position[2] > shoulder else "below"
         reason = (
             f"{lead} from anywhere: it lies {over:.3f} m {way} all that "
-            f"{world.robot.name} reaches (heights from {shoulder - length:.3f} to {shoulder + length:.3f} m)."
+            f"{scene.robot.name} reaches (heights from {shoulder - length:.3f} to {shoulder + length:.3f} m)."
         )
         text = f"{'raise the arm or lower' if way == 'above' else 'raise'} the target by {over:.3f} m"
         repair = Repair("move-target", "target", over, text)
-        return reason, (Cause("reach", world.robot.name, over),), (repair,)
-    ground, places = ground_of(world), _places(world, reach, proven=proven)
+        return reason, (Cause("reach", scene.robot.name, over),), (repair,)
+    ground, places = scene.ground, _places(scene, reach, proven=proven)
     if places.is_empty:
         room = "room" if proven else "known room"
         reason = (
-            f"{lead}: nowhere on the floor is {room} for the base of {world.robot.name}, whose footprint "
-            f"reaches {ground.far:.3f} m from the arm's axis.{narrow_floor(world)}"
+            f"{lead}: nowhere on the floor is {room} for the base of {scene.robot.name}, whose footprint "
+            f"reaches {ground.far:.3f} m from the arm's axis.{narrow_floor(scene)}"
         )
         return reason, (Cause("floor", "edge of the floor", None),), ()
     off = places.distance(Point(target.position[:2]))
     if off > 0 and reach.disjoint(places):
         beyond = "where the base may stand" if proven else "known for the base"
         reason = (
-            f"{lead}: it lies {off:.3f} m beyond the places {beyond}, and the arm of {world.robot.name} does "
+            f"{lead}: it lies {off:.3f} m beyond the places {beyond}, and the arm of {scene.robot.name} does "
             "not reach that far."
         )
         return reason, (Cause("floor", "edge of the floor", off),), ()
     kind: CauseKind = "limits" if target.direction is None else "direction"
     anywhere, known = (" from anywhere", "") if reach.is_empty else ("", " is known that")
-    posture = f"no posture {_wanted(world, target)}{known}"
-    reason = f"{lead}{anywhere}: {posture} brings the tool of {world.robot.name} there."
-    return reason, (Cause(kind, world.robot.name),), ()
+    posture = f"no posture {_wanted(scene, target)}{known}"
+    reason = f"{lead}{anywhere}: {posture} brings the tool of {scene.robot.name} there."
+    return reason, (Cause(kind, scene.robot.name),), ()
 
 
-def _places(world: World, reach: BaseGeometry, *, proven: bool) -> BaseGeometry:
+def _places(scene: Scene, reach: BaseGeometry, *, proven: bool) -> BaseGeometry:
     """Places where the base may stand, those for some headings only where these matter, or is known to."""
-    free = ground_of(world).outer.free
-    if proven and reach.disjoint(free):
-        return free
-    sides = (outer_by_heading if proven else by_heading)(world).sides
+    room, free = scene.ground.outer.free, scene.free_floor
+    if proven and reach.disjoint(room):
+        return room
+    sides = (free.outer if proven else free.by_heading).sides
     return shapely.union_all([side.free for side in sides])
 
 
-def _wanted(world: World, target: Target) -> str:
+def _wanted(scene: Scene, target: Target) -> str:
     """Words for the postures that are missing for a target within the arm's height and length."""
     if target.direction is None:
         return "within limits"
     bare, pointed = Target(target.position), Target(target.position, target.direction, target.cone)
-    if largest_clearance(world, bare) is None:
+    if largest_clearance(scene, bare) is None:
         return "within limits, whichever way the tool points,"
     if target.orientation is None:
         return "with the wanted tool direction"
-    if largest_clearance(world, pointed) is None:
+    if largest_clearance(scene, pointed) is None:
         return "with the tool's axis as its orientation asks"
     return "with the tool turned about its axis as asked, as its direction alone would let it be,"
 
 
 def _crowded_out(
-    world: World, lead: str, outer: BaseGeometry, open_clearance: float, *, proven: bool
+    scene: Scene, lead: str, outer: BaseGeometry, open_clearance: float, *, proven: bool
 ) -> tuple[str, tuple[Cause, ...], tuple[Repair, ...]]:
-    wanted = world.base_clearance
+    wanted = scene.world.base_clearance
     missing = wanted - open_clearance
-    blockers = sorted(rejected_by_obstacles(world, outer), key=lambda part: -part.polygon.area)
+    blockers = sorted(rejected_by_obstacles(scene, outer), key=lambda part: -part.polygon.area)
     names = list(dict.fromkeys(part.name for part in blockers if part.polygon.area > 1e-12))
     reach, is_near = ("could reach", "is") if proven else ("is known to reach", "is or may be")
     reason = (
@@ -186,41 +183,43 @@ def _crowded_out(
         f"{rounded_down(open_clearance, 3):.3f} m, {missing:.3f} m less."
     )
     causes = tuple(Cause("obstacle", name, missing) for name in names)
-    left = rounded_down(open_clearance - world.base_allowance, 3)  # for the rule: executions take their part
+    left = rounded_down(
+        open_clearance - scene.world.base_allowance, 3
+    )  # for the rule: executions take their part
     text = f"a clearance of {left:.3f} m lets it be reached"
     repairs = (Repair("clearance", "rules.clearance", left, text),) if left >= 0 else ()
     return reason, causes, repairs
 
 
-def too_many_lifts(world: World, breaks: Sequence[int], bridges: Sequence[BaseGeometry]) -> Explanation:
+def too_many_lifts(scene: Scene, breaks: Sequence[int], bridges: Sequence[BaseGeometry]) -> Explanation:
     """Explain why the path cannot be done with as few lift-offs as the rules allow."""
-    allowed = world.rules.max_lift_offs or 0
+    allowed = scene.rules.max_lift_offs or 0
     i, bridge = breaks[allowed], bridges[allowed]
-    blockers = crossed(world, bridge)
+    blockers = crossed(scene, bridge)
     names = join(blockers) if blockers else "the arm's reach"
     reason = (
-        f"The path breaks between set-points {i} and {i + 1} of {len(world.task)}: no known place of the "
+        f"The path breaks between set-points {i} and {i + 1} of {len(scene.task)}: no known place of the "
         f"base serves both, {bridge.length:.3f} m apart at the nearest, because of {names}; the tool would "
         f"have to be lifted here, lift-off {allowed + 1} of {len(breaks)} in all, and the rules allow "
         f"{allowed}."
     )
     causes = tuple(Cause("obstacle", name, float(bridge.length)) for name in blockers)
     causes = causes or (Cause("reach", names, None),)
-    return Explanation("ladder-broken", i, reason, causes, (one_lift_off(world, i),))
+    return Explanation("ladder-broken", i, reason, causes, (one_lift_off(scene, i),))
 
 
-def blocked_start(world: World) -> Explanation | None:
+def blocked_start(scene: Scene) -> Explanation | None:
     """Explain why the base cannot stand where it starts; None where it can."""
-    if world.start is None:
+    if scene.start is None:
         return None
-    robot, ground = world.robot, ground_of(world)
-    x, y, _ = world.start.base
-    outline = robot.outline(world.start.base)
+    robot, ground = scene.robot, scene.ground
+    x, y, _ = scene.start.base
+    outline = robot.outline(scene.start.base)
     where = f"The start at ({x:z.3f}, {y:z.3f})"
-    if not shapely.buffer(world.drivable_floor, TOUCH, join_style="mitre").covers(outline):
-        off = farthest_outside(outline, world.drivable_floor)
+    if not shapely.buffer(scene.world.drivable_floor, TOUCH, join_style="mitre").covers(outline):
+        off = farthest_outside(outline, scene.world.drivable_floor)
         reason = f"{where} is off the floor by {off:.3f} m; the base must start on it."
-        reason += narrow_floor(world)
+        reason += narrow_floor(scene)
         return Explanation("start-blocked", None, reason, (Cause("floor", "edge of the floor", off),))
     found = ground.nearest(outline)
     if found is None or found[1] >= ground.clearance - TOUCH:
@@ -256,13 +255,13 @@ def _depth(shadow: Shadow, outline: BaseGeometry) -> float:
     return shadow.radius - float(shadow.core.distance(outline))
 
 
-def no_drive(world: World, i: int, refusal: NoPathError) -> Explanation:
+def no_drive(scene: Scene, i: int, refusal: NoPathError) -> Explanation:
     """Explain why the base does not get to any place that was looked at for set-point i."""
-    kind = world.robot.drive.words
+    kind = scene.robot.drive.words
     reason = (
-        f"{setpoint_at(world.task, i)} has admissible places for the base, but {kind} was not found a way to "
+        f"{setpoint_at(scene.task, i)} has admissible places for the base, but {kind} was not found a way to "
         f"the places that were looked at: {refusal}."
     )
     missing = refusal.across - refusal.passage if isinstance(refusal, NarrowPassageError) else None
-    cause, alone = Cause("base", world.robot.name, missing), SetpointFailure(i, "ladder-broken", reason)
+    cause, alone = Cause("base", scene.robot.name, missing), SetpointFailure(i, "ladder-broken", reason)
     return Explanation("ladder-broken", i, reason, (cause,), failures=(alone,))

@@ -19,12 +19,12 @@ WAYS = 8  # directions in which an obstacle is moved first
 
 def pair(question: TargetQuestion, causes: Sequence[Constraint]) -> Repair | None:
     """The first of some small changes with which another mends a failure, and the smallest such other."""
-    firsts = sorted(_firsts(question, causes), key=lambda one: share(question.world, one[1]))
+    firsts = sorted(_firsts(question, causes), key=lambda one: share(question.scene, one[1]))
     for kind, first in track("pairs", firsts):
-        changed = replace(question, world=question.changed(first))
+        changed = replace(question, scene=question.changed(first))
         found = [other for other in _seconds(changed, kind) if other is not None]
         if found:
-            return both(first, min(found, key=lambda other: share(question.world, other)))
+            return both(first, min(found, key=lambda other: share(question.scene, other)))
     return None
 
 
@@ -44,7 +44,7 @@ def _firsts(question: TargetQuestion, causes: Sequence[Constraint]) -> Iterator[
 
 def _seconds(question: TargetQuestion, kind: str) -> Iterator[Repair | None]:
     """What mends a changed world by itself, but for more of the same change."""
-    causes = irreducible(question.world, question.constraints, question.closed)
+    causes = irreducible(question.scene, question.constraints, question.closed)
     for change in question.changes(causes):
         if isinstance(change, Change):
             if _what(change.repair(change.most)) != kind:

@@ -13,8 +13,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from regionik.areas.reachable import model_of
-from regionik.areas.standing import turns_matter
 from regionik.explain.changes import (
     Change,
     Move,
@@ -51,9 +49,9 @@ from regionik.explain.minimal_change import (
 from regionik.explain.steps import AROUND, Steps, obstacle_steps, steps_around, target_steps
 from regionik.planners.search.box_search import Verdict
 from regionik.regions import has_no_known_place, have_known_places, is_ruled_out
+from regionik.scene import Scene
 from regionik.worlds.arms import reach_bound
 from regionik.worlds.errors import Repair
-from regionik.worlds.scene import World
 
 if TYPE_CHECKING:
     from regionik.values import Answer
@@ -73,50 +71,50 @@ COARSE = Scan(12, FINE, 0.01)  # for what is dear to ask
 class Oracles:
     """Stages that decide on the one target of a world."""
 
-    reach: Callable[[World], Answer]  # the answer of `regionik.reach`
+    reach: Callable[[Scene], Answer]  # the answer of `reachability.reach` for the task
     # True where a configuration is found in the areas that hold at every heading: faster than ``reach``, and
     # stricter
-    seen: Callable[[World], bool]
+    seen: Callable[[Scene], bool]
     # Verdict of a search of all postures from all places, with a budget of cells
-    look: Callable[[World, int], Verdict]
+    look: Callable[[Scene, int], Verdict]
 
 
-def _obstacles(world: World, causes: Sequence[Constraint]) -> Iterator[Move | None]:
+def _obstacles(scene: Scene, causes: Sequence[Constraint]) -> Iterator[Move | None]:
     """Moves of the obstacles among the causes; moving any other does not help."""
-    return (move_obstacle(world, one.name) for one in causes if one.kind == "obstacle")
+    return (move_obstacle(scene, one.name) for one in causes if one.kind == "obstacle")
 
 
 @dataclass(frozen=True)
 class _OneTarget:
     """A question about the one target of a world."""
 
-    world: World
+    scene: Scene
     who: str  # the target's name
     oracles: Oracles
-    path: tuple[World, int]  # the world whose set-point this is, and which
+    path: tuple[Scene, int]  # the world whose set-point this is, and which
 
     def leaves(self, repair: Repair) -> str:
         """Words on the first other set-point that a repair leaves without a known place, if any."""
-        world, i = self.path
-        if len(world.task) == 1:
+        scene, i = self.path
+        if len(scene.task) == 1:
             return ""
-        after = repaired(world, repair, i)
+        after = repaired(scene, repair, i)
         for j in np.flatnonzero(~have_known_places(after, after.task)).tolist():
-            if j != i and has_no_known_place(replace(after, task=(after.task[j],))):
+            if j != i and has_no_known_place(after.changed(task=(after.task[j],))):
                 return f", with which set-point {j + 1} still has no known place"
         return ""
 
-    def changed(self, repair: Repair) -> World:
+    def changed(self, repair: Repair) -> Scene:
         """Return the world with a repair made to its one target."""
-        return repaired(self.world, repair)
+        return repaired(self.scene, repair)
 
-    def enters(self, after: World) -> bool:
+    def enters(self, after: Scene) -> bool:
         """Return True where the target is in a solid that it was not in."""
-        old, new = self.world.task[0].position, after.task[0].position
-        solids = zip(self.world.solids, after.solids, strict=True)
+        old, new = self.scene.task[0].position, after.task[0].position
+        solids = zip(self.scene.world.solids, after.world.solids, strict=True)
         return any(a.distance(old) >= 0 and b.distance(new) < 0 for a, b in solids)
 
-    def holds(self, after: World) -> bool:
+    def holds(self, after: Scene) -> bool:
         """Return True where the target of a changed world is reachable, and newly in no solid."""
         if self.enters(after):
             return False
@@ -132,36 +130,36 @@ class TargetQuestion(_OneTarget):
 
     @cached_property
     def proof(self) -> str:
-        return "This is a proof: with these the outer area is empty." if is_ruled_out(self.world) else ""
+        return "This is a proof: with these the outer area is empty." if is_ruled_out(self.scene) else ""
 
     @property
     def constraints(self) -> tuple[Constraint, ...]:
-        return constraints_of(self.world)
+        return constraints_of(self.scene)
 
-    def closed(self, world: World) -> bool:
-        return is_ruled_out(world) if self.proof else has_no_known_place(world)
+    def closed(self, scene: Scene) -> bool:
+        return is_ruled_out(scene) if self.proof else has_no_known_place(scene)
 
     def changes(self, causes: Sequence[Constraint]) -> Iterator[Change | Move | None]:
-        world, target, span = self.world, self.world.task[0], reach_bound(self.world.robot.chain)
-        model = model_of(world, target)
-        if world.solids:
-            yield lower_clearance(world)
-        yield open_cone(world, self.who)
+        scene, target, span = self.scene, self.scene.task[0], reach_bound(self.scene.robot.chain)
+        model = scene.model(target)
+        if scene.world.solids:
+            yield lower_clearance(scene)
+        yield open_cone(scene, self.who)
         if model.exact:  # any other arm needs a search for each height
-            height = float(target.position[2] - world.robot.mount[2]) - span.height
-            yield raise_arm(world, max(0.0, height) + span.length)
-        yield move_target(world, self.who)
-        yield from _obstacles(world, causes)
+            height = float(target.position[2] - scene.robot.mount[2]) - span.height
+            yield raise_arm(scene, max(0.0, height) + span.length)
+        yield move_target(scene, self.who)
+        yield from _obstacles(scene, causes)
 
     def least(self, change: Change) -> Repair | None:
         as_target = change.as_target
         if as_target is None:
             opens = HALVED.first(
-                lambda one: bool(have_known_places(change.at(one), self.world.task)[0]), change.most
+                lambda one: bool(have_known_places(change.at(one), self.scene.task)[0]), change.most
             )
             return self._confirmed(change, opens or change.most)
         amount = least_open(
-            lambda amounts: have_known_places(self.world, [as_target(float(one)) for one in amounts]),
+            lambda amounts: have_known_places(self.scene, [as_target(float(one)) for one in amounts]),
             change.most,
         )
         return None if amount is None else self._confirmed(change, amount)
@@ -176,7 +174,7 @@ class TargetQuestion(_OneTarget):
         )
         return None if found is None else change.repair(found)
 
-    def _seen(self, after: World) -> bool:
+    def _seen(self, after: Scene) -> bool:
         return not self.enters(after) and self.oracles.seen(after)
 
     def farthest(self, move: Move) -> float:
@@ -190,8 +188,8 @@ class TargetQuestion(_OneTarget):
         """A short step of the target or an obstacle, confirmed."""
         if move.kind != "move-target":
             return self._by_areas(move, obstacle_steps(move))
-        model, found = model_of(self.world, self.world.task[0]), None
-        if model.is_proven(self.world.rules):  # other reach is sampled pose by pose
+        model, found = self.scene.model(self.scene.task[0]), None
+        if model.is_proven(self.scene.rules):  # other reach is sampled pose by pose
             found = self._by_areas(move, target_steps(move))
         if found is not None and model.exact:  # areas of other arms are those of one height
             return found
@@ -240,20 +238,20 @@ class ArmQuestion(_OneTarget):
 
     @property
     def constraints(self) -> tuple[Constraint, ...]:
-        return arm_constraints_of(self.world)
+        return arm_constraints_of(self.scene)
 
-    def closed(self, world: World) -> bool:
+    def closed(self, scene: Scene) -> bool:
         """Return True where the target is proven to have no clear posture from any place."""
-        return is_ruled_out(world) or self.oracles.look(world, PROOF) == Verdict.RULED_OUT
+        return is_ruled_out(scene) or self.oracles.look(scene, PROOF) == Verdict.RULED_OUT
 
     def changes(self, causes: Sequence[Constraint]) -> Iterator[Change | Move | None]:
-        yield lower_clearance(self.world, ARM_CLEARANCE)
-        yield open_cone(self.world, self.who)
-        yield raise_arm(self.world, reach_bound(self.world.robot.chain).length)
-        yield move_target(self.world, self.who)
-        yield from _obstacles(self.world, causes)
+        yield lower_clearance(self.scene, ARM_CLEARANCE)
+        yield open_cone(self.scene, self.who)
+        yield raise_arm(self.scene, reach_bound(self.scene.robot.chain).length)
+        yield move_target(self.scene, self.who)
+        yield from _obstacles(self.scene, causes)
 
-    def _seen(self, after: World) -> bool:
+    def _seen(self, after: Scene) -> bool:
         """Return True where a clear posture is found in a changed world, the target newly in no solid."""
         if after.task[0].position[2] < 0 or self.enters(after):
             return False
@@ -289,10 +287,10 @@ class ArmQuestion(_OneTarget):
 class PathQuestion:
     """Does the ladder of areas span a world's path, and can it be planned?"""
 
-    world: World
+    scene: Scene
     setpoint: int  # before which the ladder breaks
-    spans: Callable[[World], bool]  # True where the areas of a world span its path
-    plans: Callable[[World], bool]  # True where the path of a world can be planned
+    spans: Callable[[Scene], bool]  # True where the areas of a world span its path
+    plans: Callable[[Scene], bool]  # True where the path of a world can be planned
     proof = ""
 
     def leaves(self, repair: Repair) -> str:
@@ -301,20 +299,20 @@ class PathQuestion:
 
     @property
     def constraints(self) -> tuple[Constraint, ...]:
-        return path_constraints_of(self.world)
+        return path_constraints_of(self.scene)
 
-    def closed(self, world: World) -> bool:
-        return not self.spans(world)
+    def closed(self, scene: Scene) -> bool:
+        return not self.spans(scene)
 
     def changes(self, causes: Sequence[Constraint]) -> Iterator[Change | Move | None]:
         """Single changes; obstacles and mount stay where headings matter, as a test then takes seconds."""
         if any(one.name == LIFT_OFFS for one in causes):
-            yield allow_lift_offs(self.world, self.setpoint)
-        if self.world.solids:
-            yield lower_clearance(self.world)
-        if not turns_matter(self.world):
-            yield from _obstacles(self.world, causes)
-            yield raise_arm(self.world, reach_bound(self.world.robot.chain).length)
+            yield allow_lift_offs(self.scene, self.setpoint)
+        if self.scene.world.solids:
+            yield lower_clearance(self.scene)
+        if not self.scene.free_floor.turns_matter:
+            yield from _obstacles(self.scene, causes)
+            yield raise_arm(self.scene, reach_bound(self.scene.robot.chain).length)
 
     def least(self, change: Change) -> Repair | None:
         scan = COARSE
@@ -332,16 +330,16 @@ class PathQuestion:
         if amount is None:
             return None
         tried = [change.repair(amount * slack) for slack in (SLACK if not change.counted else (1.0,))]
-        return next((one for one in tried if self.plans(repaired(self.world, one))), None)
+        return next((one for one in tried if self.plans(repaired(self.scene, one))), None)
 
     def farthest(self, move: Move) -> float:
         """Length of the longest step that is tried: half the floor's diagonal [m]."""
-        x0, y0, x1, y1 = self.world.floor.polygon.bounds
+        x0, y0, x1, y1 = self.scene.floor.polygon.bounds
         return float(np.hypot(x1 - x0, y1 - y0)) / 2
 
     def shortest(self, move: Move) -> Repair | None:
         """An obstacle moved in the direction in which that helps first."""
-        if not self.spans(without_obstacle(self.world, move.name)):
+        if not self.spans(without_obstacle(self.scene, move.name)):
             return None
         best, first = self.farthest(move), None
         for way in circle(8):

@@ -7,16 +7,16 @@ from dataclasses import replace
 from typing import TypeVar
 
 from regionik.explain.several import failures_of, in_order, naming_all, numbered, renumbered, together
+from regionik.scene import Scene
 from regionik.values import Plan, Skipped
 from regionik.worlds.errors import Explanation, NoPlanFound, SetpointFailure
-from regionik.worlds.scene import World
 
 T = TypeVar("T")
-Explained = Callable[[World, Explanation], Explanation]  # of the world that an explanation is about
+Explained = Callable[[Scene, Explanation], Explanation]  # of the world that an explanation is about
 
 
 def leaving_out(
-    world: World, attempt: Callable[[World], T], explained: Explained
+    scene: Scene, attempt: Callable[[Scene], T], explained: Explained
 ) -> tuple[T, tuple[Skipped, ...]]:
     """Return what an attempt makes of the set-points of a world that can be done, and the others.
 
@@ -27,29 +27,29 @@ def leaving_out(
     """
     failures = tuple[SetpointFailure, ...]()
     while True:
-        left, kept = _without(world, failures)
+        left, kept = _without(scene, failures)
         try:
-            return attempt(left), tuple(_skipped(world, one) for one in failures)
+            return attempt(left), tuple(_skipped(scene, one) for one in failures)
         except NoPlanFound as no:
-            found = failures_of(renumbered(no.explanation, kept, len(world.task)))
+            found = failures_of(renumbered(no.explanation, kept, len(scene.task)))
             if not found or len(found) == len(kept):
                 refusal = explained(left, no.explanation)
-                raise NoPlanFound(_of_all(world, failures, refusal, kept)) from None
+                raise NoPlanFound(_of_all(scene, failures, refusal, kept)) from None
             failures = in_order([*failures, *found])
 
 
-def naming_each(world: World, first: Explanation, attempt: Callable[[World], object]) -> Explanation:
+def naming_each(scene: Scene, first: Explanation, attempt: Callable[[Scene], object]) -> Explanation:
     """The first refusal of an attempt, with all the set-points that it refuses, one time after the other."""
     found = [first]
     while failures := failures_of(together(found)):
-        left, kept = _without(world, failures)
+        left, kept = _without(scene, failures)
         if not kept:
             break
         try:
             attempt(left)
             break
         except NoPlanFound as no:
-            found.append(renumbered(no.explanation, kept, len(world.task)))
+            found.append(renumbered(no.explanation, kept, len(scene.task)))
             if not failures_of(found[-1]):
                 break
     return replace(first, failures=failures)
@@ -70,22 +70,22 @@ def with_skipped(found: Plan, skipped: tuple[Skipped, ...]) -> Plan:
     return replace(found, stats={**found.stats, "order": order}, skipped=skipped)
 
 
-def _without(world: World, failures: Sequence[SetpointFailure]) -> tuple[World, list[int]]:
+def _without(scene: Scene, failures: Sequence[SetpointFailure]) -> tuple[Scene, list[int]]:
     """The world without some set-points, and the index as given of each that is left."""
     gone = {one.setpoint for one in failures}
-    kept = [i for i in range(len(world.task)) if i not in gone]
-    return (replace(world, task=tuple(world.task[i] for i in kept)) if gone else world), kept
+    kept = [i for i in range(len(scene.task)) if i not in gone]
+    return (scene.changed(task=tuple(scene.task[i] for i in kept)) if gone else scene), kept
 
 
-def _skipped(world: World, failure: SetpointFailure) -> Skipped:
-    return Skipped(failure.setpoint, world.task[failure.setpoint], failure.verdict, failure.reason)
+def _skipped(scene: Scene, failure: SetpointFailure) -> Skipped:
+    return Skipped(failure.setpoint, scene.task[failure.setpoint], failure.verdict, failure.reason)
 
 
 def _of_all(
-    world: World, failures: Sequence[SetpointFailure], refusal: Explanation, kept: Sequence[int]
+    scene: Scene, failures: Sequence[SetpointFailure], refusal: Explanation, kept: Sequence[int]
 ) -> Explanation:
     """A refusal of the set-points that are left, with those that were left out."""
-    count = len(world.task)
+    count = len(scene.task)
     if not failures:
         return refusal
     told = renumbered(refusal, kept, count)

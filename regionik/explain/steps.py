@@ -10,18 +10,15 @@ from numpy.typing import NDArray
 from shapely.geometry import Point
 from shapely.ops import nearest_points
 
-from regionik.areas.ground import ground_of
 from regionik.areas.layers import GUARD, grow
-from regionik.areas.reachable import model_of
 from regionik.areas.standing import LEAST_AREA
-from regionik.areas.surroundings import within_reach
 from regionik.explain.changes import Move
 from regionik.explain.constraints import without_obstacle
 from regionik.explain.minimal_change import FINE, Opens, circle, sphere
 from regionik.regions import have_known_places, path_areas
+from regionik.scene import Scene
 from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import Array
-from regionik.worlds.scene import World
 
 AROUND = (0.05, 0.1, 0.15, 0.25, 0.4, 0.6, 1.0)  # lengths of steps of a target that are tried in space [m]
 SPARSE = (0.1, 0.25, 0.6, 1.0)  # the same where areas are sampled, pose by pose [m]
@@ -38,59 +35,59 @@ class Steps:
 
 def target_steps(move: Move) -> Steps:
     """Steps of a target: in space where areas are exact, else over the floor."""
-    world, exact = move.world, model_of(move.world, move.world.task[0]).exact
+    scene, exact = move.scene, move.scene.model(move.scene.task[0]).exact
     around = np.column_stack([circle(32), np.zeros(32)])
-    directions = [_inwards(world), around, sphere(48)] if exact else [_inwards(world), around]
-    return Steps(np.vstack(directions), _farthest(world), _opens(move, space=exact))
+    directions = [_inwards(scene), around, sphere(48)] if exact else [_inwards(scene), around]
+    return Steps(np.vstack(directions), _farthest(scene), _opens(move, space=exact))
 
 
 def steps_around(move: Move) -> tuple[Steps, tuple[float, ...]]:
     """Steps of a target in space and their lengths: to the free floor, up, down, level and oblique."""
-    world, proven = move.world, model_of(move.world, move.world.task[0]).is_proven(move.world.rules)
+    scene, proven = move.scene, move.scene.model(move.scene.task[0]).is_proven(move.scene.rules)
     level = np.column_stack([circle(8 if proven else 4), np.zeros(8 if proven else 4)])
     upright = np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]])
     oblique = [(level + way) / np.sqrt(2) for way in upright] if proven else []
     lengths = AROUND if proven else SPARSE
     return Steps(
-        np.vstack([_inwards(world), upright, level, *oblique]), lengths[-1], _opens(move, space=True)
+        np.vstack([_inwards(scene), upright, level, *oblique]), lengths[-1], _opens(move, space=True)
     ), lengths
 
 
-def near_setpoint(world: World, i: int) -> World:
+def near_setpoint(scene: Scene, i: int) -> Scene:
     """The world of one set-point alone; of a crowded map only what is near it, however a repair moves it.
 
     Obstacles that are moved come from there: they are near the set-point, or are no cause.
     """
-    alone = replace(world, task=(world.task[i],))
-    return within_reach(alone, alone.task[0].position[None], max(AROUND[-1], _farthest(alone)))
+    alone = scene.changed(task=(scene.task[i],))
+    return alone.within_reach(alone.task[0].position[None], max(AROUND[-1], _farthest(alone)))
 
 
 def _opens(move: Move, *, space: bool) -> Opens:
     """Test by areas whether steps of a target help, over the floor only or in space."""
-    world, target = move.world, move.world.task[0]
+    scene, target = move.scene, move.scene.task[0]
 
     def opens(steps: Array) -> NDArray[np.bool_]:
         places = target.position + (steps if space else steps * [1.0, 1.0, 0.0])
-        found = have_known_places(world, [replace(target, position=place) for place in places])
+        found = have_known_places(scene, [replace(target, position=place) for place in places])
         found[places[:, 2] < 0] = False
         for k in np.flatnonzero(found):
-            found[k] = all(solid.distance(places[k]) >= 0 for solid in world.solids)
+            found[k] = all(solid.distance(places[k]) >= 0 for solid in scene.world.solids)
         return found
 
     return opens
 
 
-def _farthest(world: World) -> float:
+def _farthest(scene: Scene) -> float:
     """Length of a move that brings the target next to the arm, wherever that may stand [m]."""
-    span, target = reach_bound(world.robot.chain), world.task[0].position
-    off = float(world.floor.polygon.distance(Point(target[:2])))
-    height = abs(float(target[2] - world.robot.mount[2]) - span.height)
+    span, target = reach_bound(scene.robot.chain), scene.task[0].position
+    off = float(scene.floor.polygon.distance(Point(target[:2])))
+    height = abs(float(target[2] - scene.robot.mount[2]) - span.height)
     return off + height + 2 * (span.radius + span.length)
 
 
-def _inwards(world: World) -> Array:
+def _inwards(scene: Scene) -> Array:
     """Direction straight to the free floor, (0 or 1, 3)."""
-    free, target = ground_of(world).inner.free, world.task[0].position
+    free, target = scene.ground.inner.free, scene.task[0].position
     if free.is_empty:
         return np.empty((0, 3))
     there = np.array(nearest_points(free, Point(target[:2]))[0].coords[0])
@@ -101,15 +98,15 @@ def _inwards(world: World) -> Array:
 
 def obstacle_steps(move: Move) -> Steps | None:
     """Steps of an obstacle over the floor, off the places there would be without it; None without any."""
-    world, ground = move.world, ground_of(move.world)
-    solid = next(solid for solid in world.obstacles if solid.name == move.name)
-    shadow = solid.shadow(world.robot.body_height, above=0.0)
-    areas = path_areas(without_obstacle(world, move.name), world.task)
+    scene, ground = move.scene, move.scene.ground
+    solid = next(solid for solid in scene.world.obstacles if solid.name == move.name)
+    shadow = solid.shadow(scene.robot.body_height, above=0.0)
+    areas = path_areas(without_obstacle(scene, move.name), scene.task)
     room = shapely.union_all(areas.inner[shapely.area(areas.inner) > LEAST_AREA])
     if shadow is None or room.is_empty:
         return None
     taken = grow(shadow, ground.clearance + ground.far + GUARD, inner=True)
-    spot = world.task[0].position
+    spot = scene.task[0].position
 
     def opens(steps: Array) -> NDArray[np.bool_]:
         moved = np.array([shapely.transform(taken, lambda xy, by=by: xy + by) for by in steps], dtype=object)

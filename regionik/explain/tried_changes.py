@@ -22,11 +22,11 @@ from regionik.explain.changes import (
 from regionik.explain.constraints import ARM_CLEARANCE, CLEARANCE, mended
 from regionik.explain.minimal_change import Scan, circle
 from regionik.planners.tries import TooManyTriesError, at_most
+from regionik.scene import Scene
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Explanation, Repair
-from regionik.worlds.scene import World
 
-Asked = Callable[[World], bool]
+Asked = Callable[[Scene], bool]
 
 SHARES = (0.5, 1.0)  # of a clearance that is given up
 LENGTHS = (0.1, 0.3)  # of moves [m]
@@ -38,7 +38,7 @@ SPARE = 1e-3  # of a start beyond what frees it, so that the base can drive off 
 FARTHEST = 2.0  # of them [m]
 
 
-def mended_motion(world: World, quick: Explanation, plans: Asked, made: int = 0) -> Explanation:
+def mended_motion(scene: Scene, quick: Explanation, plans: Asked, made: int = 0) -> Explanation:
     """The explanation of a search that failed, with the changes with which the path is planned.
 
     Changes are tried at the set-point that failed and the one before it, then with the whole path: all of
@@ -46,78 +46,78 @@ def mended_motion(world: World, quick: Explanation, plans: Asked, made: int = 0)
     """
     i = 0 if quick.setpoint is None else quick.setpoint
     first = max(0, i - 1)
-    part, most = replace(world, task=world.task[first : i + 1]), made // 2 + SPARE_TRIES
+    part, most = scene.changed(task=scene.task[first : i + 1]), made // 2 + SPARE_TRIES
     helped, tried, small = list[Repair](), list[str](), list[Repair]()
     with suppress(TooManyTriesError), at_most(most):
         if plans(part):  # it is not these two alone
-            if len(world.task) > FEW:
+            if len(scene.task) > FEW:
                 return quick
-            part, first = world, 0
-        for group in map(list, _groups(world, i, quick)):
+            part, first = scene, 0
+        for group in map(list, _groups(scene, i, quick)):
             found = (one for one in group if plans(repaired(part, one, i - first)))
             helped += [one for one in [next(found, None)] if one is not None]
             tried += [group[-1].text] if group else []
     # A lift-off is asked about whatever its size, as the search itself says that one more would do: with it
     # the search is made once more, and goes on.
     lifts = [one for one in helped if one.kind == "lift-off"]
-    others = [one for one in smallest_first(world, helped) if one not in lifts]
+    others = [one for one in smallest_first(scene, helped) if one not in lifts]
     for some, tries in ((lifts, 2 * made + SPARE_TRIES), (others[: ASKED - len(lifts)], most)):
         with suppress(TooManyTriesError), at_most(tries):
             for one in some:
-                small += [one] if part is world or plans(repaired(world, one, i)) else []
-    small = list(smallest_first(world, small))
+                small += [one] if part is scene or plans(repaired(scene, one, i)) else []
+    small = list(smallest_first(scene, small))
     return replace(quick, reason=f"{quick.reason} {mended(tuple(small), tried)}", repairs=tuple(small))
 
 
-def _groups(world: World, i: int, quick: Explanation) -> Iterator[Iterator[Repair]]:
+def _groups(scene: Scene, i: int, quick: Explanation) -> Iterator[Iterator[Repair]]:
     """Changes of one kind after the other, each from less to more."""
-    if world.rules.max_lift_offs is not None and i > 0:
-        yield iter([one_lift_off(world, i)])
+    if scene.rules.max_lift_offs is not None and i > 0:
+        yield iter([one_lift_off(scene, i)])
     for name in (CLEARANCE, ARM_CLEARANCE):
-        lower = lower_clearance(world, name)
-        if lower is not None and world.arm_solids:
+        lower = lower_clearance(scene, name)
+        if lower is not None and scene.world.arm_solids:
             yield (lower.repair(share * lower.most) for share in SHARES)
     for name in dict.fromkeys(cause.name for cause in quick.causes if cause.kind == "obstacle"):
-        move = move_obstacle(world, name)
+        move = move_obstacle(scene, name)
         if move is not None:
-            yield _moved(move, _away(world, i, name)[None])
-    if quick.verdict == "start-blocked" and world.start is not None:
-        yield _moved(move_start(world), circle(4))
+            yield _moved(move, _away(scene, i, name)[None])
+    if quick.verdict == "start-blocked" and scene.start is not None:
+        yield _moved(move_start(scene), circle(4))
     elif quick.setpoint is not None:
-        who = f"set-point {i + 1}" if len(world.task) > 1 else "the target"
-        yield _moved(move_target(world, who), np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]))
+        who = f"set-point {i + 1}" if len(scene.task) > 1 else "the target"
+        yield _moved(move_target(scene, who), np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]))
 
 
 def _moved(move: Move, ways: Array) -> Iterator[Repair]:
     return (move.repair(length * way) for length in LENGTHS for way in ways)
 
 
-def _away(world: World, i: int, name: str) -> Array:
+def _away(scene: Scene, i: int, name: str) -> Array:
     """Direction on the floor from a set-point to an obstacle, (2,)."""
-    solid = next(one for one in world.obstacles if one.name == name)
+    solid = next(one for one in scene.world.obstacles if one.name == name)
     low, high = solid.bounds
-    way: Array = (low + high)[:2] / 2 - world.task[i].position[:2]
+    way: Array = (low + high)[:2] / 2 - scene.task[i].position[:2]
     length = float(np.linalg.norm(way))
     return way / length if length > 1e-6 else np.array([1.0, 0.0])
 
 
-def mended_start(world: World, quick: Explanation, blocked: Asked, plans: Asked) -> Explanation:
+def mended_start(scene: Scene, quick: Explanation, blocked: Asked, plans: Asked) -> Explanation:
     """The explanation of a base that cannot stand where it starts, with the changes that free it.
 
     A repair says so where the path is not planned with it.
     """
     found = list[Repair]()
-    lower = lower_clearance(world)
-    deep = any((cause.margin or 0.0) >= world.base_clearance for cause in quick.causes)
+    lower = lower_clearance(scene)
+    deep = any((cause.margin or 0.0) >= scene.world.base_clearance for cause in quick.causes)
     if lower is not None and not deep:  # no clearance helps a base that stands in a solid, or off the floor
         amount = START.first(lambda cut: not blocked(lower.at(cut)), lower.most)
         found += [] if amount is None else [lower.repair(min(amount + SPARE, lower.most))]
-    solids = (move_obstacle(world, cause.name) for cause in quick.causes if cause.kind == "obstacle")
-    moves = [move_start(world), *(move for move in solids if move is not None)]
+    solids = (move_obstacle(scene, cause.name) for cause in quick.causes if cause.kind == "obstacle")
+    moves = [move_start(scene), *(move for move in solids if move is not None)]
     found += [one for one in (_shortest(move, blocked) for move in moves) if one is not None]
     repairs = [
-        one if plans(repaired(world, one)) else replace(one, text=f"{one.text}, which frees the start alone")
-        for one in smallest_first(world, found)
+        one if plans(repaired(scene, one)) else replace(one, text=f"{one.text}, which frees the start alone")
+        for one in smallest_first(scene, found)
     ]
     told = mended(repairs, [f"move {move.name} by up to {FARTHEST:g} m" for move in moves])
     return replace(quick, reason=f"{quick.reason} {told}", repairs=tuple(repairs))

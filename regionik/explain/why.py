@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from regionik.areas.surroundings import about_path
 from regionik.explain.causes import irreducible
 from regionik.explain.changes import Move, smallest_first
 from regionik.explain.constraints import Constraint, joint_causes, mended, places_open, setpoint
@@ -15,8 +14,8 @@ from regionik.explain.questions import Oracles, Question, TargetQuestion
 from regionik.explain.several import failures_of, in_order, naming_all
 from regionik.explain.steps import near_setpoint
 from regionik.planners.progress import track
+from regionik.scene import Scene
 from regionik.worlds.errors import Cause, Explanation, Repair, SetpointFailure
-from regionik.worlds.scene import World
 
 Say = Callable[[str], None]
 
@@ -34,13 +33,13 @@ def explained(question: Question, quick: Explanation, say: Say = unsaid) -> Expl
     Verdict and margins of the ``quick`` explanation, by the stage that failed, are kept. ``say`` is called
     with what failed, then its causes, then each repair as it is found, in no order.
     """
-    world = question.world
+    scene = question.scene
     say(quick.reason)
-    kept = irreducible(world, question.constraints, question.closed)
-    why = f"{joint_causes(world, kept, proven=bool(question.proof))} {question.proof}".strip()
+    kept = irreducible(scene, question.constraints, question.closed)
+    why = f"{joint_causes(scene, kept, proven=bool(question.proof))} {question.proof}".strip()
     say(why)
     repairs = _repairs(question, kept, say)
-    causes = tuple(cause_of(one, quick) for one in kept) or (arm_too_short(world, quick),)
+    causes = tuple(cause_of(one, quick) for one in kept) or (arm_too_short(scene, quick),)
     told = mended(repairs, () if repairs else tried(question, kept))
     reason = " ".join(part for part in (quick.reason, why, told) if part)
     return replace(quick, reason=reason, causes=causes, repairs=repairs)
@@ -65,7 +64,7 @@ def _repairs(question: Question, causes: Sequence[Constraint], say: Say) -> tupl
             return (found,)
     if not whole and not partial:
         say(mended((), tried(question, causes)))
-    return smallest_first(question.world, whole) + smallest_first(question.world, partial)
+    return smallest_first(question.scene, whole) + smallest_first(question.scene, partial)
 
 
 def tried(question: Question, causes: Sequence[Constraint]) -> tuple[str, ...]:
@@ -80,20 +79,20 @@ def tried(question: Question, causes: Sequence[Constraint]) -> tuple[str, ...]:
 
 
 def explained_target(
-    world: World, i: int, quick: Explanation, oracles: Oracles, say: Say = unsaid
+    scene: Scene, i: int, quick: Explanation, oracles: Oracles, say: Say = unsaid
 ) -> Explanation:
     """Return `explained` for a set-point whose inner area is empty; if undecided, `reach` is asked first."""
-    asked = near_setpoint(world, i)
+    asked = near_setpoint(scene, i)
     if quick.verdict == "undecided":
-        quick = _by_itself(quick, oracles.reach(asked), i, len(world.task))
+        quick = _by_itself(quick, oracles.reach(asked), i, len(scene.task))
     return explained(
-        TargetQuestion(asked, target_name(world, i), oracles, (about_path(world), i)), quick, say
+        TargetQuestion(asked, target_name(scene, i), oracles, (scene.about_path(), i)), quick, say
     )
 
 
-def target_name(world: World, i: int) -> str:
+def target_name(scene: Scene, i: int) -> str:
     """Name of the set-point that a change is about."""
-    return f"set-point {i + 1}" if len(world.task) > 1 else "the target"
+    return f"set-point {i + 1}" if len(scene.task) > 1 else "the target"
 
 
 def _by_itself(quick: Explanation, answer: Answer, i: int, count: int) -> Explanation:
@@ -123,7 +122,7 @@ def cause_of(one: Constraint, quick: Explanation) -> Cause:
     return Cause(one.kind, one.name, kinds.get("floor") if one.kind == "floor" else margins.get(one.name))
 
 
-def arm_too_short(world: World, quick: Explanation) -> Cause:
+def arm_too_short(scene: Scene, quick: Explanation) -> Cause:
     """The cause where no constraint that can be dropped is one."""
     margin = next((cause.margin for cause in quick.causes if cause.kind == "reach"), None)
-    return Cause("reach", world.robot.name, margin)
+    return Cause("reach", scene.robot.name, margin)

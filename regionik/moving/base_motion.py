@@ -9,18 +9,17 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from regionik.areas.standing import Index, Standing, room_for
-from regionik.areas.touching import room_between
+from regionik.areas.standing import Index, Standing
 from regionik.ladder import Ladder
 from regionik.planners.collision.robot_motion import bases_between
 from regionik.planners.driving.footprint import fits
 from regionik.planners.driving.footprint_scene import FootprintScene
 from regionik.planners.geometry.polylines import leg_lengths
 from regionik.postures.poses import LARGEST_BEND, Pose, axis_of, configuration_pose, pose_of
+from regionik.scene import Scene
 from regionik.values import Configuration
 from regionik.worlds.arrays import Array
 from regionik.worlds.drives import displacement
-from regionik.worlds.scene import World
 
 WAYS = 16  # directions of drawing back
 TURN_STRIDE = 0.1  # largest turn of the base between two states [rad]
@@ -83,18 +82,18 @@ class BasePaths(Protocol):
 class StandingPaths:
     """The base stands still while the tool goes on."""
 
-    world: World
+    scene: Scene
 
     def between(self, k: int, j: int, here: Array, goal: Array) -> Iterator[BasePath]:
         if np.array_equal(here, goal):
-            yield simultaneous(self.world.robot.drive.rolls, np.stack([here, here]))
+            yield simultaneous(self.scene.robot.drive.rolls, np.stack([here, here]))
 
 
 @dataclass(frozen=True, eq=False)
 class Driver(ABC):
     """One kind of base that moves: by its footprint, proven free, where it has no other way."""
 
-    world: World
+    scene: Scene
     standing: Standing
     seed: int  # of sampling planners
     methods: dict[str, int] = field(default_factory=dict)  # number of moves that each made
@@ -124,7 +123,7 @@ class Driver(ABC):
 
     def states(self, here: Pose, there: Pose, route: Array) -> list[Pose]:
         """States strictly between two poses: base along a route (n, 3), joints spread over its way."""
-        drive, change = self.world.robot.drive, there.joints - here.joints
+        drive, change = self.scene.robot.drive, there.joints - here.joints
         moves = displacement(route[:-1], route[1:])
         ways = np.hypot(moves[:, 0], moves[:, 1])
         efforts = ways + np.abs(moves[:, 2])
@@ -135,7 +134,7 @@ class Driver(ABC):
         last = here
         for move, way, share, base in zip(moves, ways, shares, route[1:], strict=True):
             next_ = Pose(base, last.joints + share * change)
-            parts = max(way / self.world.rules.step, abs(move[2]) / TURN_STRIDE, share * most)
+            parts = max(way / self.scene.rules.step, abs(move[2]) / TURN_STRIDE, share * most)
             count = max(1, int(np.ceil(parts * 1.001)))
             parted = np.arange(1, count) / count
             joints = last.joints + parted[:, None] * (next_.joints - last.joints)
@@ -146,18 +145,18 @@ class Driver(ABC):
 
     def inside(self, at: Pose, label: int) -> bool:
         """True if the base may stand there."""
-        return bool(fits(room_between(self.world, at.base), *at.base))
+        return bool(fits(self.scene.footprint_between(at.base), *at.base))
 
     def extent(self, label: int) -> Array:
         """Least and greatest x and y of the arm axis on a piece of floor, (2, 2) [m]."""
-        return np.reshape(self.world.floor.polygon.bounds, (2, 2))
+        return np.reshape(self.scene.floor.polygon.bounds, (2, 2))
 
     def retreats(self, at: Pose, far: float, label: int) -> Iterator[list[Pose]]:
         """Short ways off, the arm still: states after the first, to the last.
 
         Straight off in sixteen directions, away from the tool first.
         """
-        robot, axis = self.world.robot, axis_of(self.world.robot, at.base)
+        robot, axis = self.scene.robot, axis_of(self.scene.robot, at.base)
         away = float(np.arctan2(*(axis - robot.tool(at.base, at.joints)[:2, 3])[::-1]))
         turns = sorted(range(WAYS), key=lambda k: (min(k, WAYS - k), k))
         for k in turns if far > 0 else turns[:1]:
@@ -171,7 +170,7 @@ class Driver(ABC):
     @property
     def room(self) -> FootprintScene:
         """The footprint and all it keeps away from."""
-        return room_for(self.world)
+        return self.scene.footprint
 
     def count(self, method: str) -> None:
         """Note that a method made a move."""

@@ -18,8 +18,8 @@ import shapely
 from shapely.geometry import Point
 
 from regionik.areas.held_reach import held_reach
-from regionik.areas.reachable import model_of, reach_model
-from regionik.areas.standing import Standing, away, into_span, room_for, spread
+from regionik.areas.reachable import reach_model
+from regionik.areas.standing import Standing, away, into_span, spread
 from regionik.ladder import Ladder
 from regionik.mfabrik import Solver, solver_for
 from regionik.moving.base_motion import Candidate
@@ -42,10 +42,10 @@ from regionik.postures.arm import aim_of
 from regionik.postures.arm_guard import SPARE, Guard
 from regionik.postures.poses import Pose, axis_of, facing, pose_of
 from regionik.postures.serial_solver import serial_solver
+from regionik.scene import Scene
 from regionik.values import Configuration
 from regionik.worlds.arms import turned_back
 from regionik.worlds.arrays import Array
-from regionik.worlds.scene import World
 
 PLACES = 24  # of the base, looked through in one component
 PITCHES = 48  # of the last link, looked through at every place
@@ -88,7 +88,7 @@ class Evidence:
 class ConfigurationSampler:
     """Finds clear configurations for the set-points of a world."""
 
-    world: World
+    scene: Scene
     guard: Guard
     ladder: Ladder
     standing: Standing
@@ -137,8 +137,8 @@ class ConfigurationSampler:
 
     def meets(self, at: Pose) -> bool:
         """True if a posture at a set-point meets the rules' criteria; those of `Solver` do anyway."""
-        criteria = self.world.rules.criteria
-        return criteria is None or reach_model(self.world.robot, "point").meets(criteria, at.joints)
+        criteria = self.scene.rules.criteria
+        return criteria is None or reach_model(self.scene.robot, "point").meets(criteria, at.joints)
 
     def nominal(
         self, i: int, components: Sequence[int], here: Pose, nominal: Candidate
@@ -155,9 +155,9 @@ class ConfigurationSampler:
         turned, or is in another posture.
         """
         assert self.resolved is not None
-        if self.world.rules.heading == "face_target":
+        if self.scene.rules.heading == "face_target":
             return
-        robot, axis = self.world.robot, axis_of(self.world.robot, start.base)
+        robot, axis = self.scene.robot, axis_of(self.scene.robot, start.base)
         found = list[tuple[int, float, Candidate]]()
         for yaw in start.base[2] + 2 * np.pi * np.arange(HEADINGS) / HEADINGS:
             there = [k for k in components if away(wrap(yaw), self._span(k)) == 0]
@@ -178,11 +178,11 @@ class ConfigurationSampler:
     ) -> Iterator[Candidate]:
         """The clear configuration at a set-point the least motion away; see `ResolvedStates.state`."""
         assert self.resolved is not None
-        aim = in_columns([aim_of(self.world.task[i])])
+        aim = in_columns([aim_of(self.scene.task[i])])
         pose = self.resolved.states.state(aim, start, still, bend=np.inf)
         if pose is None or not self.meets(pose):
             return
-        if fits(room_for(self.world), *pose.base) and self.clear(i, pose):
+        if fits(self.scene.footprint, *pose.base) and self.clear(i, pose):
             found = Configuration(pose.base, pose.joints, 0.0, 0, True)
             yield from (Candidate(found, k) for k in self._by_nearness(components, pose)[:1])
 
@@ -190,7 +190,7 @@ class ConfigurationSampler:
         """What else is clear: as M-FABRIK goes on from here, led round, or elsewhere in the area."""
         if not self.guard.on:
             return
-        target, near, rest = self.world.task[i], components, list[int]()
+        target, near, rest = self.scene.task[i], components, list[int]()
         if len(self.standing.sides) > 1:  # those of some headings only by nearness
             ordered = self._by_nearness(components, here)
             near, rest = ordered[:NEAREST], ordered[NEAREST:]
@@ -211,7 +211,7 @@ class ConfigurationSampler:
 
     def _by_nearness(self, components: Sequence[int], here: Pose) -> list[int]:
         """Components, those that the base has the least way to first."""
-        axis, parts = Point(axis_of(self.world.robot, here.base)), self.ladder.component[list(components)]
+        axis, parts = Point(axis_of(self.scene.robot, here.base)), self.ladder.component[list(components)]
         turns = [away(float(here.base[2]), self._span(k)) for k in components]
         order = np.argsort(shapely.distance(parts, axis) + TURN_WEIGHT * np.array(turns), kind="stable")
         return [components[m] for m in order.tolist()]
@@ -231,7 +231,7 @@ class ConfigurationSampler:
 
     def _near_postures(self, i: int, base: Array, k: int, here: Pose) -> Iterator[Candidate]:
         """Clear postures at a base pose that FABRIK and damped least squares come to from the present one."""
-        solver, target = self.solver(k, float(base[2])), self.world.task[i]
+        solver, target = self.solver(k, float(base[2])), self.scene.task[i]
         for found in (solver.hold, solver.least_change):
             one = found(target, base, here.joints)
             if one is not None and one.converged:
@@ -241,8 +241,8 @@ class ConfigurationSampler:
 
     def _other_postures(self, i: int, base: Array, k: int) -> Iterator[Candidate]:
         """Clear postures at a base pose that lie near to some drawn within the joints' limits."""
-        solver, target = self.solver(k, float(base[2])), self.world.task[i]
-        for start in held_reach(self.world.robot).postures(base, target.position, STARTS):
+        solver, target = self.solver(k, float(base[2])), self.scene.task[i]
+        for start in held_reach(self.scene.robot).postures(base, target.position, STARTS):
             one = solver.least_change(target, base, start)
             if one is not None:
                 candidate = Candidate(replace(one, base=base), k)
@@ -251,7 +251,7 @@ class ConfigurationSampler:
 
     def _turns(self, candidate: Candidate, here: Pose) -> Iterator[Candidate]:
         """A candidate, its endless joints turned the shorter way from here, then each the longer way."""
-        chain, found = self.world.robot.chain, candidate.found
+        chain, found = self.scene.robot.chain, candidate.found
         turns = chain.turning & np.isinf(chain.upper - chain.lower)  # without end
         change = found.joints - here.joints
         near = here.joints + np.where(turns, np.remainder(change + np.pi, 2 * np.pi) - np.pi, change)
@@ -280,22 +280,22 @@ class ConfigurationSampler:
 
     def around(self, i: int, candidate: Candidate) -> Iterator[Candidate]:
         """The base stays; the arm goes round what it touches, by FABRIK with avoiding rotations."""
-        key, target = (i, candidate.component), self.world.task[i]
+        key, target = (i, candidate.component), self.scene.task[i]
         if self._futile.get(key, 0) >= GIVEN_UP:
             return
         around: list[Candidate] = []
         if target.direction is None:
             around = list(self._asked(i, candidate, quick_clear_posture))
-        elif not model_of(self.world, target).shows_all_postures:  # else all were looked at
+        elif not self.scene.model(target).shows_all_postures:  # else all were looked at
             around = list(self._looked(i, candidate))
         self._futile[key] = 0 if around else self._futile.get(key, 0) + 1
         yield from around
 
     def _looked(self, i: int, candidate: Candidate) -> Iterator[Candidate]:
         """The base stays; the arm is tried in other postures on the pose."""
-        robot = self.world.robot
-        arm = serial_solver(robot.chain, float(robot.mount[2]), self.world.rules.tolerance)
-        quest = arm.goal_for(self.world.task[i])
+        robot = self.scene.robot
+        arm = serial_solver(robot.chain, float(robot.mount[2]), self.scene.rules.tolerance)
+        quest = arm.goal_for(self.scene.task[i])
         base, contact = candidate.found.base, self.guard.contact
         found = clear_posture_at_pose(
             self.guard.bodies, base, quest.aim, candidate.found.joints, quest.effort,
@@ -305,8 +305,8 @@ class ConfigurationSampler:
             yield from self._faced(i, candidate, *found[:2])
 
     def _asked(self, i: int, candidate: Candidate, ask: Callable[..., ClearPosture]) -> Iterator[Candidate]:
-        base, target = candidate.found.base, self.world.task[i].position
-        guard, tolerance = self.guard, self.world.rules.tolerance
+        base, target = candidate.found.base, self.scene.task[i].position
+        guard, tolerance = self.guard, self.scene.rules.tolerance
         task = PostureTask(guard.bodies, base, target, guard.contact, tolerance, SPARE)
         found = ask(task, candidate.found.joints, seed=self.seed)
         self._seen(i, base).proven += found.verdict == Verdict.RULED_OUT
@@ -316,8 +316,8 @@ class ConfigurationSampler:
     def _faced(self, i: int, candidate: Candidate, joints: Array, error: float) -> Iterator[Candidate]:
         """Other joints at a candidate, if clear; a base that must face the target turns under the arm."""
         at = Pose(candidate.found.base, joints)
-        if self.world.rules.heading == "face_target":
-            at = facing(self.world.robot, at)
+        if self.scene.rules.heading == "face_target":
+            at = facing(self.scene.robot, at)
             if away(float(at.base[2]), self._span(candidate.component)) > 0:
                 return
         if self.clear(i, at):
@@ -326,7 +326,7 @@ class ConfigurationSampler:
 
     def _elsewhere(self, i: int, k: int, here: Pose) -> Iterator[Candidate]:
         """Clear postures at places of the base in a component, near places first."""
-        axis = axis_of(self.world.robot, here.base)
+        axis = axis_of(self.scene.robot, here.base)
         places = self._spread(k)
         for m in np.argsort(np.hypot(*(places - axis).T), kind="stable").tolist():
             found = self._at(i, k, m)
@@ -340,7 +340,7 @@ class ConfigurationSampler:
         nearest = [candidate for _, candidate in sorted(nearly, key=lambda one: -one[0])[:MENDED]]
         for candidate in nearest:
             yield from self.around(i, candidate)
-        if self.world.task[i].direction is None:
+        if self.scene.task[i].direction is None:
             for candidate in nearest[:SEARCHED]:
                 if candidate not in self._searched:  # from wherever the robot comes it is the same search
                     ask = partial(clear_posture, most_boxes=BOXES)
@@ -351,9 +351,9 @@ class ConfigurationSampler:
         """All clear postures at one place, looked through once."""
         key = (k, m)
         if key not in self._clear:
-            target, place = self.world.task[i], self._spread(k)[m]
-            base = pose_of(self.world.robot, place, self._heading(k, target.position, place))
-            found = self.solver(k).self_motion(target, base, self.world.robot.carry, PITCHES)
+            target, place = self.scene.task[i], self._spread(k)[m]
+            base = pose_of(self.scene.robot, place, self._heading(k, target.position, place))
+            found = self.solver(k).self_motion(target, base, self.scene.robot.carry, PITCHES)
             self._seen(i, base)
             candidates = [Candidate(one, k) for one in found]
             rooms = [self._room(i, candidate.pose) for candidate in candidates]
@@ -378,7 +378,7 @@ class ConfigurationSampler:
 
     def solver(self, k: int, heading: float | None = None) -> Solver:
         """M-FABRIK inside a component, at any heading of its slab or at one."""
-        solver = solver_for(self.world, self.ladder.family[k], self.ladder.flat(k), self._span(k))
+        solver = solver_for(self.scene, self.ladder.family[k], self.ladder.flat(k), self._span(k))
         return solver if heading is None else replace(solver, span=(heading, heading))
 
     def _spread(self, k: int) -> Array:

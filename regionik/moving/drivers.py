@@ -19,10 +19,9 @@ import shapely
 from shapely.geometry import LineString, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import EVERY, ground_of
+from regionik.areas.ground import EVERY
 from regionik.areas.layers import GUARD, Geometries
 from regionik.areas.standing import Standing, into_span, into_spans
-from regionik.areas.touching import ground_between, room_between
 from regionik.ladder import Ladder
 from regionik.moving.base_motion import TURN_STRIDE, BasePath, Driver, halting, simultaneous
 from regionik.planners.driving.arcs import WheeledPath, arc_end
@@ -35,9 +34,9 @@ from regionik.planners.driving.pose_planner import drive_wheeled, steered_path
 from regionik.planners.geometry.polygons import FlatPolygon, segment_in_either
 from regionik.planners.geometry.polylines import spread_along
 from regionik.postures.poses import LARGEST_BEND, Pose, axis_of, pose_of
+from regionik.scene import Scene
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.drives import displacement
-from regionik.worlds.scene import World
 
 INSET = 0.002  # kept from the edge of what two areas share, where there is room [m]
 ROUNDING = 1e-6  # by which ends of a way may lie off the floor [m]
@@ -45,12 +44,12 @@ LEADS = [sign * 0.01 * 1.5**k for k in range(16) for sign in (1, -1)]  # straigh
 TURN_PART = 0.1  # of a turn about the arm axis, which a base frame elsewhere does by short slides [rad]
 
 
-def driver_for(world: World, standing: Standing, seed: int) -> Driver:
+def driver_for(scene: Scene, standing: Standing, seed: int) -> Driver:
     """Return the driver that suits a base and where it may stand."""
-    if world.robot.drive.rolls:
-        return WheeledDriver(world, standing, seed)
+    if scene.robot.drive.rolls:
+        return WheeledDriver(scene, standing, seed)
     at_any_heading = len(standing.sides) == 1
-    return (AnyHeadingDriver if at_any_heading else ByHeadingDriver)(world, standing, seed)
+    return (AnyHeadingDriver if at_any_heading else ByHeadingDriver)(scene, standing, seed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,20 +60,20 @@ class AnyHeadingDriver(Driver):
 
     def onto(self, here: Pose, label: int) -> list[Pose]:
         """A robot may start where only its heading keeps it clear."""
-        axis = axis_of(self.world.robot, here.base)
+        axis = axis_of(self.scene.robot, here.base)
         spot = _nearest_inside(self._piece(label), axis)
         if spot is axis:
             return [here]
-        there = Pose(pose_of(self.world.robot, spot, here.base[2]), here.joints)
+        there = Pose(pose_of(self.scene.robot, spot, here.base[2]), here.joints)
         bases = np.stack([here.base, there.base])
-        if slide_is_free(room_between(self.world, *bases), *bases):
+        if slide_is_free(self.scene.footprint_between(*bases), *bases):
             return [here, *super().states(here, there, bases), there]
         shaped = self.shaped()
         return [here, *shaped.states(here, there, shaped.route(here, there, label)), there]
 
     def route(self, here: Pose, there: Pose, label: int, berth: float = 0.0) -> Array:
         """Of the arm axis, (k, 2)."""
-        a, b = (axis_of(self.world.robot, pose.base) for pose in (here, there))
+        a, b = (axis_of(self.scene.robot, pose.base) for pose in (here, there))
         piece = self._piece(label)
         if not shapely.dwithin(piece, shapely.points([a, b]), ROUNDING).all():
             raise NoPathError("it would stand where only its heading leaves it room")
@@ -102,7 +101,7 @@ class AnyHeadingDriver(Driver):
         spots = [p if flat.holds(p) else _nearest_inside(free, p) for p in (a, b)]
         if math.dist(*spots) < 1e-9:
             return np.array([a, b])
-        step = self.world.rules.step
+        step = self.scene.rules.step
         if isinstance(free, Polygon):
             found = drive_point_inside(free, flat, *spots, step=step, seed=self.seed)
         else:
@@ -114,12 +113,12 @@ class AnyHeadingDriver(Driver):
 
     def states(self, here: Pose, there: Pose, route: Array) -> list[Pose]:
         """Axis along a route (n, 2), heading and joints spread over it."""
-        robot = self.world.robot
+        robot = self.scene.robot
         turn = displacement(here.base, there.base)[2]
         # The base moves by no more than the axis does and the mount swings about it.
         way = float(np.hypot(*np.diff(route, axis=0).T).sum())
         way += abs(turn) * float(np.hypot(*robot.mount[:2]))
-        step = self.world.rules.step * 0.999
+        step = self.scene.rules.step * 0.999
         bend = float(np.abs(there.joints - here.joints).max())
         parts = max(abs(turn) / TURN_STRIDE, bend / LARGEST_BEND, way / step)
         shares, axes = spread_along(np.array(route), step, int(np.ceil(parts)))
@@ -131,22 +130,22 @@ class AnyHeadingDriver(Driver):
     def direct(self, here: Pose, there: Pose, label: int) -> list[Pose] | None:
         """The base goes straight and turns evenly; the axis does where the footprint has no room for that."""
         bases = np.stack([here.base, there.base])
-        if slide_is_free(room_between(self.world, *bases), *bases):
+        if slide_is_free(self.scene.footprint_between(*bases), *bases):
             return super().states(here, there, bases)
-        a, b = (axis_of(self.world.robot, pose.base) for pose in (here, there))
+        a, b = (axis_of(self.scene.robot, pose.base) for pose in (here, there))
         return self.states(here, there, np.array([a, b])) if self._flat(label).sees(a, b) else None
 
     def inside(self, at: Pose, label: int) -> bool:
-        return self._flat(label).holds(axis_of(self.world.robot, at.base))
+        return self._flat(label).holds(axis_of(self.scene.robot, at.base))
 
     def extent(self, label: int) -> Array:
         return np.reshape(self._piece(label).bounds, (2, 2))
 
     def shaped(self) -> Driver:
         """It turns, which a fixed heading forbids."""
-        if self.world.rules.heading == "fixed":
+        if self.scene.rules.heading == "fixed":
             return self
-        return ByHeadingDriver(self.world, self.standing, self.seed, self.methods)
+        return ByHeadingDriver(self.scene, self.standing, self.seed, self.methods)
 
     def paths(self, ladder: Ladder) -> AnyHeadingPaths:
         return AnyHeadingPaths(ladder, self)
@@ -167,7 +166,7 @@ class ByHeadingDriver(Driver):
 
     def route(self, here: Pose, there: Pose, label: int, berth: float = 0.0) -> Array:
         """Of the base, (n, 3)."""
-        ground, robot = ground_between(self.world, here.base, there.base), self.world.robot
+        ground, robot = self.scene.ground_between(here.base, there.base), self.scene.robot
         clearance = ground.clearance + GUARD + berth
         found = drive_footprint(
             robot.footprint, ground.floor, here.base, there.base,
@@ -180,7 +179,7 @@ class ByHeadingDriver(Driver):
     def direct(self, here: Pose, there: Pose, label: int) -> list[Pose] | None:
         """The base goes straight and turns evenly."""
         bases = np.stack([here.base, there.base])
-        free = slide_is_free(room_between(self.world, *bases), *bases)
+        free = slide_is_free(self.scene.footprint_between(*bases), *bases)
         return self.states(here, there, bases) if free else None
 
     def paths(self, ladder: Ladder) -> ByHeadingPaths:
@@ -197,7 +196,7 @@ class WheeledDriver(Driver):
         """Path on wheels from one pose to another, searched for once; raises NoPathError."""
         key = (a.tobytes(), b.tobytes(), berth)
         if key not in self._paths:
-            room, radius = room_between(self.world, a, b), self.world.robot.drive.turning_radius
+            room, radius = self.scene.footprint_between(a, b), self.scene.robot.drive.turning_radius
             room = room.with_berth(berth) if berth else room
             try:
                 self._paths[key] = drive_wheeled(room, a, b, turning_radius=radius, seed=self.seed)
@@ -215,7 +214,7 @@ class WheeledDriver(Driver):
         x, y, yaw = here.base
         for length in LEADS:
             there = replace(here, base=np.array(arc_end(x, y, yaw, length, 0.0)))
-            room = room_between(self.world, here.base, there.base)
+            room = self.scene.footprint_between(here.base, there.base)
             if fits(self.room, *there.base) and arc_is_free(room, here.base, length, 0.0):
                 return [here, *self.states(here, there, np.stack([here.base, there.base])), there]
         return [here]
@@ -224,7 +223,7 @@ class WheeledDriver(Driver):
         """Of the base, (n, 3), each hop a line, an arc or a turn on the spot."""
         path = self.path(here.base, there.base, berth)
         self.count(path.method)
-        return path.sample(self.world.rules.step)
+        return path.sample(self.scene.rules.step)
 
     def direct(self, here: Pose, there: Pose, label: int) -> list[Pose] | None:
         """Straight motions of base and arm are no rolling."""
@@ -235,7 +234,7 @@ class WheeledDriver(Driver):
         """Straight back and straight ahead."""
         x, y, yaw = at.base
         for length in (-far, far) if far else (0.0,):
-            if arc_is_free(room_between(self.world, at.base), at.base, length, 0.0):
+            if arc_is_free(self.scene.footprint_between(at.base), at.base, length, 0.0):
                 back = replace(at, base=np.array(arc_end(x, y, yaw, length, 0.0)))
                 yield [*self.states(at, back, np.stack([at.base, back.base])), back]
 
@@ -251,7 +250,7 @@ class AnyHeadingPaths:
     driver: AnyHeadingDriver
 
     def between(self, k: int, j: int, here: Array, goal: Array) -> Iterator[BasePath]:
-        a, b = (axis_of(self.driver.world.robot, pose) for pose in (here, goal))
+        a, b = (axis_of(self.driver.scene.robot, pose) for pose in (here, goal))
         if self._within(k, j, a, b):
             yield simultaneous(False, _at_any_heading(np.array([a, b])))
         for over in self._handovers(k, j, a, b):
@@ -302,7 +301,7 @@ class ByHeadingPaths:
     def _shared(self, k: int, j: int, here: Array, goal: Array) -> Array | None:
         """Pose that components of both groups hold, the nearest to the way; None where they share none."""
         pairs, areas = self._common(int(self.ladder.group[k]), int(self.ladder.group[j]))
-        ends = [axis_of(self.driver.world.robot, pose) for pose in (here, goal)]
+        ends = [axis_of(self.driver.scene.robot, pose) for pose in (here, goal)]
         if not len(pairs):
             return None
         spots, yaws = _nearest_to(areas, *ends), np.full(len(pairs), here[2])
@@ -311,7 +310,7 @@ class ByHeadingPaths:
             yaws = into_spans(yaws, *span.T)
         ways = sum(np.linalg.norm(spots - end, axis=1) for end in ends)
         n = int(np.argmin(ways + np.abs(yaws - here[2])))
-        return pose_of(self.driver.world.robot, spots[n], float(yaws[n]))
+        return pose_of(self.driver.scene.robot, spots[n], float(yaws[n]))
 
     def _common(self, one: int, other: int) -> tuple[Index, Geometries]:
         """Pairs (n, 2) of components of two groups that overlap, and what each pair shares."""
@@ -323,11 +322,11 @@ class ByHeadingPaths:
 
     def _through(self, k: int, a: Array, b: Array) -> Array | None:
         """Base poses from one to another, the arm axis inside the slabs of a component's group."""
-        robot, room = self.driver.world.robot, self.driver.room
+        robot, room = self.driver.scene.robot, self.driver.room
         if slide_is_free(room, a, b):
             return np.stack([a, b])
         seen = [np.array([*axis_of(robot, pose), pose[2]]) for pose in (a, b)]
-        ground, about_axis = ground_of(self.driver.world), robot.footprint - robot.mount[:2]
+        ground, about_axis = self.driver.scene.ground, robot.footprint - robot.mount[:2]
         upper = ground.upper(np.zeros(2))
         scene = footprint_scene(about_axis, ground.floor, ground.shadows, ground.clearance, upper)
         found = path_through_slabs(scene, self._group(k), seen[0], seen[1], self.driver.seed)
@@ -366,11 +365,11 @@ class WheeledPaths:
         if np.array_equal(here, goal):
             yield simultaneous(True, np.stack([here, here]))
             return
-        radius = self.driver.world.robot.drive.turning_radius
+        radius = self.driver.scene.robot.drive.turning_radius
         path = steered_path(self.driver.room, here, goal, turning_radius=radius)
         if path is None:
             return
-        poses = np.array(path.sample(self.driver.world.rules.step))
+        poses = np.array(path.sample(self.driver.scene.rules.step))
         poses[-1] = goal
         yield simultaneous(True, poses)
         yield halting(True, here[None], poses)

@@ -21,8 +21,7 @@ from scipy.ndimage import distance_transform_cdt
 
 from regionik.areas.ground import united
 from regionik.areas.held_reach import held_reach
-from regionik.areas.reachable import model_of, reach_rows
-from regionik.areas.standing import Standing, into_spans, room_for
+from regionik.areas.standing import Standing, into_spans
 from regionik.ladder import Ladder
 from regionik.planners.driving.arcs import path_of_motions
 from regionik.planners.driving.pose_lattice import HEADINGS, LatticeMove, car_moves, relax, spin_moves
@@ -32,9 +31,10 @@ from regionik.planners.progress import track
 from regionik.planners.tries import count_tries
 from regionik.postures.families import BACK, FRONT
 from regionik.postures.poses import axis_of
+from regionik.reach_rows import reach_rows
+from regionik.scene import Scene
 from regionik.worlds.arms import with_pivot
 from regionik.worlds.arrays import Array, Index, Mask
-from regionik.worlds.scene import World
 
 ACROSS = 36  # cells across the areas of half the set-points
 CELL = 0.01, 0.08  # least and largest [m]
@@ -65,7 +65,7 @@ class Layer:
 class LayeredSearch:
     """Poses of a base on wheels for all set-points of a pruned ladder, by what the rest of the path costs."""
 
-    world: World
+    scene: Scene
     ladder: Ladder
     keep: Mask  # (m,) components that pruning left
     breaks: tuple[int, ...]  # set-points before which it lifts the tool
@@ -95,7 +95,7 @@ class LayeredSearch:
         if not len(nodes):
             return None
         poses = self._poses(layer.corner, nodes[:, 1:])
-        far = np.hypot(*(axis_of(self.world.robot, poses) - axis).T)
+        far = np.hypot(*(axis_of(self.scene.robot, poses) - axis).T)
         return float(poses[int(np.argmin(layer.value[tuple(nodes.T)] + far)), 2])
 
     def layer(self, i: int) -> Layer:
@@ -126,7 +126,7 @@ class LayeredSearch:
                     mine, other = (_box(low - start, high - start) for start in (corner, after.corner))
                     value[mine] = np.where(free[mine], after.value[other], np.inf)
             value[free] = np.minimum(value[free], LIFT + after.value.min(initial=np.inf))
-        hop = [target.position for target in self.world.task[i : i + 2]]
+        hop = [target.position for target in self.scene.task[i : i + 2]]
         stride = float(np.linalg.norm(hop[-1] - hop[0]))  # of the tool, on from here
         for one, where in zip(value, free, strict=True):
             one += EDGE * stride * _nearness(where, max(1, round(DEPTH / self.cell)))
@@ -137,7 +137,7 @@ class LayeredSearch:
         """First cell of a set-point's window, and the component of every node in it."""
         ladder = self.ladder
         kept = [k for k in range(*ladder.rungs[i : i + 2]) if self.keep[k]]
-        around = np.ceil(np.hypot(*self.world.robot.mount[:2]) / self.cell)
+        around = np.ceil(np.hypot(*self.scene.robot.mount[:2]) / self.cell)
         cells = shapely.get_coordinates(ladder.component[kept]) @ self._turn / self.cell
         corner = np.floor(cells.min(axis=0) - around).astype(np.intp)
         shape = np.ceil(cells.max(axis=0) + around).astype(np.intp) - corner + 1
@@ -148,7 +148,7 @@ class LayeredSearch:
         faced = [np.abs(into_spans(self._yaws, *span) - self._yaws) < INSIDE for span in spans]
         for h in range(len(self._yaws)):
             base = self._poses(corner, grid + np.array([h, 0, 0]))
-            reached, axes = self._reached(i, base), axis_of(self.world.robot, base)
+            reached, axes = self._reached(i, base), axis_of(self.scene.robot, base)
             for k, near in zip(kept[::-1], faced[::-1], strict=True):
                 f = self._facings.index(ladder.family[k].facing)
                 if near[h]:
@@ -164,8 +164,8 @@ class LayeredSearch:
         limited what its arm reaches depends on that; most of all where it has none, and where its tool points
         depends on the heading alone.
         """
-        robot, target, yaw = self.world.robot, self.world.task[i], float(base[0, 2])
-        if model_of(self.world, target).turns_freely(self.world.rules, (yaw, yaw)):
+        robot, target, yaw = self.scene.robot, self.scene.task[i], float(base[0, 2])
+        if self.scene.model(target).turns_freely(self.scene.rules, (yaw, yaw)):
             return np.ones(len(base), dtype=bool)
         held = held_reach(robot).holds(base, target.position)
         if target.direction is None or with_pivot(robot.chain) is robot.chain:
@@ -174,9 +174,9 @@ class LayeredSearch:
         return held & shapely.contains_xy(area, axis_of(robot, base))
 
     @cached_property
-    def _held(self) -> World:
+    def _held(self) -> Scene:
         """The world of a base that keeps its heading."""
-        return replace(self.world, rules=replace(self.world.rules, heading="fixed"))
+        return self.scene.changed(rules=replace(self.scene.rules, heading="fixed"))
 
     def _ranked(self, i: int, components: Sequence[int], here: Array) -> Iterator[tuple[Array, int, bool]]:
         """Poses of set-point i, their components, and whether the base steers there, the best first.
@@ -203,7 +203,7 @@ class LayeredSearch:
 
     def _least(self, here: Array, poses: Array) -> Array:
         """Lower bound of the cost of steering to poses (n, 3), (n,) [m]."""
-        drive, (dx, dy, turn) = self.world.robot.drive, (poses - here).T
+        drive, (dx, dy, turn) = self.scene.robot.drive, (poses - here).T
         far, turn = np.hypot(dx, dy), np.abs(np.remainder(turn + np.pi, 2 * np.pi) - np.pi)
         if drive.turns_on_the_spot:
             return far + TURN_WEIGHT * turn
@@ -212,7 +212,7 @@ class LayeredSearch:
     def _steered(self, i: int, here: Array, there: Array) -> float:
         """Cost of steering to a pose of set-point i, infinite where that is not free or leaves nodes [m]."""
         ways = np.empty((MOTIONS, 2))
-        cost = float(steer(room_for(self.world), self._steering, here, there, np.inf, ways))
+        cost = float(steer(self.scene.footprint, self._steering, here, there, np.inf, ways))
         if np.isinf(cost) or i == 0:
             return cost
         places = path_of_motions(here, ways, "straight").sample(2 * self.cell)[1:-1]
@@ -231,14 +231,14 @@ class LayeredSearch:
 
     @cached_property
     def _steering(self) -> Steering:
-        drive = self.world.robot.drive
+        drive = self.scene.robot.drive
         if drive.turns_on_the_spot:
             return Steering(SPIN, 0.0, TURN_WEIGHT)
         return Steering(REEDS_SHEPP, drive.turning_radius, 0.0)
 
     @cached_property
     def _moves(self) -> tuple[LatticeMove, ...]:
-        drive = self.world.robot.drive
+        drive = self.scene.robot.drive
         if drive.turns_on_the_spot:
             return spin_moves(self.cell, TURN_WEIGHT)
         return car_moves(self.cell, drive.turning_radius)
@@ -255,7 +255,7 @@ class LayeredSearch:
     @cached_property
     def _turn(self) -> Array:
         """Axes of the grid as columns, (2, 2): along most of the tool's path and across."""
-        hops = np.diff([target.position[:2] for target in self.world.task], axis=0)
+        hops = np.diff([target.position[:2] for target in self.scene.task], axis=0)
         lengths, ways = np.hypot(*hops.T), np.arctan2(hops[:, 1], hops[:, 0])
         angle = float(np.angle(lengths @ np.exp(4j * ways))) / 4 if len(hops) else 0.0
         return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])

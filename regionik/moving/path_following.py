@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from regionik.areas.standing import room_for
 from regionik.ladder import Ladder
 from regionik.mfabrik import Solver, solver_between
 from regionik.moving.base_motion import BasePath, BasePaths, Candidate
@@ -28,10 +27,11 @@ from regionik.postures.arm import aim_of, deviation, goal_between, goals_between
 from regionik.postures.arm_guard import Guard
 from regionik.postures.families import Family
 from regionik.postures.poses import LARGEST_BEND, Pose, Row, arrays, configuration_pose, pose_of
+from regionik.scene import Scene
 from regionik.values import Configuration
 from regionik.worlds.arms import pivot_index, reach_bound, with_pivot
 from regionik.worlds.arrays import Array, Index
-from regionik.worlds.scene import Target, World
+from regionik.worlds.scene import Target
 
 TOOL_STRIDE = 0.05  # longest way of base or tool between two states on the path [m]
 REACH_STRIDE = 0.06  # of the tool where base and arm go on together, at most, as a share of the arm's reach
@@ -124,7 +124,7 @@ class PathSegment:
 class PathFollower:
     """Moves the robot with its tool on the path."""
 
-    world: World
+    scene: Scene
     ladder: Ladder
     guard: Guard
     paths: BasePaths
@@ -134,10 +134,10 @@ class PathFollower:
 
     def follow(self, i: int, here: Candidate, goal: Candidate) -> list[Row] | None:
         """From set-point i to i + 1; None where the arm would have to jump, or would touch something."""
-        ends = self.world.task[i], self.world.task[i + 1]
+        ends = self.scene.task[i], self.scene.task[i + 1]
         joints = np.array([here.found.joints, goal.found.joints])
         families = self.ladder.family[here.component], self.ladder.family[goal.component]
-        stride = min(TOOL_STRIDE, self.world.rules.step)
+        stride = min(TOOL_STRIDE, self.scene.rules.step)
         try:
             for base in self.paths.between(here.component, goal.component, here.pose.base, goal.pose.base):
                 found = self._states(PathSegment(base, ends, joints, families, stride), here.pose)
@@ -199,13 +199,13 @@ class PathFollower:
         """State at one place, the arm led round what it would touch; a heading that is free goes along."""
         place = segment.base.places(*_columns([at]))[0]
         bound = not np.isnan(place[2])
-        base = place if bound else pose_of(self.world.robot, place[:2], near.base[2])
+        base = place if bound else pose_of(self.scene.robot, place[:2], near.base[2])
         still = range(self._resolved.base_parts if bound else 2)
         return self._resolved.state(in_columns([aim_of(segment.target(at))]), Pose(base, near.joints), still)
 
     @cached_property
     def _resolved(self) -> ResolvedStates:
-        return ResolvedStates(self.world, self.guard)
+        return ResolvedStates(self.scene, self.guard)
 
     def _proven(
         self, segment: PathSegment, places: list[SegmentPoint], poses: list[Pose]
@@ -217,7 +217,7 @@ class PathFollower:
     def _solver(self, family: Family) -> Solver:
         """Solver for what lies between set-points, kept for families that are asked for again."""
         if family not in self._solvers:
-            solver = solver_between(self.world, family)
+            solver = solver_between(self.scene, family)
             self._solvers[family] = replace(solver, tolerance=solver.tolerance * SOLVE_TOLERANCE)
         return self._solvers[family]
 
@@ -231,7 +231,7 @@ class ResolvedMotion:
     each.
     """
 
-    world: World
+    scene: Scene
     guard: Guard
 
     def onward(self, i: int, here: Pose, home: Array | None = None) -> list[Pose] | None:
@@ -240,9 +240,9 @@ class ResolvedMotion:
         What redundancy leaves open goes back towards joints at ``home``. A hop that is not proven is halved,
         as often as it may help.
         """
-        a, b = self.world.task[i : i + 2]
+        a, b = self.scene.task[i : i + 2]
         count = self._count(a, b)
-        least = 0.5 ** (HALVINGS[self.world.robot.drive.rolls] - 0.5) / count  # share that is not halved
+        least = 0.5 ** (HALVINGS[self.scene.robot.drive.rolls] - 0.5) / count  # share that is not halved
         ahead, passed, at = list(np.arange(count, 0, -1) / count), [here], 0.0  # the next share last
         while ahead:
             tried = [at, *ahead[: -AT_ONCE - 1 : -1]]
@@ -263,27 +263,27 @@ class ResolvedMotion:
         states = [near]
         for target in asked[1:]:
             pose = self.states.state(in_columns([aim_of(target)]), states[-1], home=home)
-            if pose is None or math.dist(states[-1].base[:2], pose.base[:2]) > self.world.rules.step:
+            if pose is None or math.dist(states[-1].base[:2], pose.base[:2]) > self.scene.rules.step:
                 break
             states.append(pose)
         return states
 
     @cached_property
     def states(self) -> ResolvedStates:
-        return ResolvedStates(self.world, self.guard)
+        return ResolvedStates(self.scene, self.guard)
 
     def _count(self, a: Target, b: Target) -> int:
         """Number of hops from one set-point to the next, a stride at most each."""
         turn = 0.0
         if a.direction is not None and b.direction is not None:
             turn = math.acos(min(max(float(a.direction @ b.direction), -1.0), 1.0))
-        stride = min(TOOL_STRIDE, REACH_STRIDE * reach_bound(self.world.robot.chain).length)
+        stride = min(TOOL_STRIDE, REACH_STRIDE * reach_bound(self.scene.robot.chain).length)
         return max(1, math.ceil(math.dist(a.position, b.position) / stride), math.ceil(turn / TURN_STRIDE))
 
     def drives(self, poses: list[Pose]) -> bool:
         """Whether the base's way through poses is proven free."""
         bases, _ = arrays(poses)
-        drive, room = self.world.robot.drive, room_for(self.world)
+        drive, room = self.scene.robot.drive, self.scene.footprint
         hops = zip(bases[:-1], bases[1:], drive.rolled(bases), np.diff(bases[:, 2]), strict=True)
         return all(
             arc_is_free(room, a, float(rolled), float(turn)) if drive.rolls else slide_is_free(room, a, b)
@@ -314,7 +314,7 @@ def proven_hops(
     The tool goes along a ``line`` (n, 3), turned as ``asked`` in each of n poses, if in any.
     """
     bases, joints = arrays(poses)
-    sag = SAG_SHARE * guard.world.rules.planned_path_tolerance
+    sag = SAG_SHARE * guard.rules.planned_path_tolerance
     count = guard.led(bases, joints, line, LOOKED_AT, sag)
     if asked:
         tools = guard.tools(bases[: count + 1], joints[: count + 1], LOOKED_AT)

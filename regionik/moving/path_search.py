@@ -26,12 +26,12 @@ from regionik.moving.transit import TransitPlanner
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.progress import tell
 from regionik.planners.tries import count_tries
-from regionik.postures.arm_guard import Guard, guard_of
+from regionik.postures.arm_guard import Guard
 from regionik.postures.poses import Pose, Row, arrays, axis_of, columns, lifted_rows
+from regionik.scene import Scene
 from regionik.values import Configuration, Motion
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
-from regionik.worlds.scene import World
 
 HARD_TRIES = 3  # candidates that are worth a search in the space of the whole robot
 PATIENCE = 200  # candidates tried without getting farther before the search ends
@@ -62,7 +62,7 @@ class SearchStep:
 class PathSearch:
     """The search, with all that it asks."""
 
-    world: World
+    scene: Scene
     sampler: ConfigurationSampler
     follower: PathFollower
     transits: TransitPlanner
@@ -73,13 +73,13 @@ class PathSearch:
 
     def start(self) -> list[Row]:
         """The state that the robot starts in, if any; raises NoPlanFound where its arm is not clear there."""
-        start, guard = self.world.start, self.guard
+        start, guard = self.scene.start, self.guard
         if start is None:
             return []
         here = Pose(start.base, start.joints)
         touch = guard.touch(here)
         if guard.on and touch.kind != "none":
-            raise NoPlanFound(arm_failures.blocked_arm(self.world, guard.words(touch), guard.cause(touch)))
+            raise NoPlanFound(arm_failures.blocked_arm(self.scene, guard.words(touch), guard.cause(touch)))
         return [Row(here, "transit", -1)]
 
     def arrive(
@@ -97,7 +97,7 @@ class PathSearch:
             if way is None:
                 continue
             way = self.transits.shortened(here, way, candidate.pose, int(floor[candidate.component]))
-            return lifted_rows(here, way, candidate.pose, i - 1, self.world.robot.drive), candidate
+            return lifted_rows(here, way, candidate.pose, i - 1, self.scene.robot.drive), candidate
         return None
 
     def _transits(
@@ -141,14 +141,14 @@ class PathSearch:
         return rows if resolved.drives([here.pose, *(row.pose for row in rows)]) else None
 
     def _in_area(self, one: Candidate) -> bool:
-        axis = axis_of(self.world.robot, one.pose.base)
+        axis = axis_of(self.scene.robot, one.pose.base)
         return self.sampler.ladder.flat(one.component).holds(axis)
 
     def _arrived(self, i: int, candidate: Candidate, pose: Pose) -> Candidate:
         """The candidate as the motion reaches it; iterations stay those of M-FABRIK."""
         tool: Array = self.guard.tools(*arrays([pose, pose]), np.zeros(1))[0, 0, :3, 3]
-        error = math.dist(tool, self.world.task[i].position)
-        good = error <= self.world.rules.tolerance
+        error = math.dist(tool, self.scene.task[i].position)
+        good = error <= self.scene.rules.tolerance
         found = replace(candidate.found, base=pose.base, joints=pose.joints, error=error, converged=good)
         return replace(candidate, found=found)
 
@@ -161,31 +161,31 @@ class PathSearch:
         """Explain what stands in the arm's way at set-point i, or on the way there from ``here``."""
         guard, seen = self.guard, self.sampler.evidence.get(i, Evidence())
         if not seen.postures:
-            return arm_failures.no_posture(self.world, i)
+            return arm_failures.no_posture(self.scene, i)
         if here is None and seen.clear:
-            return arm_failures.no_fitting_posture(self.world, i, seen.clear, seen.postures)
+            return arm_failures.no_fitting_posture(self.scene, i, seen.clear, seen.postures)
         touch, cut_off = seen.best, here is not None and seen.clear > 0
         walls = None if here is None else self._walls(i, here, seen)
         if walls is not None:
             closest = "" if touch is None or touch.kind == "none" else guard.words(touch)
-            return walled_off(self.world, i, walls, closest)
+            return walled_off(self.scene, i, walls, closest)
         if cut_off and self.transits.refusals:
-            return failures.no_drive(self.world, i, self.transits.refusals[0])
+            return failures.no_drive(self.scene, i, self.transits.refusals[0])
         if here is not None and cut_off and goal is not None:
             try:
                 piece = int(self.sampler.ladder.floor[goal.component])
                 touch = self.transits.obstruction(here, goal.pose, piece)
             except NoPathError as refusal:  # it drives to other places of this set-point only
-                return failures.no_drive(self.world, i, refusal)
-        closest, cause = "no single thing stands in the way", Cause("limits", self.world.robot.name)
+                return failures.no_drive(self.scene, i, refusal)
+        closest, cause = "no single thing stands in the way", Cause("limits", self.scene.robot.name)
         if touch is not None and touch.kind != "none":
             closest, cause = guard.words(touch), guard.cause(touch)
         looked = len(seen.places), seen.postures, seen.proven
-        return arm_failures.no_clear_posture(self.world, i, looked, closest, cause, cut_off=cut_off)
+        return arm_failures.no_clear_posture(self.scene, i, looked, closest, cause, cut_off=cut_off)
 
     def _walls(self, i: int, here: Pose, seen: Evidence) -> Barrier | None:
         """What cuts off the floor from which alone the arm may be clear at set-point i; None where not so."""
-        ladder, standing, robot = self.sampler.ladder, self.sampler.standing, self.world.robot
+        ladder, standing, robot = self.sampler.ladder, self.sampler.standing, self.scene.robot
 
         def piece(base: Array) -> int | None:
             return standing.piece_at(axis_of(robot, base), float(base[2]))
@@ -197,7 +197,7 @@ class PathSearch:
         if not beyond.any():
             return None
         at = np.array([*axis_of(robot, here.base), here.base[2]])
-        return barrier(self.world, at, poses_in(standing, ladder.component[beyond], ladder.side[beyond]))
+        return barrier(self.scene, at, poses_in(standing, ladder.component[beyond], ladder.side[beyond]))
 
 
 @dataclass(eq=False)
@@ -240,26 +240,26 @@ class RunSearch:
 
 
 def path_search(
-    world: World, ladder: Ladder, standing: Standing, seed: int, layers: LayeredSearch | None
+    scene: Scene, ladder: Ladder, standing: Standing, seed: int, layers: LayeredSearch | None
 ) -> PathSearch:
     """The search of a world, its base moving while the tool is on its path; on wheels by a layered graph."""
-    search = search_from_places(world, ladder, standing, seed)
+    search = search_from_places(scene, ladder, standing, seed)
     follower = replace(search.follower, paths=search.transits.driver.paths(ladder))
-    sampler = replace(search.sampler, layers=layers, resolved=ResolvedMotion(world, search.guard))
+    sampler = replace(search.sampler, layers=layers, resolved=ResolvedMotion(scene, search.guard))
     return replace(search, sampler=sampler, follower=follower)
 
 
-def search_from_places(world: World, ladder: Ladder, standing: Standing, seed: int) -> PathSearch:
+def search_from_places(scene: Scene, ladder: Ladder, standing: Standing, seed: int) -> PathSearch:
     """The search of a world, its base standing while the tool is on its path."""
-    guard = guard_of(world)
+    guard = scene.guard
     return PathSearch(
-        world,
-        ConfigurationSampler(world, guard, ladder, standing, seed),
-        PathFollower(world, ladder, guard, StandingPaths(world)),
-        transit_planner(world, standing, seed),
+        scene,
+        ConfigurationSampler(scene, guard, ladder, standing, seed),
+        PathFollower(scene, ladder, guard, StandingPaths(scene)),
+        transit_planner(scene, standing, seed),
     )
 
 
-def transit_planner(world: World, standing: Standing, seed: int) -> TransitPlanner:
+def transit_planner(scene: Scene, standing: Standing, seed: int) -> TransitPlanner:
     """The planner of motions with the tool lifted."""
-    return TransitPlanner(world, guard_of(world), driver_for(world, standing, seed))
+    return TransitPlanner(scene, scene.guard, driver_for(scene, standing, seed))

@@ -17,7 +17,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from regionik.areas.standing import room_for
 from regionik.moving.state_keeper import ARM_MARGIN, StateKeeper
 from regionik.planners.collision.near_pairs import NearPairs
 from regionik.planners.driving.arcs import arc_end
@@ -26,8 +25,8 @@ from regionik.planners.solvers.aims import ANGLE_LENGTH, missed_by
 from regionik.planners.solvers.damped_least_squares import POSITION, Aims
 from regionik.postures.arm_guard import Guard
 from regionik.postures.poses import LARGEST_BEND, Pose
+from regionik.scene import Scene
 from regionik.worlds.arrays import Array
-from regionik.worlds.scene import World
 from regionik.worlds.speeds import Speeds
 
 ROUNDS = 20  # of Newton's method
@@ -49,7 +48,7 @@ class _HalfSpace(NamedTuple):
 class ResolvedStates:
     """Finds states of a robot in a world."""
 
-    world: World
+    scene: Scene
     guard: Guard
 
     def state(
@@ -65,9 +64,9 @@ class ResolvedStates:
         Some coordinates of the base's motion stay ``still``; no joint goes farther than ``bend``. What
         redundancy leaves open goes back towards joints at ``home`` (dof,).
         """
-        if self.world.rules.heading == "face_target":  # which no motion of base and joints together keeps
+        if self.scene.rules.heading == "face_target":  # which no motion of base and joints together keeps
             return None
-        chain, n = self.world.robot.chain, self.base_parts
+        chain, n = self.scene.robot.chain, self.base_parts
         motion, rows = np.zeros(len(self._speeds)), self._floor_rows(start)
         wished = np.zeros(len(motion))
         if home is not None:
@@ -83,13 +82,13 @@ class ResolvedStates:
         for _ in range(ROUNDS):
             pose = self._moved(start, motion)
             here = np.concatenate([pose.base, pose.joints])[None]
-            (miss,), (J,) = missed_by(self.world.robot, aim, here)
+            (miss,), (J,) = missed_by(self.scene.robot, aim, here)
             turned = float(np.linalg.norm(miss[3:]))
             missed.append(max(math.hypot(*miss[:3], max(turned - cone, 0.0)), EXACT))
             near, met = None, missed[-1] == EXACT
             if self.guard.on and (met or len(missed) == 1):  # between these those of the first hold
                 near = self._keeper.near(here)
-            tight = abs(motion[1]) * self.world.robot.drive.turning_radius > abs(motion[0]) + 1e-12
+            tight = abs(motion[1]) * self.scene.robot.drive.turning_radius > abs(motion[0]) + 1e-12
             if met and (near is None or near.room.min(initial=np.inf) > self.guard.spare) and not tight:
                 return pose
             if min(missed[-PATIENCE:]) > min(missed):
@@ -113,7 +112,7 @@ class ResolvedStates:
 
     def _arc_rows(self, motion: Array) -> list[_HalfSpace]:
         """A car turns no more than its steering allows, going on as it goes."""
-        radius, ways = self.world.robot.drive.turning_radius, np.zeros((2, len(motion)))
+        radius, ways = self.scene.robot.drive.turning_radius, np.zeros((2, len(motion)))
         if not radius or not motion.any():
             return []
         ways[:, :2] = [[math.copysign(1.0, motion[0]), side * radius] for side in (-1.0, 1.0)]
@@ -121,7 +120,7 @@ class ResolvedStates:
 
     def _by_motion(self, J: Array, start: Pose, motion: Array) -> Array:
         """How the motion changes what states do, (k, m)."""
-        by_base = J[:, :3] @ _rolling(start, motion) if self.world.robot.drive.rolls else J[:, :3]
+        by_base = J[:, :3] @ _rolling(start, motion) if self.scene.robot.drive.rolls else J[:, :3]
         return np.column_stack([by_base, J[:, 3:]])
 
     def _floor_rows(self, start: Pose) -> list[_HalfSpace]:
@@ -141,7 +140,7 @@ class ResolvedStates:
     @cached_property
     def _keeper(self) -> StateKeeper:
         return StateKeeper(
-            self.world.robot, self.guard, room_for(self.world), np.empty(0, dtype=object), np.zeros(1)
+            self.scene.robot, self.guard, self.scene.footprint, np.empty(0, dtype=object), np.zeros(1)
         )
 
     def _moved(self, here: Pose, motion: Array) -> Pose:
@@ -151,7 +150,7 @@ class ResolvedStates:
 
     def _lightness(self, joints: Array, motion: Array) -> Array:
         """Speeds of what moves, less for joints on their way to a limit."""
-        chain = self.world.robot.chain
+        chain = self.scene.robot.chain
         ranged = np.isfinite(chain.upper - chain.lower)
         low, high = (np.where(ranged, ends, 0.0) for ends in (chain.lower, chain.upper))
         half = np.where(high > low, (high - low) / 2, 1.0)
@@ -164,15 +163,15 @@ class ResolvedStates:
     @cached_property
     def _speeds(self) -> Array:
         """Of the base, x, y and yaw, or what it rolls and turns, and of the joints."""
-        speeds = self.world.speeds or Speeds()
-        turning = 0.0 if self.world.rules.heading == "fixed" else speeds.turn_velocity
+        speeds = self.scene.world.speeds or Speeds()
+        turning = 0.0 if self.scene.rules.heading == "fixed" else speeds.turn_velocity
         driving = [speeds.base_velocity] * (self.base_parts - 1)
-        return np.array([*driving, turning, *speeds.joint_limits(self.world.robot.chain)[0]])
+        return np.array([*driving, turning, *speeds.joint_limits(self.scene.robot.chain)[0]])
 
     @property
     def base_parts(self) -> int:
         """Number of coordinates of the base's motion."""
-        return 2 if self.world.robot.drive.rolls else 3
+        return 2 if self.scene.robot.drive.rolls else 3
 
 
 def _cone_rows(miss: Array, J: Array, motion: Array, cone: float, first: bool) -> list[_HalfSpace]:

@@ -17,9 +17,9 @@ import numpy as np
 from regionik.moving.base_motion import Driver
 from regionik.postures.arm_guard import Guard
 from regionik.postures.poses import LARGEST_BEND, Pose, arrays, distinct, pose_between
+from regionik.scene import Scene
 from regionik.worlds.arrays import Array
 from regionik.worlds.drives import displacement
-from regionik.worlds.scene import World
 from regionik.worlds.speeds import Speeds
 
 DETOUR = 1.02  # times the least way or time, which is short enough
@@ -51,7 +51,7 @@ class Shortcuts:
 
     def shorter(self, poses: list[Pose]) -> list[Pose]:
         """Return a clear motion with the same ends whose base goes no farther, or is on wheels."""
-        if self.driver.world.robot.drive.rolls:
+        if self.driver.scene.robot.drive.rolls:
             return poses
         rng, failed = np.random.default_rng(self.driver.seed), 0
         least = DETOUR * travel([poses[0], poses[-1]]) + SAVED
@@ -66,7 +66,7 @@ class Shortcuts:
 
     def quicker(self, poses: list[Pose]) -> list[Pose]:
         """Return a clear motion with the same ends that takes no longer, its base on a way no longer."""
-        clock = Clock(self.driver.world)
+        clock = Clock(self.driver.scene)
         rng, failed = np.random.default_rng(self.driver.seed), 0
         least = clock.whole([poses[0], poses[-1]])
         for k in range(QUICKER_TRIES):
@@ -102,7 +102,7 @@ class Shortcuts:
 
     def _between(self, poses: list[Pose], base: Pace, arm: Pace) -> list[Pose]:
         """Another motion with the same ends, at these paces; none where the base leaves the floor."""
-        clock, (bases, joints) = Clock(self.driver.world), arrays(poses)
+        clock, (bases, joints) = Clock(self.driver.scene), arrays(poses)
         kept = clock.times(poses)
         if base == "straight":
             states = self.driver.direct(poses[0], poses[-1], self.piece)
@@ -124,12 +124,12 @@ class Shortcuts:
         cuts = [k + np.arange(count) / count for k, count in enumerate(parts)]
         share = np.interp(np.concatenate([*cuts, [len(parts)]]), np.arange(len(share)), share)
         index = np.interp(share, drives.share, np.arange(len(drives.share)))
-        bases = self.driver.world.robot.drive.sampled(drives.rows, index)
+        bases = self.driver.scene.robot.drive.sampled(drives.rows, index)
         return [Pose(*one) for one in zip(bases, _rows_at(swings, share), strict=True)]
 
     def _at(self, poses: list[Pose], u: float) -> Pose:
         """Place on a motion, in states."""
-        k, drive = int(u), self.driver.world.robot.drive
+        k, drive = int(u), self.driver.scene.robot.drive
         return poses[k] if u == k else pose_between(poses[k], poses[k + 1], u - k, drive)
 
 
@@ -137,22 +137,22 @@ class Shortcuts:
 class Clock:
     """Time of motions at full speed, and of changing it at full acceleration."""
 
-    world: World
+    scene: Scene
 
     @cached_property
     def _speeds(self) -> Speeds:
-        return self.world.speeds or Speeds()
+        return self.scene.world.speeds or Speeds()
 
     def base(self, bases: Array) -> Array:
         """Of each hop of the base through poses (n, 3) at full speed, (n - 1,) [s]."""
-        slide, rolled = self.world.robot.drive.parts(bases[:-1], bases[1:])
+        slide, rolled = self.scene.robot.drive.parts(bases[:-1], bases[1:])
         way = np.hypot(slide[:, 0], slide[:, 1]) + np.abs(rolled)
         turn: Array = np.abs(slide[:, 2]) / self._speeds.turn_velocity
         return np.maximum(way / self._speeds.base_velocity, turn)
 
     def arm(self, joints: Array) -> Array:
         """Of each hop of the arm through postures (n, dof) at full speed, (n - 1,) [s]."""
-        speed = self._speeds.joint_limits(self.world.robot.chain)[0]
+        speed = self._speeds.joint_limits(self.scene.robot.chain)[0]
         return (np.abs(np.diff(joints, axis=0)) / speed).max(axis=1)
 
     def times(self, poses: list[Pose]) -> Array:
@@ -168,7 +168,7 @@ class Clock:
         jumps = np.abs(np.diff(speed, axis=0))
         base = np.hypot(jumps[:, 0], jumps[:, 1]) / self._speeds.base_acceleration
         turn = jumps[:, 2] / self._speeds.turn_acceleration
-        arm = (jumps[:, 3:] / self._speeds.joint_limits(self.world.robot.chain)[1]).max(axis=1)
+        arm = (jumps[:, 3:] / self._speeds.joint_limits(self.scene.robot.chain)[1]).max(axis=1)
         return float(hops.sum() + np.maximum(np.maximum(base, turn), arm).sum() / 2)
 
 

@@ -13,7 +13,6 @@ from itertools import islice, pairwise
 
 import numpy as np
 
-from regionik.areas.ground import ground_of
 from regionik.moving.base_motion import Driver
 from regionik.moving.shortcuts import DETOUR, SAVED, Clock, Shortcuts, travel
 from regionik.planners.collision.proximity import Touch
@@ -21,12 +20,12 @@ from regionik.planners.driving.point_planner import NoPathError, drive_point
 from regionik.planners.driving.sampling import PlanningProblem, connect
 from regionik.postures.arm_guard import Guard
 from regionik.postures.poses import Pose, arm_states, axis_of, distinct, pose_of
+from regionik.scene import Scene
 from regionik.worlds.arms import pivot_index, with_pivot
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.drives import displacement
 from regionik.worlds.robot import Robot
-from regionik.worlds.scene import World
 
 WITHDRAWALS = (0.0, 0.1, 0.2, 0.4, 0.6)  # how far the base draws back before the arm folds [m]
 BERTHS = (0.0, 0.04, 0.08, 0.16)  # kept from the edge of the free floor beyond what the base needs [m]
@@ -42,7 +41,7 @@ STATIONS = 3  # places to fold at that are looked at, from where the robot is on
 class TransitPlanner:
     """Moves the robot with its tool lifted."""
 
-    world: World
+    scene: Scene
     guard: Guard
     driver: Driver
     # Why the base found no way, one for each time it did not
@@ -62,8 +61,8 @@ class TransitPlanner:
         if not self.guard.passes(lead):
             return None
         way, method = None, "whole body"
-        if not self.world.robot.drive.rolls:
-            body = WholeBodyPlanner(self.guard, self.driver, piece)
+        if not self.scene.robot.drive.rolls:
+            body = WholeBodyPlanner(self.scene, self.guard, self.driver, piece)
             way = body.way(lead[-1], there, self.driver.seed, ITERATIONS)
         if way is None:
             way, method = self._arm_first(lead[-1], there, piece), "arm alone"
@@ -79,7 +78,7 @@ class TransitPlanner:
         where the robot stands, or where the base has drawn back to.
         """
         leaving, coming = (list(islice(self._stations(at, piece), STATIONS)) for at in (here, there))
-        carried = {"carry": self.world.robot.carry, "here": here.joints, "there": there.joints}
+        carried = {"carry": self.scene.robot.carry, "here": here.joints, "there": there.joints}
         for name in sorted(carried, key=lambda name: self._missed.get(name, 0)):
             joints = carried[name]
             folds = [(out, way) for out in leaving if (way := self.arm_way(out[-1], joints)) is not None]
@@ -96,7 +95,7 @@ class TransitPlanner:
 
     def arm_way(self, here: Pose, joints: Array) -> list[Pose] | None:
         """States after a pose, to the last with other joints, the base standing; None for none."""
-        there, chain = Pose(here.base, joints), self.world.robot.chain
+        there, chain = Pose(here.base, joints), self.scene.robot.chain
         if not self.guard.proves(there):
             return None
         if np.array_equal(here.joints, joints):
@@ -177,7 +176,7 @@ class TransitPlanner:
         if lead is not None and tail is not None:
             ways.append(distinct([here, *lead, *old, *tail, there]))
         clear = [shortcuts.quicker(shortcuts.shorter(way)) for way in ways if self.guard.passes(way)]
-        best = min(clear, key=Clock(self.world).whole)[1:-1] if clear else self.sampled(here, there, piece)
+        best = min(clear, key=Clock(self.scene).whole)[1:-1] if clear else self.sampled(here, there, piece)
         if best is None:
             return None
         way = self.shortened(here, best, there, piece)
@@ -190,14 +189,14 @@ class TransitPlanner:
     def _shortest(self, shortcuts: Shortcuts, poses: list[Pose]) -> list[Pose]:
         """The shortest motion found with the same ends."""
         here, there, best, failed = poses[0], poses[-1], shortcuts.shorter(poses), 0
-        if self.world.robot.drive.rolls or travel(best) <= WINDING * travel([here, there]) + SAVED:
+        if self.scene.robot.drive.rolls or travel(best) <= WINDING * travel([here, there]) + SAVED:
             return best
         least = self._least(here, there)
         for k in range(ROUNDS):
             if failed == PATIENCE or travel(best) <= WINDING * least + SAVED:
                 break
             most = travel(best) / DETOUR
-            body = WholeBodyPlanner(self.guard, self.driver.shaped(), shortcuts.piece, most)
+            body = WholeBodyPlanner(self.scene, self.guard, self.driver.shaped(), shortcuts.piece, most)
             other = body.way(here, there, self.driver.seed * ROUNDS + k, ROUND_ITERATIONS)
             short = best if other is None else shortcuts.shorter([here, *other, there])
             best, failed = (short, 0) if travel(short) <= most else (best, failed + 1)
@@ -208,10 +207,10 @@ class TransitPlanner:
 
         Less what the base may save by turns about its axis at both ends [m].
         """
-        robot, seed = self.world.robot, self.driver.seed
+        robot, seed = self.scene.robot, self.driver.seed
         a, b = (axis_of(robot, pose.base) for pose in (here, there))
         try:
-            way = drive_point(ground_of(self.world).outer.free, a, b, step=FAR, seed=seed).points
+            way = drive_point(self.scene.ground.outer.free, a, b, step=FAR, seed=seed).points
         except NoPathError:  # an end is off it by rounding
             way = np.array([a, b])
         turned = 2 * np.hypot(*robot.mount[:2])
@@ -219,7 +218,7 @@ class TransitPlanner:
 
     def swung(self, here: Pose, there: Pose, _: int) -> list[Pose] | None:
         """States strictly between two postures on a base that stands: straight, or by the carry posture."""
-        for between in ((), (lifted(self.world.robot, here), lifted(self.world.robot, there))):
+        for between in ((), (lifted(self.scene.robot, here), lifted(self.scene.robot, there))):
             stations = distinct([here, *between, there])
             way = [row for a, b in pairwise(stations) for row in [*arm_states(a, b), b]]
             if self.guard.passes([here, *way]):
@@ -256,7 +255,7 @@ class TransitPlanner:
         """Fold where the robot stands, drive in the carry posture, unfold; short ways without folding."""
         if len(route) <= 2:
             return self.driver.states(here, there, route)
-        raised, lowered = lifted(self.world.robot, here), lifted(self.world.robot, there)
+        raised, lowered = lifted(self.scene.robot, here), lifted(self.scene.robot, there)
         drive = self.driver.states(raised, lowered, route)
         return [*arm_states(here, raised), raised, *drive, lowered, *arm_states(lowered, there)]
 
@@ -277,7 +276,7 @@ class TransitPlanner:
         """The shortest clear way from a pose to the carry posture: back with a still arm, then fold."""
         for far in WITHDRAWALS:
             for back in self.driver.retreats(here, far, piece):
-                folded = lifted(self.world.robot, back[-1])
+                folded = lifted(self.scene.robot, back[-1])
                 way = [*back, *arm_states(back[-1], folded), folded]
                 if self.guard.passes([here, *way]):
                     return way
@@ -317,6 +316,7 @@ class WholeBodyPlanner:
     informed set of Gammell, Srinivasa and Barfoot, Informed RRT*, 2014.
     """
 
+    scene: Scene
     guard: Guard
     driver: Driver
     piece: int
@@ -346,24 +346,24 @@ class WholeBodyPlanner:
     def _row(self, pose: Pose, near: Pose) -> Array:
         """A pose as axis, heading and joints in one row, the heading within half a turn of another's."""
         yaw = near.base[2] + displacement(near.base, pose.base)[2]
-        return np.array([*axis_of(self.guard.world.robot, pose.base), yaw, *pose.joints])
+        return np.array([*axis_of(self.scene.robot, pose.base), yaw, *pose.joints])
 
     def _pose(self, q: Array) -> Pose:
         """Pose of a row as `_row` makes them, its heading the fixed one where the rules ask for that."""
-        world = self.guard.world
-        start = world.start if world.rules.heading == "fixed" else None
+        scene = self.scene
+        start = scene.start if scene.rules.heading == "fixed" else None
         yaw = q[2] if start is None else start.base[2]
-        return Pose(pose_of(world.robot, q[:2], float(yaw)), q[3:])
+        return Pose(pose_of(scene.robot, q[:2], float(yaw)), q[3:])
 
     def _box(self, start: Array, goal: Array) -> tuple[Array, Array]:
         """Bounds to sample within: the floor's extent, a turn about the start's heading, joint limits."""
         ends = np.stack([start, goal])
         low, high = ends.min(axis=0), ends.max(axis=0)
-        world, extent = self.guard.world, self.driver.extent(self.piece)
-        reach = self.most / 2 + np.hypot(*world.robot.mount[:2])
+        scene, extent = self.scene, self.driver.extent(self.piece)
+        reach = self.most / 2 + np.hypot(*scene.robot.mount[:2])
         low[:2] = np.maximum(extent[0], ends[:, :2].mean(axis=0) - reach)
         high[:2] = np.minimum(extent[1], ends[:, :2].mean(axis=0) + reach)
-        if world.rules.heading != "fixed":
+        if scene.rules.heading != "fixed":
             low[2], high[2] = start[2] - np.pi, start[2] + np.pi
-        low[3:], high[3:] = joint_box(world.robot.chain, start[3:], goal[3:])
+        low[3:], high[3:] = joint_box(scene.robot.chain, start[3:], goal[3:])
         return low, high

@@ -17,11 +17,10 @@ from regionik.parking.held_postures import PostureCarrier
 from regionik.parking.parking_areas import StopGroup
 from regionik.parking.placements import PlacementSearch
 from regionik.planners.coverage.tours import VisitingOrder, shortest_order, shortest_tour_of_sets
-from regionik.postures.arm_guard import guard_of
 from regionik.postures.arm_roadmap import HeldPostures
+from regionik.scene import Scene
 from regionik.worlds.arms import pivot_index
 from regionik.worlds.arrays import Array, Index
-from regionik.worlds.scene import World
 from regionik.worlds.speeds import Speeds
 
 FAMILIES = 8  # of postures that are looked for
@@ -39,11 +38,11 @@ def in_short_order(placements: PlacementSearch, group: StopGroup) -> tuple[StopG
     posture there are no others, and the tool keeps to its path where it can: the order is that of its way.
     """
     if group.held is not None:
-        held, tour = _toured(placements.world, group, group.held)
+        held, tour = _toured(placements.scene, group, group.held)
         setpoints = tuple(group.setpoints[n] for n in tour.order)
         return replace(group, setpoints=setpoints, held=held), tour
-    world = placements.world
-    spots = np.array([world.task[i].position for i in group.setpoints])
+    scene = placements.scene
+    spots = np.array([scene.task[i].position for i in group.setpoints])
     way = shortest_order(cdist(spots, spots)).order
     ordered = group.of(tuple(group.setpoints[n] for n in way))
     return ordered, _timed(placements, ordered)
@@ -54,23 +53,23 @@ def _timed(placements: PlacementSearch, group: StopGroup) -> VisitingOrder:
     placement = placements.widest(group)
     if placement is None:
         return VisitingOrder((), 0.0, 0.0)
-    pivot = pivot_index(placements.world.robot.chain)
+    pivot = pivot_index(placements.scene.robot.chain)
     joints = np.array([placements.joints_at(n, placement) for n in range(len(placement.setpoints))])
     joints[:, pivot] = placement.near[:, pivot]
-    far = _times(joints, _velocity(placements.world))
+    far = _times(joints, _velocity(placements.scene))
     length = float(np.diagonal(far, 1).sum())
     return VisitingOrder(tuple(range(len(far))), length, min(length, shortest_order(far).lower))
 
 
-def _velocity(world: World) -> Array:
+def _velocity(scene: Scene) -> Array:
     """Limit of the speed of each joint (dof,)."""
-    return (world.speeds or Speeds()).joint_limits(world.robot.chain)[0]
+    return (scene.world.speeds or Speeds()).joint_limits(scene.robot.chain)[0]
 
 
-def _toured(world: World, group: StopGroup, held: HeldPostures) -> tuple[HeldPostures, VisitingOrder]:
+def _toured(scene: Scene, group: StopGroup, held: HeldPostures) -> tuple[HeldPostures, VisitingOrder]:
     """Postures in the order of a tour, and the places of their set-points in the group by that order."""
-    carrier = PostureCarrier(world, guard_of(world), [world.task[i] for i in group.setpoints])
-    arm = _ArmTour(carrier, held, _velocity(world))
+    carrier = PostureCarrier(scene.world, scene.guard, [scene.task[i] for i in group.setpoints])
+    arm = _ArmTour(carrier, held, _velocity(scene))
     chosen, tour = arm.proven(arm.led_on(arm.branches()))
     return replace(held, joints=chosen.joints), replace(tour, order=tuple(chosen.owner.tolist()))
 

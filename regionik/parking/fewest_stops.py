@@ -9,13 +9,11 @@ left aside; the same count over outer areas is a bound that no base falls below.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
 
 import numpy as np
 import shapely
 
 from regionik.areas.layers import Geometries
-from regionik.areas.reachable import model_of
 from regionik.areas.standing import Index
 from regionik.explain.changes import smaller_circle
 from regionik.explain.constraints import no_way_to, rounded_down, setpoint_at
@@ -43,16 +41,17 @@ from regionik.planners.geometry.offsets import shrunk
 from regionik.planners.progress import track
 from regionik.pruning import cut_off_from
 from regionik.regions import outer_areas, round_outer_areas, ways_to_stand
+from regionik.scene import Scene
 from regionik.worlds.arrays import Array, Mask
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
-from regionik.worlds.scene import Target, World
+from regionik.worlds.scene import Target
 
 Unserved = tuple[list[int], ParkingAreas]  # set-points without a place to park, and the areas
 
 SURE = 0.99  # of a circle, that the rounding of shrunk areas leaves a place for
 
 
-def park(world: World) -> Parking:
+def park(scene: Scene) -> Parking:
     """Fewest stops for a world's set-points, in their order or in any.
 
     Raises
@@ -60,34 +59,34 @@ def park(world: World) -> Parking:
     NoPlanFound
         Where a set-point has no place to park.
     """
-    return park_in_any_order(world) if world.rules.order == "any" else park_in_order(world)
+    return park_in_any_order(scene) if scene.rules.order == "any" else park_in_order(scene)
 
 
-def park_in_order(world: World) -> Parking:
+def park_in_order(scene: Scene) -> Parking:
     """Stops that each go on for as long as they can, which makes them fewest (`fewest_runs`).
 
     Ways to stand and to face come in one after the other until the bound from outer areas is met.
     """
     best: Parking | None = None
     refused = list[Unserved]()
-    for standing, facings in ways_to_stand(world):
-        for parking_areas in parking_areas_on(world, standing(world), facings):
+    for standing, facings in ways_to_stand(scene):
+        for parking_areas in parking_areas_on(scene, standing, facings):
             groups = parking_areas.groups()
             done = groups[-1].setpoints[-1] + 1 if groups else 0
-            if done < len(world.task):
+            if done < len(scene.task):
                 refused.append(_unserved(parking_areas))
             elif best is None or len(groups) < len(best.groups):
                 best = Parking(parking_areas, tuple(groups), 1)
-        if best is not None and (len(best.groups) == 1 or len(best.groups) <= _fewest_outer_runs(world)):
+        if best is not None and (len(best.groups) == 1 or len(best.groups) <= scene.once(_fewest_outer_runs)):
             break
     if best is None:
-        raise NoPlanFound(_no_rooms(world, refused))
-    lower = 1 if len(best.groups) == 1 else _fewest_outer_runs(world)
+        raise NoPlanFound(_no_rooms(scene, refused))
+    lower = 1 if len(best.groups) == 1 else scene.once(_fewest_outer_runs)
     known: dict[str, int | bool | str] = {"lower_bound": lower, "bound": "outer areas"}
     return Parking(best.parking_areas, best.groups, lower, known)
 
 
-def park_in_any_order(world: World) -> Parking:
+def park_in_any_order(scene: Scene) -> Parking:
     """Fewest stops in any order: the least cover of the set-points by faces of their areas' overlay.
 
     Headings by slab come in only where a set-point has no place at every heading. Where a place gives the arm
@@ -95,29 +94,29 @@ def park_in_any_order(world: World) -> Parking:
     headings at which the base fits.
     """
     refused = list[Unserved]()
-    exact = all(model_of(world, target).exact for target in world.task)
-    ways = list(ways_to_stand(world))[1::2]
+    exact = all(scene.model(target).exact for target in scene.task)
+    ways = list(ways_to_stand(scene))[1::2]
     for standing, facings in ways if exact else ways[-1:]:
         found: list[ParkingAreas] = []
-        for parking_areas in parking_areas_on(world, standing(world), facings):
+        for parking_areas in parking_areas_on(scene, standing, facings):
             unserved = _unserved(parking_areas)
             if unserved[0]:
                 refused.append(unserved)
             else:
                 found.append(parking_areas)
         if found and exact:
-            return min((_covered(world, areas) for areas in found), key=lambda one: len(one.groups))
+            return min((_covered(scene, areas) for areas in found), key=lambda one: len(one.groups))
         if found:
-            return _bounded(world, found)
-    raise NoPlanFound(_no_rooms(world, refused))
+            return _bounded(scene, found)
+    raise NoPlanFound(_no_rooms(scene, refused))
 
 
-def _covered(world: World, parking_areas: ParkingAreas) -> Parking:
+def _covered(scene: Scene, parking_areas: ParkingAreas) -> Parking:
     """The least cover, every set-point assigned to one of the faces that meet it."""
     sides = parking_areas.sides
     known = np.column_stack([parking_areas.areas_at(s) for s in sides])
-    groups, part, faces, cover = _least(world, parking_areas, range(len(world.task)))
-    lower = _fewest_by_outer_areas(world, known, cover.apart, len(cover.chosen))
+    groups, part, faces, cover = _least(scene, parking_areas, range(len(scene.task)))
+    lower = _fewest_by_outer_areas(scene, known, cover.apart, len(cover.chosen))
     told: dict[str, int | bool | str] = {
         "lower_bound": lower, "bound": "outer areas",
         "fewest_of_inner_areas": cover.lower, "apart": len(cover.apart), "faces": len(faces.polygon),
@@ -127,44 +126,44 @@ def _covered(world: World, parking_areas: ParkingAreas) -> Parking:
     return Parking(parking_areas, groups, lower, told, spots)
 
 
-def _bounded(world: World, found: Sequence[ParkingAreas]) -> Parking:
+def _bounded(scene: Scene, found: Sequence[ParkingAreas]) -> Parking:
     """The bound alone, the same on every piece of floor.
 
     It is of the set-points of which no place is in two outer areas, and of more that need it.
     """
-    outer = np.array(round_outer_areas(world, world.task, coarse=True), dtype=object)
-    lower = _fewest_by_outer_areas(world, outer[:, None], apart_areas(outer), len(world.task))
+    outer = np.array(round_outer_areas(scene, scene.task, coarse=True), dtype=object)
+    lower = _fewest_by_outer_areas(scene, outer[:, None], apart_areas(outer), len(scene.task))
     told: dict[str, int | bool | str] = {"lower_bound": lower, "bound": "outer areas"}
     return Parking(found[0], (), lower, told, elsewhere=tuple(found[1:]))
 
 
-def covering_groups(world: World, parking_areas: ParkingAreas, some: Sequence[int]) -> tuple[StopGroup, ...]:
+def covering_groups(scene: Scene, parking_areas: ParkingAreas, some: Sequence[int]) -> tuple[StopGroup, ...]:
     """Fewest stops of which areas know that each serves its share of some set-points, in any order."""
-    return _least(world, parking_areas, some)[0] if some else ()
+    return _least(scene, parking_areas, some)[0] if some else ()
 
 
 def _least(
-    world: World, parking_areas: ParkingAreas, some: Sequence[int]
+    scene: Scene, parking_areas: ParkingAreas, some: Sequence[int]
 ) -> tuple[tuple[StopGroup, ...], Index, OverlayFaces, SetCover]:
     """The least cover of some set-points, as stops and as `least_cover_by_faces` has it."""
     sides, own = np.array(parking_areas.sides, dtype=np.intp), list(some)
     part, faces, cover = least_cover_by_faces([parking_areas.areas_at(s)[own] for s in sides.tolist()])
-    groups = _assigned([world.task[i] for i in own], own, faces, sides[part], cover, parking_areas)
+    groups = _assigned([scene.task[i] for i in own], own, faces, sides[part], cover, parking_areas)
     return tuple(groups), part, faces, cover
 
 
-def _fewest_by_outer_areas(world: World, known: Geometries, apart: Sequence[int], enough: int) -> int:
+def _fewest_by_outer_areas(scene: Scene, known: Geometries, apart: Sequence[int], enough: int) -> int:
     """Lower bound of the stops in any order, whatever the headings and postures; up to ``enough`` is asked.
 
     No base does all set-points with fewer stops than some of them need. So outer areas, which take long, are
     made for those of which no place serves two, and then only for more that the places found so far miss, by
     areas that are known of each (n, k).
     """
-    rows = np.arange(0, len(world.task), stride(len(world.task)))
+    rows = np.arange(0, len(scene.task), stride(len(scene.task)))
     asked, outer, more = list[int](), np.empty(0, dtype=object), list(apart)
     while True:
         asked += more
-        outer = np.concatenate([outer, _outer_places(world, [world.task[i] for i in more])])
+        outer = np.concatenate([outer, _outer_places(scene, [scene.task[i] for i in more])])
         faces = overlay_faces(outer)
         bound = least_cover(faces.inside)
         spots = shapely.get_coordinates(shapely.point_on_surface(faces.polygon[list(bound.chosen)]))
@@ -203,15 +202,14 @@ def _assigned(
     return groups
 
 
-def _outer_places(world: World, task: Sequence[Target]) -> Geometries:
+def _outer_places(scene: Scene, task: Sequence[Target]) -> Geometries:
     """Places to park for each target, bounded from outside."""
-    return shrunk_by_circle(np.array(outer_areas(world, task), dtype=object), world, outside=True)
+    return shrunk_by_circle(np.array(outer_areas(scene, task), dtype=object), scene, outside=True)
 
 
-@lru_cache(maxsize=8)
-def _fewest_outer_runs(world: World) -> int:
+def _fewest_outer_runs(scene: Scene) -> int:
     """Lower bound of the stops in the given order, whatever the headings and postures."""
-    areas, count = _outer_places(world, world.task), len(world.task)
+    areas, count = _outer_places(scene, scene.task), len(scene.task)
     back = [[i - 1] if i else [] for i in range(count)]
     return len(fewest_runs(areas, np.arange(count + 1), back))
 
@@ -223,34 +221,34 @@ def _unserved(parking_areas: ParkingAreas) -> Unserved:
     return [i for i in range(ladder.count) if i not in held], parking_areas
 
 
-def _no_rooms(world: World, refused: Sequence[Unserved]) -> Explanation:
+def _no_rooms(scene: Scene, refused: Sequence[Unserved]) -> Explanation:
     """Explanation of all set-points without a place to park, on the floor where they are fewest."""
     if not refused:
-        return together([no_place(world, i) for i in range(len(world.task))])
+        return together([no_place(scene, i) for i in range(len(scene.task))])
     # Of as few the last, whose floor is the fullest.
     empty, parking_areas = min(reversed(refused), key=lambda one: len(one[0]))
-    return together([no_room(world, i, parking_areas) for i in track("reasons", empty)])
+    return together([no_room(scene, i, parking_areas) for i in track("reasons", empty)])
 
 
-def no_room(world: World, i: int, parking_areas: ParkingAreas) -> Explanation:
+def no_room(scene: Scene, i: int, parking_areas: ParkingAreas) -> Explanation:
     """Explanation of a set-point i without a place to park."""
     ladder = parking_areas.ladder
     span = slice(int(ladder.rungs[i]), int(ladder.rungs[i + 1]))
     every = ladder.component[span]
     if not len(every):
-        return no_place(world, i)
+        return no_place(scene, i)
     if not parking_areas.usable[span].any():
-        return cut_off_from(world, i, parking_areas.piece, ladder, parking_areas.standing)
+        return cut_off_from(scene, i, parking_areas.piece, ladder, parking_areas.standing)
     widest = max(radius(area) for area in every[parking_areas.usable[span]])
-    wanted = world.rules.stop_tolerance
-    who = setpoint_at(world.task, i)
+    wanted = scene.rules.stop_tolerance
+    who = setpoint_at(scene.task, i)
     circle = f"circle of radius {wanted:.4f} m to park in"
-    proven = shrunk(outer_areas(world, [world.task[i]])[0], wanted, outside=True).is_empty
+    proven = shrunk(outer_areas(scene, [scene.task[i]])[0], wanted, outside=True).is_empty
     reason = f"{who} can be reached, but the base has no {circle}; the largest has {widest:.4f} m."
     if not proven:
         reason = f"{no_way_to(who)} from a {circle}; the largest known has {widest:.4f} m, and outer areas "
         reason += "leave room for one."
     left = rounded_down(SURE * widest, 4)
     reason += f" A stop_tolerance of at most {left:.4f} m would do."
-    causes, repairs = (Cause("floor", "room to park", wanted - widest),), (smaller_circle(world, left),)
+    causes, repairs = (Cause("floor", "room to park", wanted - widest),), (smaller_circle(scene, left),)
     return Explanation("unreachable" if proven else "undecided", i, reason, causes, repairs)

@@ -20,8 +20,9 @@ from regionik.planners.geometry.offsets import shrunk
 from regionik.postures.arm_roadmap import HeldPostures
 from regionik.postures.poses import axis_of
 from regionik.regions import path_areas
+from regionik.scene import Scene
 from regionik.worlds.arrays import Array
-from regionik.worlds.scene import Order, World
+from regionik.worlds.scene import Order
 
 LEAST = 1e-3  # radius of the circle that is shown around a pose, where none is asked for [m]
 
@@ -204,14 +205,14 @@ class Parking:
         return {"count": count, "proven_fewest": count <= self.lower, **self.known}
 
 
-def parking_areas_on(world: World, standing: Standing, facings: tuple[int, ...]) -> list[ParkingAreas]:
+def parking_areas_on(scene: Scene, standing: Standing, facings: tuple[int, ...]) -> list[ParkingAreas]:
     """Areas on each piece of floor that the base may be on."""
-    areas = path_areas(world, facings=facings, standing=standing)
-    ladder = build_ladder(areas, len(world.task), standing)
-    narrow = shrunk_by_circle(ladder.component, world, outside=False)
+    areas = path_areas(scene, facings=facings, standing=standing)
+    ladder = build_ladder(areas, len(scene.task), standing)
+    narrow = shrunk_by_circle(ladder.component, scene, outside=False)
     back = _linked(ladder)
     found = []
-    for piece in _pieces(world, standing, ladder):
+    for piece in _pieces(scene, standing, ladder):
         usable = ladder.floor == piece
         own = narrow.copy()
         own[~usable] = shapely.Polygon()
@@ -219,11 +220,11 @@ def parking_areas_on(world: World, standing: Standing, facings: tuple[int, ...])
     return found
 
 
-def reordered(world: World, parking_areas: ParkingAreas, order: Sequence[int]) -> ParkingAreas:
+def reordered(scene: Scene, parking_areas: ParkingAreas, order: Sequence[int]) -> ParkingAreas:
     """Parking areas for a world of the same set-points in another order, by the index that each had."""
     areas, standing, place = parking_areas.areas, parking_areas.standing, np.argsort(order)
     moved = areas.sorted_by(place[areas.target])
-    ladder = build_ladder(moved, len(world.task), standing)
+    ladder = build_ladder(moved, len(scene.task), standing)
     by = np.argsort(
         place[parking_areas.ladder.target], kind="stable"
     )  # as rows of areas, so their components
@@ -242,17 +243,17 @@ def _linked(ladder: Ladder) -> tuple[tuple[int, ...], ...]:
     return tuple(map(tuple, back))
 
 
-def _pieces(world: World, standing: Standing, ladder: Ladder) -> list[int]:
+def _pieces(scene: Scene, standing: Standing, ladder: Ladder) -> list[int]:
     """Pieces of free floor that the base may work on: the one it starts on, or any."""
-    if world.start is None:
+    if scene.start is None:
         return sorted(set(ladder.floor.tolist()) - {-1})
-    piece = standing.piece_at(axis_of(world.robot, world.start.base), float(world.start.base[2]))
+    piece = standing.piece_at(axis_of(scene.robot, scene.start.base), float(scene.start.base[2]))
     return [] if piece is None else [piece]
 
 
-def shrunk_by_circle(shapes: Geometries, world: World, *, outside: bool) -> Geometries:
+def shrunk_by_circle(shapes: Geometries, scene: Scene, *, outside: bool) -> Geometries:
     """Places whose circle to park in lies in a shape, bounded from outside or from inside."""
-    by = world.rules.stop_tolerance
+    by = scene.rules.stop_tolerance
     if by == 0.0:
         return shapes
     return np.array([shrunk(shape, by, outside=outside) for shape in shapes], dtype=object)

@@ -17,18 +17,17 @@ from shapely.affinity import translate
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import ground_of
 from regionik.areas.layers import GUARD
 from regionik.areas.reach_model import ReachQuery
-from regionik.areas.reachable import rows_of
 from regionik.explain.constraints import setpoint_at
 from regionik.planners.driving.heading_slabs import convex_scene, free_at_all, outline_scene
 from regionik.planners.geometry.offsets import shrunk
 from regionik.postures.poses import axis_of
+from regionik.reach_rows import rows_of
+from regionik.scene import Scene
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation
 from regionik.worlds.execution import ParkingAccuracy
-from regionik.worlds.scene import World
 
 DEVIATIONS = 5.5  # on either side of the stop within which poses count
 FIRST, MOST = 12, 96  # slices of yaw at first, and at most
@@ -42,47 +41,47 @@ LEAST_VARIANCE = 1e-14  # added in both directions, so that none is zero [m2]
 ON_EDGE = 1e-200  # distance of an edge from the mean that counts as none, in standard deviations
 
 
-def parking_probability(world: World, base: Array, setpoints: tuple[int, ...]) -> float:
+def parking_probability(scene: Scene, base: Array, setpoints: tuple[int, ...]) -> float:
     """Return a proven lower bound of the probability that a stop is good after parking.
 
     Good is a pose from which the arm reaches all the set-points within its limits, and at which the footprint
     keeps its clearance and the floor. The arm's clearance is not looked at. The base is to park at a pose
     (3,), in a world with ``rules.parking``.
     """
-    error = _PoseError.of(world)
+    error = _PoseError.of(scene)
     count = max(FIRST, int(np.ceil(DEVIATIONS * error.yaw / WIDEST)))
-    found = _summed(world, base, setpoints, count, proven=True)
+    found = _summed(scene, base, setpoints, count, proven=True)
     while error.yaw > 0 and count < MOST:
         count *= 2
-        better = max(found, _summed(world, base, setpoints, count, proven=True))
+        better = max(found, _summed(scene, base, setpoints, count, proven=True))
         gain, found = better - found, better
         if gain < GAIN:
             break
     return max(found - ROUNDING, 0.0)
 
 
-def likely_parking_probability(world: World, base: Array, setpoints: tuple[int, ...]) -> float:
+def likely_parking_probability(scene: Scene, base: Array, setpoints: tuple[int, ...]) -> float:
     """Return `parking_probability` as the middles of few slices have it: an estimate, not a bound."""
-    return _summed(world, base, setpoints, FEW, proven=False)
+    return _summed(scene, base, setpoints, FEW, proven=False)
 
 
-def is_probable(world: World, base: Array, setpoints: tuple[int, ...]) -> bool:
+def is_probable(scene: Scene, base: Array, setpoints: tuple[int, ...]) -> bool:
     """True where a stop is proven to be as probably good after parking as the rules ask."""
-    asked = world.rules.parking
+    asked = scene.rules.parking
     if asked is None or asked.probability is None:
         return True
-    if likely_parking_probability(world, base, setpoints) < asked.probability - LIKELY:
+    if likely_parking_probability(scene, base, setpoints) < asked.probability - LIKELY:
         return False
-    return parking_probability(world, base, setpoints) >= asked.probability
+    return parking_probability(scene, base, setpoints) >= asked.probability
 
 
-def not_probable(world: World, i: int, base: Array) -> Explanation:
+def not_probable(scene: Scene, i: int, base: Array) -> Explanation:
     """Explain that set-point i has no place that is probable enough, by the best pose that was found."""
-    asked = world.rules.parking
+    asked = scene.rules.parking
     least = asked.probability if asked and asked.probability else 0.0
-    known = parking_probability(world, base, (i,))
+    known = parking_probability(scene, base, (i,))
     reason = (
-        f"{setpoint_at(world.task, i)}: a place to park is asked for that is good with a probability of "
+        f"{setpoint_at(scene.task, i)}: a place to park is asked for that is good with a probability of "
         f"{least:g}; the best that was found is proven to be with {known:.4f}. "
         "A smaller covariance or probability of rules.parking would do."
     )
@@ -97,8 +96,8 @@ class _PoseError(NamedTuple):
     covariance: Array  # (2, 2) of x and y at a given yaw [m2]
 
     @classmethod
-    def of(cls, world: World) -> _PoseError:
-        C = np.array((world.rules.parking or ParkingAccuracy(np.zeros((3, 3)))).covariance)
+    def of(cls, scene: Scene) -> _PoseError:
+        C = np.array((scene.rules.parking or ParkingAccuracy(np.zeros((3, 3)))).covariance)
         variance = float(C[2, 2])
         slope = C[:2, 2] / variance if variance > 0 else np.zeros(2)
         return cls(float(np.sqrt(variance)), slope, C[:2, :2] - variance * np.outer(slope, slope))
@@ -116,9 +115,9 @@ class _PoseError(NamedTuple):
         return self.yaw * ends, np.diff(ndtr(ends))
 
 
-def _summed(world: World, base: Array, setpoints: tuple[int, ...], count: int, *, proven: bool) -> float:
+def _summed(scene: Scene, base: Array, setpoints: tuple[int, ...], count: int, *, proven: bool) -> float:
     """Sum over slices of yaw, of places that are good in all of each, or else in its middle."""
-    error = _PoseError.of(world)
+    error = _PoseError.of(scene)
     ends, weights = error.slices(count)
     far = DEVIATIONS * np.sqrt(np.maximum(np.diag(error.covariance), 0.0)) + GUARD
     total = 0.0
@@ -127,44 +126,44 @@ def _summed(world: World, base: Array, setpoints: tuple[int, ...], count: int, *
         mean = base[:2] + error.slope * middle
         drift = half * float(np.hypot(*error.slope))  # of the mean, in the slice
         window = shapely.box(*(mean - far - drift), *(mean + far + drift))
-        places = _good_places(world, setpoints, float(base[2]) + middle, half, window)
+        places = _good_places(scene, setpoints, float(base[2]) + middle, half, window)
         places = shrunk(places, drift, outside=False) if drift else places
         total += float(weight) * normal_probability(places, mean, error.covariance)
     return total
 
 
 def _good_places(
-    world: World, setpoints: tuple[int, ...], yaw: float, half: float, window: Polygon
+    scene: Scene, setpoints: tuple[int, ...], yaw: float, half: float, window: Polygon
 ) -> BaseGeometry:
     """Places of the base in a window that are good at all headings within ``half`` of a yaw."""
-    free = _reaching(world, setpoints, yaw, half, window)
+    free = _reaching(scene, setpoints, yaw, half, window)
     if free.is_empty:
         return free
-    outline, (x0, y0, x1, y1) = world.robot.footprint, free.bounds
+    outline, (x0, y0, x1, y1) = scene.robot.footprint, free.bounds
     far = float(np.hypot(*outline.T).max()) + GUARD
-    near = ground_of(world).cut_to(shapely.box(x0 - far, y0 - far, x1 + far, y1 + far))
+    near = scene.ground.cut_to(shapely.box(x0 - far, y0 - far, x1 + far, y1 + far))
     if near.floor.is_empty:
         return near.floor
     keep, ends = near.clearance + GUARD, (yaw - half, yaw + half)
     good = free_at_all(convex_scene(outline, near.floor, near.shadows, keep, window=free), *ends)
-    for upper in near.upper(world.robot.mount[:2]):
+    for upper in near.upper(scene.robot.mount[:2]):
         good &= free_at_all(outline_scene(upper, near.floor), *ends)
     return good
 
 
 def _reaching(
-    world: World, setpoints: tuple[int, ...], yaw: float, half: float, window: Polygon
+    scene: Scene, setpoints: tuple[int, ...], yaw: float, half: float, window: Polygon
 ) -> BaseGeometry:
     """Places of the base in a window from which all set-points are in reach, as `_good_places` has them."""
-    errors, axis = world.rules.errors, axis_of(world.robot, np.array([0.0, 0.0, yaw]))
+    errors, axis = scene.rules.errors, axis_of(scene.robot, np.array([0.0, 0.0, yaw]))
     # A fixed heading would have the reach of some arms sampled; that of the query is as fixed, and proven.
     turning = replace(errors, heading_error=errors.heading_error + half)
-    rules = replace(world.rules, heading="free", execution=turning)
-    off = world.axis_error + half * float(np.hypot(*axis))
+    rules = replace(scene.rules, heading="free", execution=turning)
+    off = scene.world.axis_error + half * float(np.hypot(*axis))
     axes = translate(window, *axis).buffer(off, join_style="mitre")
     query = ReachQuery(rules, GUARD, (yaw, yaw), arcs=ARCS, proven=True, window=axes.bounds)
-    targets = [world.task[i] for i in setpoints]
-    which, _, shapes = rows_of(world, targets, query)
+    targets = [scene.task[i] for i in setpoints]
+    which, _, shapes = rows_of(scene, targets, query)
     shapes = shapely.intersection(shapes, axes)
     areas = [shapely.union_all(shapes[which == n]) for n in range(len(targets))]
     common = shapely.intersection_all(areas)

@@ -18,9 +18,9 @@ from regionik.ladder import Ladder
 from regionik.mfabrik import solver_for
 from regionik.postures.families import BACK, Family
 from regionik.postures.poses import pose_of
+from regionik.scene import Scene
 from regionik.worlds.arms import pivot_index
 from regionik.worlds.arrays import Array, Index
-from regionik.worlds.scene import World
 
 TURN = 1e-9  # rounding of headings [rad]
 TINY = 1e-12  # distance below which a target is on the pivot's axis [m]
@@ -40,7 +40,7 @@ class Turns(NamedTuple):
 class PivotTurns:
     """Turns of the pivot of a world's arm, at places in its parking areas."""
 
-    world: World
+    scene: Scene
     standing: Standing
     ladder: Ladder
     narrow: Geometries  # (m,) components of the ladder shrunk by the circle to park in
@@ -54,17 +54,17 @@ class PivotTurns:
         components, rooms = self._deepest(setpoints, axis, side)
         if (components < 0).all(axis=0).any():
             return None
-        away = np.array([self.world.task[i].position[:2] for i in setpoints]) - axis
+        away = np.array([self.scene.task[i].position[:2] for i in setpoints]) - axis
         off, bearing = np.hypot(*away.T), np.arctan2(away[:, 1], away[:, 0])
         zero = [self._plane_zero(setpoints, row, axis) for row in components]
         planes = bearing + np.array(zero)[:, None]
-        joint = self.world.robot.chain.active_joints[pivot_index(self.world.robot.chain)]
+        joint = self.scene.robot.chain.active_joints[pivot_index(self.scene.robot.chain)]
         span, wide = self.standing.sides[side].span, joint.upper - joint.lower
         if wide >= 2 * np.pi:
             yaws, pivoted = np.array([into_span(0.0, span)]), np.full((1, *planes.shape), np.inf)
         else:
             spare = (
-                np.arcsin(np.clip(self.world.rules.stop_tolerance / np.maximum(off, TINY), 0.0, 1.0)) + TURN
+                np.arcsin(np.clip(self.scene.rules.stop_tolerance / np.maximum(off, TINY), 0.0, 1.0)) + TURN
             )
             ends = np.unique(np.mod([planes - joint.upper + spare, planes - joint.lower - spare], 2 * np.pi))
             between = (ends + np.append(ends[1:], ends[0] + 2 * np.pi)) / 2
@@ -101,11 +101,11 @@ class PivotTurns:
             return 0.0
         facing = self.ladder.family[int(components[known[0]])].facing
         if facing not in self._zeros:
-            target = self.world.task[setpoints[int(known[0])]]
-            away, pivot = target.position[:2] - axis, pivot_index(self.world.robot.chain)
-            solver = replace(solver_for(self.world, Family(facing)), heading="free")
-            base = pose_of(self.world.robot, axis, 0.0)
-            found = solver.hold(target.position, base, self.world.robot.carry)
+            target = self.scene.task[setpoints[int(known[0])]]
+            away, pivot = target.position[:2] - axis, pivot_index(self.scene.robot.chain)
+            solver = replace(solver_for(self.scene, Family(facing)), heading="free")
+            base = pose_of(self.scene.robot, axis, 0.0)
+            found = solver.hold(target.position, base, self.scene.robot.carry)
             plane = float(found.base[2] + found.joints[pivot])
             self._zeros[facing] = plane - float(np.arctan2(away[1], away[0]))
         return self._zeros[facing]

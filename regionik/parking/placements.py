@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from itertools import chain, islice
 
 import numpy as np
 import shapely
 from shapely.geometry import Point
 
-from regionik.areas.reachable import model_of
 from regionik.areas.standing import away, into_span, spread, stands_about
 from regionik.mfabrik import Solver, solver_for
 from regionik.parking.held_postures import PostureCarrier
@@ -25,16 +24,15 @@ from regionik.parking.parking_probability import (
 from regionik.parking.pivot_turns import ON_EDGE, PivotTurns, gathered
 from regionik.planners.coverage.set_cover import undominated
 from regionik.planners.solvers.serial_chain import chain_frames, chain_jacobian, serial_arm
-from regionik.postures.arm_guard import guard_of
 from regionik.postures.arm_roadmap import ArmRoadmap, HeldPostures
 from regionik.postures.families import Family
 from regionik.postures.poses import Pose, axis_of, pose_of
+from regionik.scene import Scene
 from regionik.values import Configuration, Stop
 from regionik.worlds.arms import pivot_index
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import NoPlanFound
-from regionik.worlds.scene import World
 
 PLACES = 24  # of a stop that are looked at before the best is bettered
 TRIED, ROOMIEST = 48, 3  # poses of a stop that are asked whether they serve all of it, first for room
@@ -58,12 +56,12 @@ class BasePlacement:
     tolerance: float  # radius of the circle in which all this holds [m]
     roadmap: ArmRoadmap | None = None  # of ways between the postures, where those are known
 
-    def stop(self, world: World, setpoints: tuple[int, ...] = ()) -> Stop:
+    def stop(self, scene: Scene, setpoints: tuple[int, ...] = ()) -> Stop:
         """The placement as a plan tells it, for all its set-points or for some."""
         served, likely = setpoints or self.setpoints, None
-        if world.rules.parking is not None:
-            likely = parking_probability(world, self.base, served)
-        return Stop(self.base, served, self.tolerance, world.rules.stop_criterion, likely)
+        if scene.rules.parking is not None:
+            likely = parking_probability(scene, self.base, served)
+        return Stop(self.base, served, self.tolerance, scene.rules.stop_criterion, likely)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,14 +72,14 @@ class PlacementSearch:
     placement are served, and the criterion chooses among placements that serve just these.
     """
 
-    world: World
+    scene: Scene
     parking_areas: ParkingAreas
     _widest: dict[StopGroup, BasePlacement | None] = field(default_factory=dict)
 
     @cached_property
     def _pivot(self) -> PivotTurns:
         areas = self.parking_areas
-        return PivotTurns(self.world, areas.standing, areas.ladder, areas.narrow)
+        return PivotTurns(self.scene, areas.standing, areas.ladder, areas.narrow)
 
     def best(self, group: StopGroup, at: Array | None = None) -> BasePlacement | None:
         """Best placement of a stop, with the arm axis at (2,) where the criterion wants it there [m].
@@ -91,32 +89,32 @@ class PlacementSearch:
         most probable is taken, of as many set-points as can be; `NoPlanFound` where the first alone is not.
         """
         wanted = self._by_criterion(group, at)
-        if wanted is None or is_probable(self.world, wanted.base, wanted.setpoints):
+        if wanted is None or is_probable(self.scene, wanted.base, wanted.setpoints):
             return wanted
         found: BasePlacement | None = None
         enough, too_many = 0, len(wanted.setpoints) + 1
         while too_many - enough > 1:
             count = too_many - 1 if too_many > len(wanted.setpoints) else (enough + too_many) // 2
             tried = self._by_probability._by_criterion(self._first(group, wanted.setpoints[:count]), None)
-            if tried is not None and is_probable(self.world, tried.base, tried.setpoints):
+            if tried is not None and is_probable(self.scene, tried.base, tried.setpoints):
                 found, enough = tried, count
             else:
                 too_many = count
         if found is None:
-            raise NoPlanFound(not_probable(self.world, wanted.setpoints[0], (tried or wanted).base))
+            raise NoPlanFound(not_probable(self.scene, wanted.setpoints[0], (tried or wanted).base))
         return found
 
     def _first(self, group: StopGroup, setpoints: tuple[int, ...]) -> StopGroup:
         """Group of the first set-points of a stop, at all their places."""
         if group.poses is not None:
             return group.of(setpoints)
-        return self.parking_areas.group(setpoints, self.world.rules.order)
+        return self.parking_areas.group(setpoints, self.scene.rules.order)
 
     @cached_property
     def _by_probability(self) -> PlacementSearch:
         """The same search with the probability as its criterion."""
-        rules = replace(self.world.rules, stop_criterion="probability")
-        return replace(self, world=replace(self.world, rules=rules))
+        rules = replace(self.scene.rules, stop_criterion="probability")
+        return replace(self, scene=self.scene.changed(rules=rules))
 
     def _by_criterion(self, group: StopGroup, at: Array | None) -> BasePlacement | None:
         """Best placement by the criterion alone; see `best`."""
@@ -127,7 +125,7 @@ class PlacementSearch:
             return None
         if group.poses is not None:
             return self._best_of_poses(group, widest, at)
-        part, criterion = StopGroup(widest.setpoints, group.places), self.world.rules.stop_criterion
+        part, criterion = StopGroup(widest.setpoints, group.places), self.scene.rules.stop_criterion
         if at is not None:
             return self._served([self.at(part, at, s) for s in part.places], part) or widest
         if criterion in ("tolerance", "distance"):
@@ -175,7 +173,7 @@ class PlacementSearch:
         turns = self._pivot.turns(inside, axis, side) if inside else None
         if turns is None:
             return []
-        fits = np.unique(turns.room.max(axis=1) >= self.world.rules.stop_tolerance, axis=0)
+        fits = np.unique(turns.room.max(axis=1) >= self.scene.rules.stop_tolerance, axis=0)
         fits = fits[undominated(fits)]
         return [tuple(i for i, fit in zip(inside, row, strict=True) if fit) for row in fits.tolist()]
 
@@ -184,7 +182,7 @@ class PlacementSearch:
         some = [self._spread(group, s) for s in sorted(group.places)]
         for placement in self._on_poses(group) if group.poses is not None else chain(*some):
             leading = self._leading(placement, group)
-            if leading is None or not is_probable(self.world, leading.base, leading.setpoints):
+            if leading is None or not is_probable(self.scene, leading.base, leading.setpoints):
                 continue
             yield leading
 
@@ -200,10 +198,10 @@ class PlacementSearch:
     def _on(self, group: StopGroup, held: HeldPostures) -> BasePlacement:
         """Placement on a pose at which postures are held; they keep all round the circle that it tells."""
         base, some = held.base, tuple(group.setpoints[n] for n in held.served)
-        axis = axis_of(self.world.robot, base)
+        axis = axis_of(self.scene.robot, base)
         components = self.parking_areas.nearest(some, axis, float(base[2]))
-        targets = [self.world.task[i] for i in some]
-        carrier = PostureCarrier(self.world, guard_of(self.world), targets)
+        targets = [self.scene.task[i] for i in some]
+        carrier = PostureCarrier(self.scene.world, self.scene.guard, targets)
         room = carrier.widest_circle(base, held.joints, self._floor_around(axis, float(base[2])))
         return BasePlacement(some, components, axis, base, held.joints, room, held.roadmap)
 
@@ -216,7 +214,7 @@ class PlacementSearch:
         """Yield placements on poses of a stop, of so many far apart, that are proven to serve all of it."""
         poses = np.empty((0, 3)) if group.poses is None else group.poses
         carrier = PostureCarrier(
-            self.world, guard_of(self.world), [self.world.task[i] for i in group.setpoints]
+            self.scene.world, self.scene.guard, [self.scene.task[i] for i in group.setpoints]
         )
         every = np.arange(len(group.setpoints))
         for base in poses[farthest_first(poses, count)]:
@@ -239,7 +237,7 @@ class PlacementSearch:
 
     def _best_of_poses(self, group: StopGroup, widest: BasePlacement, at: Array | None) -> BasePlacement:
         """Best by the criterion of the placements on poses of a stop, or the one nearest to a place (2,)."""
-        if at is None and self.world.rules.stop_criterion in ("tolerance", "distance"):
+        if at is None and self.scene.rules.stop_criterion in ("tolerance", "distance"):
             return widest
         whole = islice(self._on_poses(group), CARRIED if self._is_slow else PLACES)
         found = [widest, *(one for one in whole if one.setpoints == widest.setpoints)]
@@ -275,10 +273,10 @@ class PlacementSearch:
         """Placement with the arm axis at a position of a stop; None where it is outside."""
         if depth(group.places[side], axis) < -1e-9:
             return None
-        if self.world.rules.order == "any" and self._gives_posture(group):
+        if self.scene.rules.order == "any" and self._gives_posture(group):
             faced = self._faced(group, axis, side)
             return None if faced is None else self._along(group, faced[0], axis, side, faced[1])
-        linked = self.world.rules.order == "given"
+        linked = self.scene.rules.order == "given"
         chain = self.parking_areas.deepest_chain(group.setpoints, axis, side, linked)
         return None if chain is None else self._along(group, chain, axis, side)
 
@@ -287,13 +285,15 @@ class PlacementSearch:
 
         It need not be in an area, as those of arms whose posture no place gives are not all that there is.
         """
-        sides, wanted = self.parking_areas.standing.sides, self.world.rules.stop_tolerance
-        if self._gives_posture(group) or not stands_about(self.world, pose.base, wanted):
+        sides, wanted = self.parking_areas.standing.sides, self.scene.rules.stop_tolerance
+        if self._gives_posture(group) or not stands_about(
+            self.scene.ground, self.scene.robot, pose.base, wanted
+        ):
             return None
-        axis, yaw = axis_of(self.world.robot, pose.base), float(pose.base[2])
+        axis, yaw = axis_of(self.scene.robot, pose.base), float(pose.base[2])
         side = min(range(len(sides)), key=lambda s: away(yaw, sides[s].span))
         carrier = PostureCarrier(
-            self.world, guard_of(self.world), [self.world.task[i] for i in group.setpoints]
+            self.scene.world, self.scene.guard, [self.scene.task[i] for i in group.setpoints]
         )
         chain = self.parking_areas.nearest_chain(group.setpoints, axis, side)
         joints = carrier.led_from(pose)
@@ -327,13 +327,13 @@ class PlacementSearch:
 
     @cached_property
     def _exact(self) -> list[bool]:
-        return [model_of(self.world, target).exact for target in self.world.task]
+        return [self.scene.model(target).exact for target in self.scene.task]
 
     def _by_pivot(
         self, group: StopGroup, chain: tuple[int, ...], axis: Array, side: int, known: float | None
     ) -> tuple[HeldPostures | None, float]:
         """The heading that suits the pivot at most set-points, amid its turns or one known, and room [m]."""
-        joint = self.world.robot.chain.active_joints[pivot_index(self.world.robot.chain)]
+        joint = self.scene.robot.chain.active_joints[pivot_index(self.scene.robot.chain)]
         middle = (joint.lower + joint.upper) / 2 if np.isfinite(joint.upper - joint.lower) else 0.0
         planes = self._planes(group, chain, axis)
         span = self.parking_areas.standing.sides[side].span
@@ -345,10 +345,10 @@ class PlacementSearch:
                 options.append((known, middle + np.mod(some - known - middle + np.pi, 2 * np.pi) - np.pi))
             rooms = [self._pivot_margin(group.setpoints[:count], axis, pivot) for _, pivot in options]
             yaw, pivot = options[int(np.argmax(rooms))]
-            if max(rooms) >= self.world.rules.stop_tolerance - ROUNDING:
-                base = pose_of(self.world.robot, axis, float(np.arctan2(np.sin(yaw), np.cos(yaw))))
-                near = np.tile(self.world.robot.carry, (count, 1))
-                near[:, pivot_index(self.world.robot.chain)] = pivot
+            if max(rooms) >= self.scene.rules.stop_tolerance - ROUNDING:
+                base = pose_of(self.scene.robot, axis, float(np.arctan2(np.sin(yaw), np.cos(yaw))))
+                near = np.tile(self.scene.robot.carry, (count, 1))
+                near[:, pivot_index(self.scene.robot.chain)] = pivot
                 return HeldPostures(base, tuple(range(count)), near, 0.0), max(rooms)
         return None, 0.0
 
@@ -357,11 +357,11 @@ class PlacementSearch:
     ) -> HeldPostures | None:
         """The heading from which most set-points are done."""
         span = self.parking_areas.standing.sides[side].span
-        solver = _any_heading_solver(self.world, self.parking_areas.ladder.family[chain[0]])
-        if self.world.rules.heading == "fixed":
+        solver = self.scene.once(_any_heading_solver, self.parking_areas.ladder.family[chain[0]])
+        if self.scene.rules.heading == "fixed":
             solver = replace(solver, span=span)
-        targets = [self.world.task[i] for i in group.setpoints]
-        carrier = PostureCarrier(self.world, guard_of(self.world), targets)
+        targets = [self.scene.task[i] for i in group.setpoints]
+        carrier = PostureCarrier(self.scene.world, self.scene.guard, targets)
         return carrier.best(solver, axis, span)
 
     def _faced(self, group: StopGroup, axis: Array, side: int) -> tuple[tuple[int, ...], float] | None:
@@ -374,7 +374,7 @@ class PlacementSearch:
             [turns.room[:, 0], turns.room[:, 1], mixed]
         )  # of one facing where that is as wide
         facings = np.concatenate([np.zeros_like(best), np.ones_like(best), best])
-        fits = rooms >= self.world.rules.stop_tolerance - ON_EDGE
+        fits = rooms >= self.scene.rules.stop_tolerance - ON_EDGE
         count = np.argmin(np.column_stack([fits, np.zeros(len(fits), dtype=bool)]), axis=1)
         spare = np.array([row[: max(n, 1)].min() for row, n in zip(rooms, count.tolist(), strict=True)])
         both = np.arange(len(rooms)) >= 2 * len(best)
@@ -385,22 +385,22 @@ class PlacementSearch:
 
     def _planes(self, group: StopGroup, chain: tuple[int, ...], axis: Array) -> Array:
         """Sum of base yaw and pivot that each set-point asks for, continuous along the path [rad]."""
-        base, pivot = pose_of(self.world.robot, axis, 0.0), pivot_index(self.world.robot.chain)
+        base, pivot = pose_of(self.scene.robot, axis, 0.0), pivot_index(self.scene.robot.chain)
         planes = []
         for i, k in zip(group.setpoints, chain, strict=True):
             found = self.posture(i, k, base)
             planes.append(found.base[2] + found.joints[pivot])
-        return np.unwrap(planes) if self.world.rules.order == "given" else gathered(np.array(planes))
+        return np.unwrap(planes) if self.scene.rules.order == "given" else gathered(np.array(planes))
 
     def posture(self, i: int, k: int, base: Array) -> Configuration:
         """Posture on set-point i with the arm axis held, whatever the heading."""
-        solver = _any_heading_solver(self.world, self.parking_areas.ladder.family[k])
-        return solver.hold(self.world.task[i], base, self.world.robot.carry)
+        solver = self.scene.once(_any_heading_solver, self.parking_areas.ladder.family[k])
+        return solver.hold(self.scene.task[i], base, self.scene.robot.carry)
 
     def _pivot_margin(self, setpoints: tuple[int, ...], axis: Array, pivot: Array) -> float:
         """Offset of the base at which the pivot gets to a limit, for arms in one plane [m]."""
-        joint = self.world.robot.chain.active_joints[pivot_index(self.world.robot.chain)]
-        spots = np.array([self.world.task[i].position[:2] for i in setpoints])
+        joint = self.scene.robot.chain.active_joints[pivot_index(self.scene.robot.chain)]
+        spots = np.array([self.scene.task[i].position[:2] for i in setpoints])
         left = np.minimum(pivot - joint.lower, joint.upper - pivot) + HEADING
         off = np.hypot(*(spots - axis).T) * np.sin(np.clip(left, -np.pi / 2, np.pi / 2))
         return float(np.where(left >= np.pi, np.inf, off).min())
@@ -408,25 +408,25 @@ class PlacementSearch:
     @property
     def _is_slow(self) -> bool:
         """True where the score of a placement takes much longer than the placement."""
-        return self.world.rules.stop_criterion == "probability"
+        return self.scene.rules.stop_criterion == "probability"
 
     def _score(self, placement: BasePlacement) -> float:
         """Score of a placement by the criterion of the rules; higher is better."""
-        criterion = self.world.rules.stop_criterion
+        criterion = self.scene.rules.stop_criterion
         if criterion == "clearance":
             side = self.parking_areas.standing.sides[int(self.parking_areas.ladder.side[placement.chain[0]])]
             return float(shapely.distance(shapely.boundary(side.free), Point(placement.axis)))
         if criterion == "probability":
-            return likely_parking_probability(self.world, placement.base, placement.setpoints)
+            return likely_parking_probability(self.scene, placement.base, placement.setpoints)
         if criterion in ("manipulability", "effort"):
             postures = [self.joints_at(n, placement) for n in range(len(placement.near))]
-            return min(posture_score(self.world.robot.chain, joints, criterion) for joints in postures)
+            return min(posture_score(self.scene.robot.chain, joints, criterion) for joints in postures)
         return placement.tolerance
 
     def joints_at(self, at: int, placement: BasePlacement) -> Array:
         """Posture (dof,) at one of the set-points of a placement, by its place there."""
         i, near = placement.setpoints[at], placement.near
-        if model_of(self.world, self.world.task[i]).exact:
+        if self.scene.model(self.scene.task[i]).exact:
             return self.posture(i, placement.chain[at], placement.base).joints
         return near[at]
 
@@ -457,7 +457,6 @@ def posture_score(chain: Chain, joints: Array, criterion: str) -> float:
     return float(np.sqrt(max(np.linalg.det(J[:3] @ J[:3].T), 0.0)))
 
 
-@lru_cache(maxsize=256)
-def _any_heading_solver(world: World, family: Family) -> Solver:
+def _any_heading_solver(scene: Scene, family: Family) -> Solver:
     """Solver that takes no heed of the rule of heading."""
-    return replace(solver_for(world, family), heading="free")
+    return replace(solver_for(scene, family), heading="free")

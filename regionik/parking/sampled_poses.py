@@ -17,16 +17,15 @@ import numpy as np
 import shapely
 
 from regionik.areas.layers import Geometries
-from regionik.areas.standing import into_spans, span_of_rules, spread
+from regionik.areas.standing import into_spans, spread
 from regionik.parking.held_postures import PostureCarrier
 from regionik.parking.parking_areas import ParkingAreas, StopPart, shrunk_by_circle
 from regionik.planners.coverage.set_cover import cover_prices, least_cover
-from regionik.postures.arm_guard import guard_of
 from regionik.postures.arm_roadmap import HeldPostures
 from regionik.postures.poses import Pose, pose_of
 from regionik.regions import round_outer_areas
+from regionik.scene import Scene
 from regionik.worlds.arrays import Array, Index, Mask
-from regionik.worlds.scene import World
 
 DENSITY = 100  # poses drawn for a square metre from which some set-point may be reached
 FEWEST, MOST = 500, 6000  # of them
@@ -57,7 +56,7 @@ class _Drawn:
 class PoseCover:
     """Covers of a world's set-points by poses drawn all over the floor of its parking areas."""
 
-    world: World
+    scene: Scene
     parking_areas: ParkingAreas
 
     def fewest(self) -> list[StopPart]:
@@ -66,7 +65,7 @@ class PoseCover:
         Set-points that no roadmap joins to others are served by poses of their own, and those that no pose
         keeps by more that are drawn for them alone.
         """
-        every = range(len(self.world.task))
+        every = range(len(self.scene.task))
         found = self._cover(self._drawn, every, self._joined)
         found += self._cover(self._drawn, _left(every, found), self._kept)
         left = _left(every, found)
@@ -85,12 +84,12 @@ class PoseCover:
 
     @cached_property
     def _inside(self) -> Mask:
-        return _served(self._drawn, len(self.world.task))
+        return _served(self._drawn, len(self.scene.task))
 
     def _cover(self, poses: Sequence[_Drawn], setpoints: Iterable[int], prove: Prove) -> list[StopPart]:
         """What those of some poses that are a least cover of some set-points are proven to serve."""
         some = np.array(list(setpoints), dtype=np.intp)
-        inside = _served(poses, len(self.world.task))[:, some]
+        inside = _served(poses, len(self.scene.task))[:, some]
         held = _ProvenCover(poses, inside, some, prove).least()
         return [StopPart(poses[k].side, poses[k].row[:2], one.served, one) for k, one in held]
 
@@ -102,7 +101,7 @@ class PoseCover:
 
     @cached_property
     def _carrier(self) -> PostureCarrier:
-        return PostureCarrier(self.world, guard_of(self.world), self.world.task)
+        return PostureCarrier(self.scene.world, self.scene.guard, self.scene.task)
 
     @cached_property
     def _drawn(self) -> list[_Drawn]:
@@ -111,7 +110,7 @@ class PoseCover:
         found = list(self._looked_at(self._all_over(rng)))
         best, since, k = np.inf, 0, 0
         while since < PATIENCE and k < ROUNDS:
-            inside = _served(found, len(self.world.task))
+            inside = _served(found, len(self.scene.task))
             prices = cover_prices(inside)
             missed = np.flatnonzero(~inside.any(axis=0)).tolist()
             need = float(prices.sum()) + len(missed)
@@ -131,7 +130,7 @@ class PoseCover:
         if area.area == 0.0:
             return np.empty((0, 3))
         count = int(np.clip(DENSITY * area.area, FEWEST, MOST))
-        return self._headed(spread(area, count, 0), rng, span_of_rules(self.world))
+        return self._headed(spread(area, count, 0), rng, self.scene.free_floor.headings)
 
     def _near(self, i: int, seed: int, rng: np.random.Generator) -> Array:
         """Poses (n, 3) spread over the floor from which one set-point may be reached, and its known areas.
@@ -139,7 +138,7 @@ class PoseCover:
         A known area is often so small a part that none would be drawn there.
         """
         sides = self.parking_areas.standing.sides
-        parts = [(self._outer[i] & shapely.union_all(self._floors), span_of_rules(self.world), UNSERVED)]
+        parts = [(self._outer[i] & shapely.union_all(self._floors), self.scene.free_floor.headings, UNSERVED)]
         for s in self.parking_areas.sides:
             parts.append((self.parking_areas.areas_at(s)[i], sides[s].span, KNOWN))
         rows = [
@@ -156,13 +155,13 @@ class PoseCover:
 
     def _looked_at(self, rows: Array) -> Iterator[_Drawn]:
         """Yield those of poses (n, 3) that the base may park at and that serve something."""
-        if self.world.rules.heading == "fixed":
-            rows[:, 2] = span_of_rules(self.world)[0]
+        if self.scene.rules.heading == "fixed":
+            rows[:, 2] = self.scene.free_floor.headings[0]
         sides = self._sides(rows)
         near = np.column_stack([shapely.intersects_xy(area, *rows.T[:2]) for area in self._outer])
         root = self._carrier.root
         for k in np.flatnonzero((sides >= 0) & near.any(axis=1)).tolist():
-            base = pose_of(self.world.robot, rows[k, :2], float(rows[k, 2]))
+            base = pose_of(self.scene.robot, rows[k, :2], float(rows[k, 2]))
             if self._carrier.guard.proves(Pose(base, root)):
                 found, joints = self._carrier.neighboring(base, np.flatnonzero(near[k]))
                 if len(found):
@@ -185,14 +184,14 @@ class PoseCover:
             shapely.union_all(polygon[own & (side == s)])
             for s in range(len(self.parking_areas.standing.sides))
         ]
-        floors = shrunk_by_circle(np.array(parts, dtype=object), self.world, outside=False)
+        floors = shrunk_by_circle(np.array(parts, dtype=object), self.scene, outside=False)
         shapely.prepare(floors)
         return floors
 
     @cached_property
     def _outer(self) -> Geometries:
         """Outer area of each set-point."""
-        areas = np.array(round_outer_areas(self.world, self.world.task, coarse=True), dtype=object)
+        areas = np.array(round_outer_areas(self.scene, self.scene.task, coarse=True), dtype=object)
         shapely.prepare(areas)
         return areas
 

@@ -16,18 +16,17 @@ from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import united
-from regionik.areas.reachable import model_of
 from regionik.areas.standing import Standing, into_span, spread
 from regionik.moving.base_motion import Candidate
 from regionik.parking.held_postures import PostureCarrier
 from regionik.postures.arm import deviation, goals_between
-from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import axis_of, pose_of
 from regionik.pruning import Pruned
+from regionik.scene import Scene
 from regionik.values import Configuration
 from regionik.worlds.arms import pivot_index, with_pivot
 from regionik.worlds.arrays import Array
-from regionik.worlds.scene import Target, World
+from regionik.worlds.scene import Target
 
 PLACES = 3  # of the base that are tried besides the middle
 QUARTERS = np.array([0.0, 0.5, -0.5, 1.0]) * np.pi  # headings tried, from the one that faces the run [rad]
@@ -36,27 +35,27 @@ BEAMS = 48, 192  # postures carried on at once, at first and then
 STRIDE, TURN = 0.02, 0.05  # longest way of the tool between two targets, and its largest turn [m], [rad]
 
 
-def standing_runs(world: World, pruned: Pruned, standing: Standing) -> dict[int, Candidate]:
+def standing_runs(scene: Scene, pruned: Pruned, standing: Standing) -> dict[int, Candidate]:
     """Configurations of the runs that are done from one place, by set-point, each in a component around it.
 
     There are none where the base rolls or has to face its targets.
     """
     found = dict[int, Candidate]()
-    bounds = [0, *pruned.breaks, len(world.task)]
-    faces = world.rules.heading == "face_target"  # the base would have to turn
-    if faces or world.robot.drive.rolls or not world.rules.avoidance:
+    bounds = [0, *pruned.breaks, len(scene.task)]
+    faces = scene.rules.heading == "face_target"  # the base would have to turn
+    if faces or scene.robot.drive.rolls or not scene.rules.avoidance:
         return found
     for first, end in zip(bounds[:-1], bounds[1:], strict=True):
-        targets = world.task[first:end]
-        if any(one.direction is None or model_of(world, one).exact for one in targets):
+        targets = scene.task[first:end]
+        if any(one.direction is None or scene.model(one).exact for one in targets):
             continue
         shared = _shared(pruned, first, end)
         if shared is None:
             continue
         side, area = shared
-        bases = islice(_bases(world, area, standing.sides[side].span, targets), TRIES)
-        for i, one in enumerate(_from_one(world, *_laid_out(targets), list(bases)), first):
-            found[i] = Candidate(one, _around(pruned, i, side, Point(axis_of(world.robot, one.base))))
+        bases = islice(_bases(scene, area, standing.sides[side].span, targets), TRIES)
+        for i, one in enumerate(_from_one(scene, *_laid_out(targets), list(bases)), first):
+            found[i] = Candidate(one, _around(pruned, i, side, Point(axis_of(scene.robot, one.base))))
     return found
 
 
@@ -80,39 +79,39 @@ def _around(pruned: Pruned, i: int, side: int, axis: Point) -> int:
 
 
 def _from_one(
-    world: World, targets: list[Target], setpoints: list[int], bases: list[Array]
+    scene: Scene, targets: list[Target], setpoints: list[int], bases: list[Array]
 ) -> list[Configuration]:
     """Configurations at the set-points of a run from one of some poses of the base; none where all get stuck.
 
     Those that get farthest with few postures are tried with more.
     """
-    carrier = PostureCarrier(world, guard_of(world), targets)
+    carrier = PostureCarrier(scene.world, scene.guard, targets)
     for most in BEAMS:
         far = []
         for base in bases:
             rows = carrier.resolved(base, most)
             if len(rows) == len(targets):
-                return [_configuration(world, targets[k], base, rows[k]) for k in setpoints]
+                return [_configuration(scene, targets[k], base, rows[k]) for k in setpoints]
             far.append(len(rows))
         farthest = np.argsort(far, kind="stable")[::-1][:AGAIN]
         bases = [bases[k] for k in farthest.tolist() if far[k] > 0]
     return []
 
 
-def _configuration(world: World, target: Target, base: Array, joints: Array) -> Configuration:
-    tool = world.robot.tool(base, joints)
+def _configuration(scene: Scene, target: Target, base: Array, joints: Array) -> Configuration:
+    tool = scene.robot.tool(base, joints)
     error = float(np.linalg.norm(tool[:3, 3] - target.position))
-    good = error <= world.rules.tolerance and deviation(target, tool[:3, :3]) <= target.cone
+    good = error <= scene.rules.tolerance and deviation(target, tool[:3, :3]) <= target.cone
     return Configuration(base, joints, error, 0, good)
 
 
 def _bases(
-    world: World, area: BaseGeometry, span: tuple[float, float], targets: Sequence[Target]
+    scene: Scene, area: BaseGeometry, span: tuple[float, float], targets: Sequence[Target]
 ) -> Iterator[Array]:
     """Poses of the base in an area, the arm turned to the targets at first."""
     middle = shapely.maximum_inscribed_circle(area).coords[0]
     center = np.mean([target.position[:2] for target in targets], axis=0)
-    robot, arm = world.robot, with_pivot(world.robot.chain)
+    robot, arm = scene.robot, with_pivot(scene.robot.chain)
     pivot = arm.active_joints[pivot_index(arm)]
     limited = bool(np.isfinite(pivot.upper - pivot.lower))
     ahead, quarters = ((pivot.lower + pivot.upper) / 2, QUARTERS) if limited else (0.0, QUARTERS[:1])

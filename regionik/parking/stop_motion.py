@@ -15,7 +15,6 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.reachable import model_of
 from regionik.explain.changes import one_lift_off
 from regionik.explain.constraints import setpoint
 from regionik.mfabrik import Solver
@@ -29,10 +28,11 @@ from regionik.parking.stop_sequence import StopSequence
 from regionik.planners.progress import tell
 from regionik.postures.arm_roadmap import ArmRoadmap
 from regionik.postures.poses import Pose, Row, distinct
+from regionik.scene import Scene
 from regionik.values import Configuration, Stop
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
-from regionik.worlds.scene import Target, World
+from regionik.worlds.scene import Target
 
 PLACES = 8  # of a stop that are tried
 HARD_PLACES = 2  # of these, how many of a stop with more set-points are worth a search for the way there
@@ -75,7 +75,7 @@ def connect_stops(sequence: StopSequence, seed: int) -> StopMotion:
         if first is None:
             raise
         return staying.made(first)
-    if sequence.world.rules.stop_criterion == "tolerance":
+    if sequence.scene.rules.stop_criterion == "tolerance":
         return found
     asked = _connection(sequence.divided([stop.setpoints for stop in found.stops]), seed)
     try:
@@ -87,7 +87,7 @@ def connect_stops(sequence: StopSequence, seed: int) -> StopMotion:
 
 def _connection(sequence: StopSequence, seed: int) -> _StopConnection:
     areas = sequence.parking_areas
-    return _StopConnection(sequence, search_from_places(sequence.world, areas.ladder, areas.standing, seed))
+    return _StopConnection(sequence, search_from_places(sequence.scene, areas.ladder, areas.standing, seed))
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,17 +110,17 @@ class _StopConnection:
     _left: list[ArmRoadmap | None] = field(default_factory=list)  # of the stops that are done
 
     @property
-    def world(self) -> World:
-        return self.sequence.world
+    def scene(self) -> Scene:
+        return self.sequence.scene
 
     @cached_property
     def _placements(self) -> PlacementSearch:
-        return PlacementSearch(self.world, self.sequence.parking_areas)
+        return PlacementSearch(self.scene, self.sequence.parking_areas)
 
     def from_start(self) -> _Attempt | None:
         """What is done from the place where the robot starts; None where that is nothing."""
         rows = self.search.start()
-        if not rows or self.world.rules.order != "given":
+        if not rows or self.scene.rules.order != "given":
             return None
         placement = self._placements.standing(self.sequence.groups[0], rows[-1].pose)
         found = None if placement is None else self._attempt(placement, rows[-1].pose, HARD_TRIES)
@@ -133,7 +133,7 @@ class _StopConnection:
         stops, split, places = list[Stop](), list[int](), list[BaseGeometry]()
         while k < len(sequence.groups):
             group = sequence.groups[k]
-            most = self.world.rules.max_lift_offs
+            most = self.scene.rules.max_lift_offs
             if most is not None and len(stops) > most:
                 raise NoPlanFound(self._one_lift_too_many(group))
             best = first if first is not None and not stops else None
@@ -145,13 +145,13 @@ class _StopConnection:
             rows += best.rows
             found += best.candidates
             done = best.placement.setpoints[: len(best.candidates)]
-            stops.append(best.placement.stop(self.world, done))
+            stops.append(best.placement.stop(self.scene, done))
             self._left.append(best.placement.roadmap)
             shown = shapely.union_all(list(group.places.values()))
             places += [self._known(shown, i) for i in done]
-            tell("motion", len(found), len(self.world.task))
+            tell("motion", len(found), len(self.scene.task))
             k += 1
-            if len(found) == len(self.world.task):
+            if len(found) == len(self.scene.task):
                 break
             if len(done) != len(group.setpoints):
                 split += [len(found)] if len(done) < len(group.setpoints) else []
@@ -169,7 +169,7 @@ class _StopConnection:
 
     def _farther(self, done: _Attempt, setpoints: list[int], here: Pose | None) -> _Attempt:
         """More of some set-points than were done from a place: areas need not know that it serves them."""
-        if self.world.rules.order != "given":
+        if self.scene.rules.order != "given":
             return done
         group = StopGroup(tuple(setpoints), {})
         placement = self._placements.standing(group, done.candidates[0].pose)
@@ -186,10 +186,10 @@ class _StopConnection:
             part = group
             if count < len(group.setpoints):
                 some = group.setpoints[:count]
-                areas, order = self.sequence.parking_areas, self.world.rules.order
+                areas, order = self.sequence.parking_areas, self.scene.rules.order
                 part = areas.group(some, order) if group.poses is None else group.of(some)
             first = (one for one in [placements.best(part, spot)] if one is not None)
-            hard = HARD_TRIES if count == 1 or self.world.rules.order == "given" else 1
+            hard = HARD_TRIES if count == 1 or self.scene.rules.order == "given" else 1
             for n, placement in enumerate(islice(chain(first, placements.others(part)), PLACES)):
                 tried = self._attempt(placement, here, hard if n < HARD_PLACES or count == 1 else 0)
                 if best is None or len(tried.candidates) > len(best.candidates):
@@ -210,7 +210,7 @@ class _StopConnection:
         So many postures are worth a search in the space of the whole robot.
         """
         rows, done = list[Row](), list[Candidate]()
-        given = self.world.rules.order == "given"
+        given = self.scene.rules.order == "given"
         patience = PATIENCE if given else FEW
         while len(done) < len(placement.setpoints):
             i = placement.setpoints[len(done)]
@@ -218,7 +218,7 @@ class _StopConnection:
             if came is None:
                 break
             before, left = len(done), len(placement.setpoints) - len(done)
-            if placement.roadmap is not None and self.world.rules.max_lift_offs is None:
+            if placement.roadmap is not None and self.scene.rules.max_lift_offs is None:
                 left = 1  # its postures are those of a tour of straight motions, which take less time
             run = self.search.run(i, left, came[1], partial(self._ahead, placement))
             for step in run.longest(patience):
@@ -241,7 +241,7 @@ class _StopConnection:
         Where a roadmap leads from posture to posture, it has to lead to this one.
         """
         base = placement.base
-        if model_of(self.world, self.world.task[i]).exact:
+        if self.scene.model(self.scene.task[i]).exact:
             return self.search.guard.proves(Pose(base, joints))
         roadmap = placement.roadmap
         if roadmap is not None and (joints == placement.near[placement.setpoints.index(i)]).all():
@@ -252,14 +252,14 @@ class _StopConnection:
 
     def _carrier(self, i: int) -> PostureCarrier:
         if i not in self._carriers:
-            self._carriers[i] = PostureCarrier(self.world, self.search.guard, [self.world.task[i]])
+            self._carriers[i] = PostureCarrier(self.scene.world, self.search.guard, [self.scene.task[i]])
         return self._carriers[i]
 
     def _parking_radius(self, placement: BasePlacement, done: list[Candidate]) -> float:
         """Radius of the circle all round which postures at the set-points were found, as `_keeps` does."""
-        wanted, radius = self.world.rules.stop_tolerance, placement.tolerance
+        wanted, radius = self.scene.rules.stop_tolerance, placement.tolerance
         for i, candidate in zip(placement.setpoints, done, strict=False):
-            if model_of(self.world, self.world.task[i]).exact:
+            if self.scene.model(self.scene.task[i]).exact:
                 continue
             carrier, joints = self._carrier(i), candidate.found.joints
             while radius > wanted and not carrier.reaches_rim(0, placement.base, joints, radius):
@@ -277,7 +277,7 @@ class _StopConnection:
             own = [self._held(placement, i)]
             way = partial(self._driven if first else self._swung, roadmap)
             return self.search.arrive(i, here, own, way, hard if first else 1)
-        postures = list(islice(found, ARRIVALS if first and self.world.rules.order == "any" else POSTURES))
+        postures = list(islice(found, ARRIVALS if first and self.scene.rules.order == "any" else POSTURES))
         if not postures and len(placement.setpoints) == 1:
             postures = list(self._round(i, components, placement.base, near))
         if first:
@@ -287,8 +287,8 @@ class _StopConnection:
 
     def _held(self, placement: BasePlacement, i: int) -> Candidate:
         """The placement's own posture at a set-point."""
-        at, target = placement.setpoints.index(i), self.world.task[i]
-        joints, robot = placement.near[at], self.world.robot
+        at, target = placement.setpoints.index(i), self.scene.task[i]
+        joints, robot = placement.near[at], self.scene.robot
         error = float(np.linalg.norm(robot.tool(placement.base, joints)[:3, 3] - target.position))
         return Candidate(Configuration(placement.base, joints, error, 0, True), placement.chain[at])
 
@@ -336,7 +336,7 @@ class _StopConnection:
         self, placement: BasePlacement, i: int, components: list[int], near: Array
     ) -> Iterator[Candidate]:
         """Clear postures on a set-point with the base where it is, the least changed first."""
-        target, base = self.world.task[i], placement.base
+        target, base = self.scene.task[i], placement.base
         for k in components:
             solver = self.search.sampler.solver(k, float(base[2]))
             for found in _on_target(solver, target, base, near):
@@ -348,18 +348,18 @@ class _StopConnection:
     def _round(self, i: int, components: list[int], base: Array, near: Array) -> Iterator[Candidate]:
         """A posture on a set-point led round what it touches, where all others touch something."""
         solver = self.search.sampler.solver(components[0], float(base[2]))
-        found = solver.hold(self.world.task[i], base, near)
+        found = solver.hold(self.scene.task[i], base, near)
         if self.search.guard.on and found.converged:
             yield from self.search.sampler.around(i, Candidate(replace(found, base=base), components[0]))
 
     def _one_lift_too_many(self, group: StopGroup) -> Explanation:
-        i, most = group.setpoints[0], self.world.rules.max_lift_offs
+        i, most = group.setpoints[0], self.scene.rules.max_lift_offs
         reason = (
-            f"{setpoint(i, len(self.world.task))} needs one stop more: the base has done "
+            f"{setpoint(i, len(self.scene.task))} needs one stop more: the base has done "
             f"all before it from {(most or 0) + 1}, each going on for as long as the areas let it, and the "
             f"tool is lifted between two stops; the rules allow {most} lift-offs."
         )
-        causes, repairs = (Cause("reach", "room to park", None),), (one_lift_off(self.world, i),)
+        causes, repairs = (Cause("reach", "room to park", None),), (one_lift_off(self.scene, i),)
         return Explanation("ladder-broken", i, reason, causes, repairs)
 
 

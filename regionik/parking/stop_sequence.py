@@ -15,15 +15,15 @@ from regionik.parking.parking_areas import ParkingAreas, StopGroup, reordered
 from regionik.planners.coverage.tours import VisitingOrder, short_tour, shortest_order
 from regionik.planners.geometry.shortest_paths import route
 from regionik.postures.poses import axis_of
+from regionik.scene import Scene
 from regionik.worlds.arrays import Array
-from regionik.worlds.scene import World
 
 
 @dataclass(frozen=True, eq=False)
 class StopSequence:
     """Stops in the order in which they are done."""
 
-    world: World  # its set-points in the order of the work
+    scene: Scene  # its set-points in the order of the work
     order: tuple[int, ...]  # index of each in the world as given
     parking_areas: ParkingAreas
     groups: tuple[StopGroup, ...]  # of set-points that follow one another
@@ -34,7 +34,7 @@ class StopSequence:
 
     def after(self, k: int, done: int) -> StopSequence:
         """Sequence that is left where the place of stop k serves only the set-points before ``done``."""
-        if self.world.rules.order == "given":
+        if self.scene.rules.order == "given":
             groups = tuple(self.parking_areas.groups(done))
             return replace(self, groups=groups, spots=(None,) * len(groups))
         left = tuple(i for i in self.groups[k].setpoints if i >= done)
@@ -44,63 +44,63 @@ class StopSequence:
 
     def widest(self) -> StopSequence:
         """The same stops, the place of each in the middle of the largest circle."""
-        if self.world.rules.stop_criterion == "tolerance":
+        if self.scene.rules.stop_criterion == "tolerance":
             return self
-        rules = replace(self.world.rules, stop_criterion="tolerance")
-        return replace(self, world=replace(self.world, rules=rules), spots=(None,) * len(self.groups))
+        rules = replace(self.scene.rules, stop_criterion="tolerance")
+        return replace(self, scene=self.scene.changed(rules=rules), spots=(None,) * len(self.groups))
 
     def divided(self, setpoints: Sequence[tuple[int, ...]]) -> StopSequence:
         """The same work, by stops that serve given set-points, at the places that the criterion wants."""
-        areas, order = self.parking_areas, self.world.rules.order
+        areas, order = self.parking_areas, self.scene.rules.order
         known = {group.setpoints: group for group in self.groups}
         for some in setpoints:  # parts of stops that were split
             for group in self.groups:
                 if group.poses is not None and set(some) < set(group.setpoints):
                     known[some] = group.of(some)
         groups = tuple(known.get(some) or areas.group(some, order) for some in setpoints)
-        return replace(self, groups=groups, spots=_wanted(self.world, groups))
+        return replace(self, groups=groups, spots=_wanted(self.scene, groups))
 
 
-def stop_sequence(world: World, parking_areas: ParkingAreas, groups: tuple[StopGroup, ...]) -> StopSequence:
+def stop_sequence(scene: Scene, parking_areas: ParkingAreas, groups: tuple[StopGroup, ...]) -> StopSequence:
     """Put stops in the order of the set-points: the world's, or along a short tour where any will do."""
-    order = tuple(range(len(world.task)))
+    order = tuple(range(len(scene.task)))
     tours: dict[str, float] = {}
-    if world.rules.order == "any":
-        groups, tours = _along_tour(world, parking_areas, groups)
+    if scene.rules.order == "any":
+        groups, tours = _along_tour(scene, parking_areas, groups)
         order = tuple(i for group in groups for i in group.setpoints)
         ends = np.cumsum([0, *(len(group.setpoints) for group in groups)]).tolist()
         spans = [tuple(range(a, b)) for a, b in pairwise(ends)]
         groups = tuple(replace(one, setpoints=span) for span, one in zip(spans, groups, strict=True))
-        world = replace(world, task=tuple(world.task[i] for i in order))
-        parking_areas = reordered(world, parking_areas, order)
-    return StopSequence(world, order, parking_areas, groups, _wanted(world, groups), tours)
+        scene = scene.changed(task=tuple(scene.task[i] for i in order))
+        parking_areas = reordered(scene, parking_areas, order)
+    return StopSequence(scene, order, parking_areas, groups, _wanted(scene, groups), tours)
 
 
-def _wanted(world: World, groups: Sequence[StopGroup]) -> tuple[Array | None, ...]:
+def _wanted(scene: Scene, groups: Sequence[StopGroup]) -> tuple[Array | None, ...]:
     """Position of the arm axis at each stop that the criterion wants, where it says so of all at once."""
-    if world.rules.stop_criterion != "distance":
+    if scene.rules.stop_criterion != "distance":
         return (None,) * len(groups)
     regions = [max(group.places.values(), key=lambda area: area.area) for group in groups]
-    return tuple(short_tour(regions, _start_axis(world)))
+    return tuple(short_tour(regions, _start_axis(scene)))
 
 
-def _start_axis(world: World) -> Array | None:
+def _start_axis(scene: Scene) -> Array | None:
     """Position of the arm axis at the start (2,), if the world has one [m]."""
-    return None if world.start is None else axis_of(world.robot, world.start.base)
+    return None if scene.start is None else axis_of(scene.robot, scene.start.base)
 
 
 def _along_tour(
-    world: World, parking_areas: ParkingAreas, groups: tuple[StopGroup, ...]
+    scene: Scene, parking_areas: ParkingAreas, groups: tuple[StopGroup, ...]
 ) -> tuple[tuple[StopGroup, ...], dict[str, float]]:
     """Groups along a tour, and how long that and the tool's way in the order of each are [m]."""
     spots = np.array([_middle(group) for group in groups])
-    start, floor = _start_axis(world), parking_areas.floor
+    start, floor = _start_axis(scene), parking_areas.floor
     lead = None if start is None else np.array([_drive(floor, start, spot) for spot in spots])
     far = np.zeros((len(spots), len(spots)))
     for a, b in combinations(range(len(spots)), 2):
         far[a, b] = far[b, a] = _drive(floor, spots[a], spots[b])
     drive = shortest_order(far, lead)
-    work = [_tool_tour(world, group) for group in groups]
+    work = [_tool_tour(scene, group) for group in groups]
     tours = {
         "drive": drive.length,
         "drive_lower_bound": drive.lower,
@@ -126,9 +126,9 @@ def _middle(group: StopGroup) -> Array:
     return np.array(shapely.maximum_inscribed_circle(area).coords[0])
 
 
-def _tool_tour(world: World, group: StopGroup) -> VisitingOrder:
+def _tool_tour(scene: Scene, group: StopGroup) -> VisitingOrder:
     """The tool's way along a group's set-points, and a bound of every order of them [m]."""
-    spots = np.array([world.task[i].position for i in group.setpoints])
+    spots = np.array([scene.task[i].position for i in group.setpoints])
     shortest = shortest_order(np.linalg.norm(spots[:, None] - spots[None], axis=2))
     length = float(np.linalg.norm(np.diff(spots, axis=0), axis=1).sum())
     return VisitingOrder(tuple(range(len(spots))), length, min(length, shortest.lower))

@@ -20,8 +20,9 @@ from regionik.parking.sampled_poses import PoseCover
 from regionik.parking.stop_sequence import StopSequence, stop_sequence
 from regionik.planners.coverage.set_cover import least_cover, undominated
 from regionik.postures.arm_roadmap import HeldPostures
-from regionik.reachability.reach import reach
+from regionik.reachability.reach import reached
 from regionik.reachability.unreached import unreached
+from regionik.scene import Scene, scene_of
 from regionik.values import Skipped, Stop
 from regionik.worlds.errors import Cause, Explanation, InputError, NoPlanFound
 from regionik.worlds.scene import World
@@ -61,24 +62,24 @@ def stops(world: World) -> tuple[Stop, ...]:
     >>> [(stop.first, stop.last) for stop in stops(load_world("pillar"))]
     [(0, 9), (10, 14)]
     """
-    return find_served(world)[0]
+    return find_served(scene_of(world))[0]
 
 
-def find_served(world: World) -> tuple[tuple[Stop, ...], Parking, tuple[Skipped, ...]]:
+def find_served(scene: Scene) -> tuple[tuple[Stop, ...], Parking, tuple[Skipped, ...]]:
     """Return the stops as `stops` does, the bound of their number, and what the rules let be left out.
 
     Raises NoPlanFound with all set-points named that have no place to park.
     """
-    check(world)
-    if not world.rules.skip_unreachable:
+    check(scene)
+    if not scene.rules.skip_unreachable:
         try:
-            found, parking = find(world)
+            found, parking = find(scene)
         except NoPlanFound as no:
-            every = naming_each(world, no.explanation, park)
-            raise NoPlanFound(naming_all(every, len(world.task))) from None
-        return _confirmed(world, found), parking, ()
-    (found, parking), skipped = leaving_out(world, _find_reached, lambda _, quick: quick)
-    kept = as_given(len(world.task), skipped)
+            every = naming_each(scene, no.explanation, park)
+            raise NoPlanFound(naming_all(every, len(scene.task))) from None
+        return _confirmed(scene, found), parking, ()
+    (found, parking), skipped = leaving_out(scene, _find_reached, lambda _, quick: quick)
+    kept = as_given(len(scene.task), skipped)
     return tuple(_renumbered(stop, kept) for stop in found), parking, skipped
 
 
@@ -88,57 +89,57 @@ def _renumbered(stop: Stop, kept: Sequence[int]) -> Stop:
     return replace(stop, setpoints=setpoints, unconfirmed=doubts)
 
 
-def _find_reached(world: World) -> tuple[tuple[Stop, ...], Parking]:
+def _find_reached(scene: Scene) -> tuple[tuple[Stop, ...], Parking]:
     """Return `find` with its doubts; raise NoPlanFound for set-points that have no clear posture at all."""
-    found, parking = find(world)
-    told = _confirmed(world, found)
-    failures = tuple(unreached(world, sorted(i for stop in told for i in stop.unconfirmed)))
+    found, parking = find(scene)
+    told = _confirmed(scene, found)
+    failures = tuple(unreached(scene, sorted(i for stop in told for i in stop.unconfirmed)))
     if failures:
-        first, cause = failures[0], Cause("limits", world.robot.name)
+        first, cause = failures[0], Cause("limits", scene.robot.name)
         raise NoPlanFound(Explanation(first.verdict, first.setpoint, first.reason, (cause,), (), failures))
     return told, parking
 
 
-def _confirmed(world: World, found: Iterable[Stop]) -> tuple[Stop, ...]:
+def _confirmed(scene: Scene, found: Iterable[Stop]) -> tuple[Stop, ...]:
     """Stops that tell at which of their set-points no clear posture is known."""
-    return tuple(replace(stop, unconfirmed=_unconfirmed(world, stop)) for stop in found)
+    return tuple(replace(stop, unconfirmed=_unconfirmed(scene, stop)) for stop in found)
 
 
-def _unconfirmed(world: World, stop: Stop) -> tuple[int, ...]:
-    answer = reach(world, [world.task[i] for i in stop.setpoints], base=stop.base)
+def _unconfirmed(scene: Scene, stop: Stop) -> tuple[int, ...]:
+    answer = reached(scene, [scene.task[i] for i in stop.setpoints], tuple(stop.base.tolist()))
     return tuple(i for i, found in zip(stop.setpoints, answer.reachable.tolist(), strict=True) if not found)
 
 
-def find(world: World) -> tuple[tuple[Stop, ...], Parking]:
+def find(scene: Scene) -> tuple[tuple[Stop, ...], Parking]:
     """Return stops for all set-points, and with them the bound of their number."""
-    check(world)
-    parking = park(world)
-    sequence = in_sequence(world, parking)
+    check(scene)
+    parking = park(scene)
+    sequence = in_sequence(scene, parking)
     with naming_as_given(sequence.order):
-        found = [placement.stop(sequence.world) for placement in placed(sequence)]
+        found = [placement.stop(sequence.scene) for placement in placed(sequence)]
     named = (replace(stop, setpoints=tuple(sequence.order[i] for i in stop.setpoints)) for stop in found)
     return tuple(named), parking
 
 
-def check(world: World) -> None:
+def check(scene: Scene) -> None:
     """Refuse a world whose set-points cannot be done standing still."""
-    if not world.task:
-        raise InputError(f"{world.name}: task: expected at least one set-point")
-    if world.rules.heading == "face_target":
+    if not scene.task:
+        raise InputError(f"{scene.world.name}: task: expected at least one set-point")
+    if scene.rules.heading == "face_target":
         raise InputError(
-            f"{world.name}: rules.heading: face_target turns the base at every set-point, "
+            f"{scene.world.name}: rules.heading: face_target turns the base at every set-point, "
             "but at a stop it stands still; expected free or fixed"
         )
 
 
-def in_sequence(world: World, parking: Parking) -> StopSequence:
+def in_sequence(scene: Scene, parking: Parking) -> StopSequence:
     """Put stops in their order; where any will do, each is one that a heading serves, toured by the arm."""
-    if world.rules.order == "given":
-        return stop_sequence(world, parking.parking_areas, parking.groups)
-    areas, groups = _on_the_best_floor(world, parking)
-    placements = PlacementSearch(world, areas)
+    if scene.rules.order == "given":
+        return stop_sequence(scene, parking.parking_areas, parking.groups)
+    areas, groups = _on_the_best_floor(scene, parking)
+    placements = PlacementSearch(scene, areas)
     toured = [in_short_order(placements, group) for group in groups]
-    sequence = stop_sequence(world, areas, tuple(group for group, _ in toured))
+    sequence = stop_sequence(scene, areas, tuple(group for group, _ in toured))
     arm = {
         "arm": sum(tour.length for _, tour in toured),
         "arm_lower_bound": float(sum(tour.lower for _, tour in toured)),
@@ -146,12 +147,12 @@ def in_sequence(world: World, parking: Parking) -> StopSequence:
     return replace(sequence, tours={**sequence.tours, **arm})
 
 
-def _on_the_best_floor(world: World, parking: Parking) -> tuple[ParkingAreas, tuple[StopGroup, ...]]:
+def _on_the_best_floor(scene: Scene, parking: Parking) -> tuple[ParkingAreas, tuple[StopGroup, ...]]:
     """The piece of floor on which fewest stops of one heading each were found, and the stops."""
     found, refused = list[tuple[ParkingAreas, tuple[StopGroup, ...]]](), list[NoPlanFound]()
     for areas in (parking.parking_areas, *parking.elsewhere):
         try:
-            found.append((areas, _by_one_heading(world, replace(parking, parking_areas=areas))))
+            found.append((areas, _by_one_heading(scene, replace(parking, parking_areas=areas))))
         except NoPlanFound as no:
             refused.append(no)
     if not found:
@@ -159,20 +160,20 @@ def _on_the_best_floor(world: World, parking: Parking) -> tuple[ParkingAreas, tu
     return min(found, key=lambda one: len(one[1]))
 
 
-def _by_one_heading(world: World, parking: Parking) -> tuple[StopGroup, ...]:
+def _by_one_heading(scene: Scene, parking: Parking) -> tuple[StopGroup, ...]:
     """Fewest stops found of which one heading serves each: areas do not know how far a pivot turns.
 
     The least cover by what headings serve from places all over the areas, and by parts that stops split
     into. Of an arm to which a place gives no posture, that of sampled poses.
     """
-    placements, groups = PlacementSearch(world, parking.parking_areas), parking.groups
+    placements, groups = PlacementSearch(scene, parking.parking_areas), parking.groups
     if not placements.exact:
         return tuple(_by_poses(placements))
     parts = [part for group in groups for part in _parts(placements, group)]
     if len(parts) <= max(len(groups), parking.lower):
         return groups
     parts += _from_places(placements, parking)
-    return tuple(_covering(parking.parking_areas, parts, world.rules.stop_tolerance))
+    return tuple(_covering(parking.parking_areas, parts, scene.rules.stop_tolerance))
 
 
 def _from_places(placements: PlacementSearch, parking: Parking) -> Iterator[StopPart]:
@@ -185,19 +186,19 @@ def _from_places(placements: PlacementSearch, parking: Parking) -> Iterator[Stop
 
 def _by_poses(placements: PlacementSearch) -> Iterator[StopGroup]:
     """Yield stops by the least cover by sampled poses, and for what none of these serves parts of others."""
-    world, areas = placements.world, placements.parking_areas
-    cover = PoseCover(world, areas)
+    scene, areas = placements.scene, placements.parking_areas
+    cover = PoseCover(scene, areas)
     parts = cover.fewest()
     served = {i for part in parts for i in part.setpoints}
-    left, refused = [i for i in range(len(world.task)) if i not in served], list[Explanation]()
-    for group in covering_groups(world, areas, left):
+    left, refused = [i for i in range(len(scene.task)) if i not in served], list[Explanation]()
+    for group in covering_groups(scene, areas, left):
         try:
             parts += list(_parts(placements, group))
         except NoPlanFound as no:
             refused.append(no.explanation)
     if refused:
         raise NoPlanFound(together(refused))
-    for group in _covering(areas, parts, world.rules.stop_tolerance):
+    for group in _covering(areas, parts, scene.rules.stop_tolerance):
         poses = cover.serving(group.setpoints)
         if not len(poses) and group.held is not None:  # of what only a pose of its own serves
             poses = group.held.base[None]
@@ -225,12 +226,12 @@ def _parts(placements: PlacementSearch, group: StopGroup) -> Iterator[StopPart]:
 
     Raises NoPlanFound at the end, of all that has no posture at these either.
     """
-    refused, order = list[Explanation](), placements.world.rules.order
+    refused, order = list[Explanation](), placements.scene.rules.order
     while group.setpoints:
         first = group.setpoints[:1]
         widest = placements.widest(group) or placements.widest(placements.parking_areas.group(first, order))
         if widest is None:
-            refused.append(no_posture(placements.world, first[0]))
+            refused.append(no_posture(placements.scene, first[0]))
         else:
             side = int(placements.parking_areas.ladder.side[widest.chain[0]])
             held = HeldPostures(widest.base, widest.setpoints, widest.near, 0.0, widest.roadmap)
@@ -243,12 +244,12 @@ def _parts(placements: PlacementSearch, group: StopGroup) -> Iterator[StopPart]:
 
 def placed(sequence: StopSequence) -> Iterator[BasePlacement]:
     """Yield the best placement of every stop; a stop that no heading serves is split."""
-    placements = PlacementSearch(sequence.world, sequence.parking_areas)
+    placements = PlacementSearch(sequence.scene, sequence.parking_areas)
     k = 0
     while k < len(sequence.groups):
         placement = placements.best(sequence.groups[k], sequence.spots[k])
         if placement is None:
-            raise NoPlanFound(no_posture(sequence.world, sequence.groups[k].setpoints[0]))
+            raise NoPlanFound(no_posture(sequence.scene, sequence.groups[k].setpoints[0]))
         yield placement
         k += 1
         if len(placement.setpoints) < len(sequence.groups[k - 1].setpoints):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 
@@ -31,7 +30,7 @@ from regionik.planners.collision.robot_motion import count_on_line, tool_frames
 from regionik.postures.poses import LARGEST_BEND, Pose, arrays
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, CauseKind
-from regionik.worlds.scene import Target, World
+from regionik.worlds.scene import Rules, Target, World
 
 SPARE = 5e-4  # kept beyond what the rules want, so that what is planned can be proven [m]
 LEAST_SPARE = 1e-5  # of a start that has less than that to spare [m]
@@ -41,7 +40,7 @@ LEAST_SPARE = 1e-5  # of a start that has less than that to spare [m]
 class Guard:
     """The robot among the solids of its world, judged by the world's rules."""
 
-    world: World
+    rules: Rules
     bodies: Bodies
     contact: ContactTargets  # where the last link may touch
     spare: float = SPARE  # less for a start that has less: it need not be left at once [m]
@@ -49,7 +48,7 @@ class Guard:
     @property
     def on(self) -> bool:
         """True if the rules ask for the arm to avoid obstacles."""
-        return self.world.rules.avoidance
+        return self.rules.avoidance
 
     def touch(self, pose: Pose, enough: float = -np.inf) -> Touch:
         """The nearest thing that comes too near to the arm, of kind "none" where nothing does.
@@ -93,7 +92,7 @@ class Guard:
 
     def led(self, bases: Array, joints: Array, line: Array, shares: Array, stray: float) -> int:
         """Number of motions that jump nowhere and lead the tool along a line; see `count_on_line`."""
-        most = stray, LARGEST_BEND, float(self.world.rules.step)
+        most = stray, LARGEST_BEND, float(self.rules.step)
         return int(count_on_line(self.bodies.mobile, bases, joints, line, shares, most))
 
     def tools(self, bases: Array, joints: Array, shares: Array) -> Array:
@@ -102,7 +101,7 @@ class Guard:
 
     def words(self, touch: Touch) -> str:
         """Text of a touch, with how the link might touch what the tool works on."""
-        said, rules = describe(self.bodies, touch), self.world.rules
+        said, rules = describe(self.bodies, touch), self.rules
         if (
             touch.kind == "obstacle"
             and self.bodies.links.outermost[touch.solid]
@@ -125,13 +124,15 @@ class Guard:
         return Cause("self", self.other(touch), max(0.0, -touch.distance))
 
 
-@lru_cache(maxsize=8)
-def guard_of(world: World) -> Guard:
-    """The guard of a world; kept for the last few worlds."""
-    rules = world.rules
-    near, deep = world.arm_clearance, rules.deepest_contact
-    bodies = bodies_from(world.robot, world.solids, near, deep, world.floor_slab)
-    guard = Guard(world, bodies, contact_for(world, world.task))
+def bodies_in(world: World) -> Bodies:
+    """The robot's solids and those that they must keep clear of."""
+    near, deep = world.arm_clearance, world.rules.deepest_contact
+    return bodies_from(world.robot, world.solids, near, deep, world.floor_slab)
+
+
+def guard_from(world: World, bodies: Bodies) -> Guard:
+    """The guard of a world with its bodies; a start that has little to spare leaves less to keep."""
+    guard = Guard(world.rules, bodies, contact_for(world, world.task))
     if world.start is None or not guard.on:
         return guard
     room = guard.room(guard.touch(Pose(world.start.base, world.start.joints)))
@@ -139,12 +140,11 @@ def guard_of(world: World) -> Guard:
     return replace(guard, spare=spare)
 
 
-def guard_at(world: World, target: Target) -> Guard:
+def guard_at(world: World, bodies: Bodies, target: Target) -> Guard:
     """The guard of a world for postures with the tool at one target: of solids within the robot's reach."""
-    whole, rules = guard_of(world), world.rules
-    far = span_about_tool(world.robot) + rules.tolerance + 2 * SPARE
-    bodies = near_bodies(whole.bodies, target.position, far)
-    return Guard(world, bodies, contact_for(world, [target]))
+    far = span_about_tool(world.robot) + world.rules.tolerance + 2 * SPARE
+    near = near_bodies(bodies, target.position, far)
+    return Guard(world.rules, near, contact_for(world, [target]))
 
 
 def contact_for(world: World, targets: Sequence[Target]) -> ContactTargets:

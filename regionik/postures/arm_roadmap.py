@@ -14,7 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from regionik.postures.arm_guard import Guard, guard_of
+from regionik.postures.arm_guard import Guard, bodies_in, guard_from
 from regionik.postures.poses import Pose, arm_states, distinct
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.robot import Robot, with_joint_margin
@@ -113,7 +113,7 @@ def travel_roadmap(world: World) -> ArmRoadmap:
 def _roadmap_alone(robot: Robot, floor: Floor, rules: Rules, start: Start | None) -> ArmRoadmap:
     world = World("the arm alone", robot, floor, (), (), rules, start)
     robot = with_joint_margin(robot, rules.criteria)
-    guard, base = guard_of(world), np.zeros(3)
+    guard, base = guard_from(world, bodies_in(world)), np.zeros(3)
     low, high = (
         np.where(np.isfinite(row), row, end)
         for row, end in ((robot.chain.lower, -np.pi), (robot.chain.upper, np.pi))

@@ -9,10 +9,9 @@ import numpy as np
 import shapely
 from shapely.geometry import MultiPolygon, Point, Polygon
 
-from regionik.areas.ground import Side, ground_of
+from regionik.areas.ground import Side
 from regionik.areas.layers import GUARD
-from regionik.areas.reachable import model_of, planar_reach, reach_model
-from regionik.areas.standing import room_for
+from regionik.areas.reachable import planar_reach, reach_model
 from regionik.planners.avoidance.posture_proof import solid_at_target
 from regionik.planners.collision.distances import obstacles_from
 from regionik.planners.collision.robot_scene import RobotScene
@@ -30,10 +29,11 @@ from regionik.planners.reach.planar_capsules import NearObstacles, PlaneCapsules
 from regionik.planners.reach.planar_cells import ArmMount, cell_for
 from regionik.planners.reach.rings import reach_intervals
 from regionik.planners.search.box_search import Verdict
-from regionik.postures.arm_guard import SPARE, contact_for, guard_of
+from regionik.postures.arm_guard import SPARE, contact_for
 from regionik.postures.poses import Pose, axis_of
+from regionik.scene import Scene
 from regionik.worlds.arrays import Array, Index
-from regionik.worlds.scene import Target, World
+from regionik.worlds.scene import Target
 
 FEWEST = 64  # cells that a search has at least: those that it may begin with
 
@@ -47,39 +47,39 @@ class AnyBaseResult(NamedTuple):
     around: tuple[str, ...]  # names of the obstacles that an arm at the target might touch
 
 
-def can_search(world: World) -> bool:
+def can_search(scene: Scene) -> bool:
     """Return True where `search_any_base` applies: to an arm in one plane that avoids obstacles.
 
     Only such an arm's reach of points is exact; a proof for these is one for poses.
     """
-    return world.rules.avoidance and reach_model(world.robot, "point").exact
+    return scene.rules.avoidance and reach_model(scene.robot, "point").exact
 
 
-def search_any_base(world: World, target: Target, most: int) -> AnyBaseResult:
+def search_any_base(scene: Scene, target: Target, most: int) -> AnyBaseResult:
     """Search for a clear posture of an arm in one plane, from every place of the floor at every heading.
 
     Only where `can_search` holds; ``most`` is the budget of cells of postures.
     """
-    bodies, contact = guard_of(world).bodies, contact_for(world, [target])
-    if name := solid_at_target(bodies, target.position, world.rules.tolerance, 0.0, contact):
+    bodies, contact = scene.guard.bodies, contact_for(scene.world, [target])
+    if name := solid_at_target(bodies, target.position, scene.rules.tolerance, 0.0, contact):
         return AnyBaseResult(Verdict.RULED_OUT, None, 0.0, (name,))
-    task, model = any_base_of(world, target), planar_reach(world.robot)
+    task, model = any_base_of(scene, target), planar_reach(scene.robot)
     (rings,) = reach_intervals(model.arm, model.plane.shoulder_z, target.position[2:])
     verdict, gap = search_cells(task, rings, max(most, FEWEST))
     if verdict == Verdict.PROVEN:
         return AnyBaseResult(verdict, Pose(task.base, task.joints), 0.0, ())
     near = np.unique(task.around.owner[task.around.near]).tolist()
-    return AnyBaseResult(verdict, None, gap, tuple(world.arm_solids[k].name for k in near))
+    return AnyBaseResult(verdict, None, gap, tuple(scene.world.arm_solids[k].name for k in near))
 
 
-def rules_out_posture(world: World, target: Target, base: Array, most: int) -> bool:
+def rules_out_posture(scene: Scene, target: Target, base: Array, most: int) -> bool:
     """True where each posture from one pose of the base (3,) is proven to touch something.
 
     Only where `can_search` holds. The place is left open by what the tool may miss its target by; the base
     itself is not looked at.
     """
-    task, by = any_base_of(world, target), 2 * world.rules.tolerance + GUARD
-    axis = axis_of(world.robot, base)
+    task, by = any_base_of(scene, target), 2 * scene.rules.tolerance + GUARD
+    axis = axis_of(scene.robot, base)
     square = np.array([[-by, -by], [by, -by], [by, by], [-by, by]]) + axis
     room = task.floor.room._replace(corners=np.empty((0, 2)))
     floor = task.floor._replace(
@@ -95,12 +95,12 @@ def rules_out_posture(world: World, target: Target, base: Array, most: int) -> b
     return search_cells(held, rings, max(most, FEWEST))[0] == Verdict.RULED_OUT
 
 
-def any_base_of(world: World, target: Target) -> AnyBase:
+def any_base_of(scene: Scene, target: Target) -> AnyBase:
     """Return a target in a world as the search takes it."""
-    arm = prepared(world)
+    arm = scene.once(prepared)
     return AnyBase(
-        arm.capsules, arm.mount, arm.floor, _around(world, target), _demand(world, target), arm.scene, SPARE,
-        cell_for(len(arm.capsules.rank)), np.empty(3), writable(world.robot.carry),
+        arm.capsules, arm.mount, arm.floor, _around(scene, target), _demand(scene, target), arm.scene, SPARE,
+        cell_for(len(arm.capsules.rank)), np.empty(3), writable(scene.robot.carry),
         np.zeros(2, dtype=np.int64),
     )  # fmt: skip
 
@@ -118,41 +118,40 @@ class PreparedWorld(NamedTuple):
     scene: RobotScene  # the robot among the solids that it keeps away from
 
 
-@lru_cache(maxsize=8)
-def prepared(world: World) -> PreparedWorld:
+def prepared(scene: Scene) -> PreparedWorld:
     """Return what is the same for all targets of a world."""
-    model, guard = planar_reach(world.robot), guard_of(world)
-    capsules = plane_capsules(world.robot, model.arm)
-    obstacles = obstacles_from(world.arm_solids)
+    model, guard = planar_reach(scene.robot), scene.guard
+    capsules = plane_capsules(scene.robot, model.arm)
+    obstacles = obstacles_from(scene.world.arm_solids)
     whole = [k for k, piece in enumerate(obstacles.pieces) if piece.mesh is None]
     solids = uprights_from([obstacles.pieces[k] for k in whole])
     levers = np.linalg.norm(capsules.ends, axis=2).max(initial=0.0) + capsules.radius.max(initial=0.0)
-    far = model.plane.lengths.sum() + abs(model.plane.shoulder_r) + levers + world.arm_clearance
+    far = model.plane.lengths.sum() + abs(model.plane.shoulder_r) + levers + scene.world.arm_clearance
     return PreparedWorld(
         capsules,
-        _mount(world),
-        _floor(world),
+        _mount(scene),
+        _floor(scene),
         solids,
         inradii(solids),
         np.array(obstacles.owner, dtype=np.int64)[whole],
-        float(far + world.rules.tolerance),
+        float(far + scene.rules.tolerance),
         guard.bodies.scene(guard.contact),
     )
 
 
-def _around(world: World, target: Target) -> NearObstacles:
+def _around(scene: Scene, target: Target) -> NearObstacles:
     """Return the obstacles that an arm at a target might touch."""
-    arm, contact, rules = prepared(world), contact_for(world, [target]), world.rules
+    arm, contact, rules = scene.once(prepared), contact_for(scene.world, [target]), scene.rules
     near = np.empty(len(arm.owner), dtype=np.int64)
     near = near[: near_solids(arm.solids, writable(target.position), arm.far, near)]
     tool_on = int(contact.owner[0]) if len(contact.owner) else -1
-    floor = -1 if world.floor_slab is None else len(world.solids)
-    far = world.arm_clearance, rules.tolerance
+    floor = -1 if scene.world.floor_slab is None else len(scene.world.solids)
+    far = scene.world.arm_clearance, rules.tolerance
     return NearObstacles(arm.solids, arm.deep, near, arm.owner, floor, tool_on, *far)
 
 
-def _floor(world: World) -> BaseFloor:
-    ground, room = ground_of(world), room_for(world)
+def _floor(scene: Scene) -> BaseFloor:
+    ground, room = scene.ground, scene.footprint
     heart, radius = np.zeros(2), 0.0
     if len(room.corners) > 2:
         outline = Polygon(room.corners)
@@ -162,23 +161,23 @@ def _floor(world: World) -> BaseFloor:
     return BaseFloor(inner, outer, room, heart, radius, ground.far, GUARD)
 
 
-def _demand(world: World, target: Target) -> ToolDemand:
+def _demand(scene: Scene, target: Target) -> ToolDemand:
     position, free = writable(target.position), np.array([0.0, 0.0, 1.0])
-    seek = world.rules.criteria is None and target.orientation is None
+    seek = scene.rules.criteria is None and target.orientation is None
     if target.direction is None:
         return ToolDemand(position, free, np.pi, seek)
-    if not model_of(world, target).exact:
+    if not scene.model(target).exact:
         return ToolDemand(position, free, np.pi, False)
     return ToolDemand(position, writable(target.direction), float(target.cone), seek)
 
 
-def _mount(world: World) -> ArmMount:
+def _mount(scene: Scene) -> ArmMount:
     """The arm on its base, at the heading of the world's start where the rules keep that."""
-    robot, model = world.robot, planar_reach(world.robot)
-    arm, (low, high) = model.arm, model.pivot(world.rules)
+    robot, model = scene.robot, planar_reach(scene.robot)
+    arm, (low, high) = model.arm, model.pivot(scene.rules)
     zero = float(arm.pivot_zero + robot.mount[3])
-    start = 0.0 if world.start is None else float(world.start.base[2])
-    yaw = start if world.rules.heading == "fixed" else np.nan
+    start = 0.0 if scene.start is None else float(scene.start.base[2])
+    yaw = start if scene.rules.heading == "fixed" else np.nan
     sign, offset, mount = map(writable, (arm.sign, arm.offset, robot.mount[:2]))
     return ArmMount(model.plane, sign, offset, mount, zero, low, high, yaw)
 

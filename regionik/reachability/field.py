@@ -12,13 +12,13 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import Side
 from regionik.areas.layers import GUARD
-from regionik.areas.lifted import lifts_matter
 from regionik.areas.reach_model import ReachModel
-from regionik.areas.reachable import reach_model, reach_rows
-from regionik.areas.standing import anywhere, by_heading, outer_by_heading
+from regionik.areas.reachable import reach_model
 from regionik.postures.families import BACK, FRONT
 from regionik.postures.poses import pose_of
+from regionik.reach_rows import reach_rows
 from regionik.regions import checked_targets, path_areas
+from regionik.scene import Scene, scene_of
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.robot import with_joint_margin
@@ -130,13 +130,13 @@ def reach_field(world: World, targets: ArrayLike | Sequence[Target], cell: float
     >>> int(found.values.max()), found.most
     (2, 2)
     """
-    asked = checked_targets(targets)
+    asked, scene = checked_targets(targets), scene_of(world)
     x, y = _axes(world.floor.polygon.bounds, cell)
     best = np.zeros((len(y), len(x)), dtype=np.int32)
     heading = np.full(best.shape, np.nan)
-    for side in by_heading(world).sides:
+    for side in scene.free_floor.by_heading.sides:
         free = _inside(side.free, x, y)
-        count = _counted(world, asked, side, free, x, y)
+        count = _counted(scene, asked, side, free, x, y)
         better = count > best
         best[better] = count[better]
         heading[better] = np.mean(side.span) if np.isfinite(side.span).all() else np.nan
@@ -166,19 +166,19 @@ def reach_slice(world: World, height: float, cell: float = 0.05) -> Field:
     InputError
         For a height that is not finite, or a cell that is too small.
     """
-    z = np.array([float(frozen([height], (1,), "height")[0])])
-    outer, inner = _distances(world, z, inner=False)[0], _distances(world, z, inner=True)[0]
+    z, scene = np.array([float(frozen([height], (1,), "height")[0])]), scene_of(world)
+    outer, inner = _distances(scene, z, inner=False)[0], _distances(scene, z, inner=True)[0]
     far = float(outer.max(initial=0.0))
-    x0, y0, x1, y1 = world.floor.polygon.bounds
+    x0, y0, x1, y1 = scene.floor.polygon.bounds
     x, y = _axes((x0 - far, y0 - far, x1 + far, y1 + far), cell)
     values = np.zeros((len(y), len(x)), dtype=np.int32)
-    for side in outer_by_heading(world).sides:
+    for side in scene.free_floor.outer.sides:
         values[_met(side, outer, x, y)] = UNDECIDED
-    (side,) = anywhere(world).sides
-    if _model(world).turns_freely(world.rules, side.span) and not lifts_matter(world):
+    (side,) = scene.free_floor.anywhere.sides
+    if _model(scene).turns_freely(scene.rules, side.span) and not scene.lifted.matters:
         values[_met(side, inner, x, y)] = REACHABLE
     else:
-        values[_met_one_by_one(world, float(z[0]), values, x, y)] = REACHABLE
+        values[_met_one_by_one(scene, float(z[0]), values, x, y)] = REACHABLE
     nowhere, none = np.full(values.shape, np.nan), np.empty((0, 3))
     return Field(world.name, x, y, cell, values, REACHABLE, nowhere, world, none, float(z[0]))
 
@@ -203,13 +203,13 @@ def _inside(area: shapely.Geometry, x: Array, y: Array) -> NDArray[np.bool_]:
 
 
 def _counted(
-    world: World, targets: Array | list[Target], side: Side, free: NDArray[np.bool_], x: Array, y: Array
+    scene: Scene, targets: Array | list[Target], side: Side, free: NDArray[np.bool_], x: Array, y: Array
 ) -> NDArray[np.int32]:
     """Targets reached from each free cell within one side's headings."""
-    by_rings = _model(world).turns_freely(world.rules, side.span) and not lifts_matter(world)
+    by_rings = _model(scene).turns_freely(scene.rules, side.span) and not scene.lifted.matters
     if isinstance(targets, list) or not by_rings:
-        return _count_areas(world, _as_targets(targets), side, free, x, y)
-    return count_rings(targets[:, :2], _distances(world, targets[:, 2], inner=True), x, y, free)
+        return _count_areas(scene, _as_targets(targets), side, free, x, y)
+    return count_rings(targets[:, :2], _distances(scene, targets[:, 2], inner=True), x, y, free)
 
 
 def count_rings(
@@ -226,9 +226,9 @@ def count_rings(
     return count
 
 
-def _model(world: World) -> ReachModel:
+def _model(scene: Scene) -> ReachModel:
     """The reach of bare points."""
-    return reach_model(with_joint_margin(world.robot, world.rules.criteria), "point")
+    return reach_model(with_joint_margin(scene.robot, scene.rules.criteria), "point")
 
 
 def _as_targets(targets: Array | list[Target]) -> list[Target]:
@@ -236,13 +236,13 @@ def _as_targets(targets: Array | list[Target]) -> list[Target]:
 
 
 def _count_areas(
-    world: World, targets: list[Target], side: Side, free: NDArray[np.bool_], x: Array, y: Array
+    scene: Scene, targets: list[Target], side: Side, free: NDArray[np.bool_], x: Array, y: Array
 ) -> NDArray[np.int32]:
     """Count where headings or tool directions bound the reach: cells within its polygons."""
     count = np.zeros(free.shape, dtype=np.int32)
     for k in range(0, len(targets), _CHUNK):
         which, _, shapes = reach_rows(
-            world, targets[k : k + _CHUNK], (FRONT, BACK), inner=True, span=side.span
+            scene, targets[k : k + _CHUNK], (FRONT, BACK), inner=True, span=side.span
         )
         for rows in np.split(shapes, np.flatnonzero(np.diff(which)) + 1) if len(which) else []:
             x0, y0, x1, y1 = shapely.total_bounds(rows)
@@ -255,12 +255,12 @@ def _count_areas(
     return count
 
 
-def _distances(world: World, heights: Array, *, inner: bool) -> list[Array]:
+def _distances(scene: Scene, heights: Array, *, inner: bool) -> list[Array]:
     """Distances from the arm axis at which the tool is in reach, (k, 2) for each height, at any heading."""
-    found = _model(world).distances(world.rules.criteria, heights, inner=inner)
+    found = _model(scene).distances(scene.rules.criteria, heights, inner=inner)
     if not inner:
         return found
-    keep = world.rules.reach_margin + world.axis_error + GUARD
+    keep = scene.rules.reach_margin + scene.world.axis_error + GUARD
     kept = [some + (keep, -keep) for some in found]
     return [some[some[:, 0] < some[:, 1]] for some in kept]
 
@@ -312,7 +312,7 @@ def _blocks(line: Array) -> tuple[Array, Array]:
 
 
 def _met_one_by_one(
-    world: World, height: float, values: NDArray[np.int32], x: Array, y: Array
+    scene: Scene, height: float, values: NDArray[np.int32], x: Array, y: Array
 ) -> NDArray[np.bool_]:
     """Cells with an inner area, among those whose outer area is not empty."""
     met = np.zeros(values.shape, dtype=bool)
@@ -320,7 +320,7 @@ def _met_one_by_one(
     for k in range(0, len(rows), _CHUNK):
         row, column = rows[k : k + _CHUNK], columns[k : k + _CHUNK]
         points = np.column_stack([x[column], y[row], np.full(len(row), height)])
-        areas = path_areas(world, _as_targets(points))
+        areas = path_areas(scene, _as_targets(points))
         good = np.unique(areas.target[shapely.area(areas.inner) > 0])
         met[row[good], column[good]] = True
     return met

@@ -8,16 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import ground_of
-from regionik.areas.reachable import model_of, reach_rows
-from regionik.areas.standing import span_of_rules
 from regionik.explain.constraints import no_way_to
 from regionik.mfabrik import solver_for
 from regionik.planners.avoidance.clear_posture import clear_posture_at_pose
@@ -39,12 +36,14 @@ from regionik.postures.families import BACK, FRONT
 from regionik.postures.poses import Pose, axis_of
 from regionik.postures.posture_search import PostureSearch
 from regionik.postures.serial_solver import serial_solver
+from regionik.reach_rows import reach_rows
 from regionik.reachability.any_base import can_search, rules_out_posture
 from regionik.reachability.target_search import TargetResult, TargetSearch
+from regionik.scene import Scene
 from regionik.worlds.arms import pivot_index, with_pivot, with_pivot_limits
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.obstacles import Shadow
-from regionik.worlds.scene import Target, World
+from regionik.worlds.scene import Target
 
 CELLS = 4_000  # of postures weighed for one target of an arm in one plane
 BOXES = 8_000  # and of any arm
@@ -53,16 +52,16 @@ EXACT = 1e-9  # rounding of distances and headings [m], [rad]
 TOUCH = 1e-6  # depth up to which a footprint at the edge of a shadow counts as beside it [m]
 
 
-def from_base(world: World, targets: Sequence[Target], base: ArrayLike) -> list[TargetResult]:
+def from_base(scene: Scene, targets: Sequence[Target], base: ArrayLike) -> list[TargetResult]:
     """The answers for targets from one pose of the base (3,): x, y [m], yaw [rad].
 
     Raises InputError for a pose that is not three finite numbers.
     """
-    stand = _stand(world, *frozen(base, (3,), "base").tolist())
+    stand = scene.once(_stand, *frozen(base, (3,), "base").tolist())
     if stand.blocked:
         return [_ruled_out(target, stand, stand.blocked) for target in targets]
     in_reach = stand.may_reach(targets)
-    too_far = f"no posture of {world.robot.name} within its limits brings the tool there from this pose"
+    too_far = f"no posture of {scene.robot.name} within its limits brings the tool there from this pose"
     return [
         _from_stand(stand, target) if near else _ruled_out(target, stand, too_far)
         for target, near in zip(targets, in_reach.tolist(), strict=True)
@@ -73,7 +72,7 @@ def from_base(world: World, targets: Sequence[Target], base: ArrayLike) -> list[
 class _Stand:
     """A world whose base stands at one pose."""
 
-    world: World  # its pivot where a rule of facing targets holds it
+    scene: Scene  # its pivot where a rule of facing targets holds it
     base: Array  # (3,)
     blocked: str  # why nothing can be reached from there; empty where the base can stand
     spare: float  # that postures keep beyond what the rules want [m]
@@ -86,11 +85,11 @@ class _Stand:
     @cached_property
     def axis(self) -> Array:
         """The arm axis on the floor (2,)."""
-        return axis_of(self.world.robot, self.base)
+        return axis_of(self.scene.robot, self.base)
 
     def search(self, target: Target) -> TargetSearch:
         """A search for one target's postures there."""
-        found = TargetSearch(self.world, target, self.base)
+        found = TargetSearch(self.scene, target, self.base)
         found.guard = replace(found.guard, spare=self.spare)
         return found
 
@@ -99,7 +98,7 @@ class _Stand:
 
         A tool may miss its target by the tolerance, so as much is added on all sides.
         """
-        by = self.world.rules.tolerance
+        by = self.scene.rules.tolerance
         every = np.zeros(len(targets), dtype=bool)
         for rise in (0.0, -by, by):
             rest = np.flatnonzero(~every)
@@ -107,30 +106,29 @@ class _Stand:
                 replace(targets[k], position=targets[k].position + (0.0, 0.0, rise)) for k in rest.tolist()
             ]
             which, _, shapes = reach_rows(
-                self.world, moved, (FRONT, BACK), inner=False, span=self.span, coarse=True
+                self.scene, moved, (FRONT, BACK), inner=False, span=self.span, coarse=True
             )
             near = shapely.dwithin(shapes, shapely.Point(self.axis), 2 * by + EXACT)
             every[rest[which[near]]] = True
         return every
 
 
-@lru_cache(maxsize=8)
-def _stand(world: World, x: float, y: float, yaw: float) -> _Stand:
+def _stand(scene: Scene, x: float, y: float, yaw: float) -> _Stand:
     base = np.array([x, y, yaw])
-    blocked, room = _blocked(world, base), np.inf
-    if not blocked and world.rules.avoidance and world.robot.base_solids:
-        room, said = _body_room(world, base)
+    blocked, room = _blocked(scene, base), np.inf
+    if not blocked and scene.rules.avoidance and scene.robot.base_solids:
+        room, said = _body_room(scene, base)
         blocked = said if room < -EXACT else ""
-    return _Stand(_facing_ahead(world), base, blocked, float(np.clip(room / 2, 0.0, SPARE)))
+    return _Stand(scene.once(_facing_ahead), base, blocked, float(np.clip(room / 2, 0.0, SPARE)))
 
 
-def _blocked(world: World, base: Array) -> str:
+def _blocked(scene: Scene, base: Array) -> str:
     """Why the base cannot stand at a pose, as far as footprint and heading go; empty where it can."""
-    if world.rules.heading == "fixed":
-        fixed = span_of_rules(world)[0]
+    if scene.rules.heading == "fixed":
+        fixed = scene.free_floor.headings[0]
         if abs(wrap(float(base[2]) - fixed)) > EXACT:
             return f"the rules fix the heading of the base at {fixed:z.4f} rad"
-    ground, outline = ground_of(world), world.robot.outline(base)
+    ground, outline = scene.ground, scene.robot.outline(base)
     if not shapely.covers(shapely.buffer(ground.floor, EXACT), outline):
         return f"the base stands off the floor there, by {farthest_outside(outline, ground.floor):.4f} m"
     name, gap = ground.nearest(outline) or ("", np.inf)
@@ -150,27 +148,28 @@ def _holds_some(shadow: Shadow, outline: BaseGeometry) -> bool:
     return bool(shapely.intersects(shapely.buffer(shadow.core, -TOUCH, join_style="mitre"), outline))
 
 
-def _body_room(world: World, base: Array) -> tuple[float, str]:
+def _body_room(scene: Scene, base: Array) -> tuple[float, str]:
     """Least distance beyond the rules' of what is fixed to the base [m], and words on it."""
-    robot, rules = replace(world.robot, solids=()), world.rules
-    bodies = bodies_from(robot, world.solids, world.arm_clearance, rules.deepest_contact, world.floor_slab)
+    robot, rules = replace(scene.robot, solids=()), scene.rules
+    bodies = bodies_from(
+        robot, scene.world.solids, scene.world.arm_clearance, rules.deepest_contact, scene.world.floor_slab
+    )
     touch = nearest(bodies, base, robot.carry)
     return room_of(bodies, touch), f"{describe(bodies, touch)} there, whatever the arm does"
 
 
-@lru_cache(maxsize=8)
-def _facing_ahead(world: World) -> World:
+def _facing_ahead(scene: Scene) -> Scene:
     """The world with a pivot that looks ahead where the rules want the base to face its targets."""
-    chain = world.robot.chain
-    if world.rules.heading != "face_target":
-        return world
-    rules = replace(world.rules, heading="free")
+    chain = scene.robot.chain
+    if scene.rules.heading != "face_target":
+        return scene
+    rules = replace(scene.rules, heading="free")
     if with_pivot(chain) is not chain:  # one that stands still
-        return replace(world, rules=rules)
+        return scene.changed(rules=rules)
     pivot = chain.active_joints[pivot_index(chain)]
     ahead = float(np.clip(0.0, pivot.lower, pivot.upper))
-    robot = replace(world.robot, chain=with_pivot_limits(chain, ahead, ahead))
-    return replace(world, robot=robot, rules=rules)
+    robot = replace(scene.robot, chain=with_pivot_limits(chain, ahead, ahead))
+    return scene.changed(robot=robot, rules=rules)
 
 
 def _from_stand(stand: _Stand, target: Target) -> TargetResult:
@@ -178,7 +177,7 @@ def _from_stand(stand: _Stand, target: Target) -> TargetResult:
     search = stand.search(target)
     if search.guard.on:
         bodies, contact = search.guard.bodies, search.guard.contact
-        name = solid_at_target(bodies, target.position, stand.world.rules.tolerance, 0.0, contact)
+        name = solid_at_target(bodies, target.position, stand.scene.rules.tolerance, 0.0, contact)
         if name:
             return _ruled_out(
                 target, stand, f"in every posture the end of the arm is in or too near to {name}"
@@ -186,8 +185,8 @@ def _from_stand(stand: _Stand, target: Target) -> TargetResult:
     pose = _led_on(stand, search)
     if pose is not None:
         return TargetResult("reachable", pose, 0.0, "")
-    for family in model_of(stand.world, target).families(target, (FRONT, BACK), inner=True):
-        pose = search.at(solver_for(stand.world, family, None, stand.span), stand.base)
+    for family in stand.scene.model(target).families(target, (FRONT, BACK), inner=True):
+        pose = search.at(solver_for(stand.scene, family, None, stand.span), stand.base)
         if pose is not None:
             return TargetResult("reachable", pose, 0.0, "")
     return _searched(stand, search)
@@ -195,9 +194,9 @@ def _from_stand(stand: _Stand, target: Target) -> TargetResult:
 
 def _led_on(stand: _Stand, search: TargetSearch) -> Pose | None:
     """A clear posture led on from one of those that the arm knows; of arms to which a place gives none."""
-    if model_of(stand.world, search.target).exact:
+    if stand.scene.model(search.target).exact:
         return None
-    known = PostureSearch(stand.world, search.guard, [search.target])
+    known = PostureSearch(stand.scene.world, search.guard, [search.target])
     for joints in known.neighboring(stand.base, np.arange(1), KNOWN)[1]:
         pose = Pose(stand.base, joints)
         if search.confirms(pose):
@@ -210,12 +209,12 @@ def _searched(stand: _Stand, search: TargetSearch) -> TargetResult:
     if not search.guard.on:
         return _undecided(search)
     shut = f"in no posture does the arm {_keep(search)}"
-    if can_search(stand.world) and rules_out_posture(stand.world, search.target, stand.base, CELLS):
+    if can_search(stand.scene) and rules_out_posture(stand.scene, search.target, stand.base, CELLS):
         return _ruled_out(search.target, stand, shut)
     pose = search.search() or _at_pose(search)
     if pose is not None:
         return TargetResult("reachable", pose, 0.0, "")
-    robot, guard, found = stand.world.robot, search.guard, list[Pose]()
+    robot, guard, found = stand.scene.robot, search.guard, list[Pose]()
 
     def accept(joints: Array) -> bool:
         pose = Pose(stand.base, np.array(joints))
@@ -225,7 +224,7 @@ def _searched(stand: _Stand, search: TargetSearch) -> TargetResult:
 
     if robot.chain.unbounded or redundant_joints(robot.chain, robot.solids) > MOST_REDUNDANT:
         return _undecided(search)
-    target, tolerance = search.target.position, stand.world.rules.tolerance
+    target, tolerance = search.target.position, stand.scene.rules.tolerance
     task = PostureTask(guard.bodies, stand.base, target, guard.contact, tolerance)
     verdict = search_postures(task, accept, BOXES).verdict
     if found:
@@ -237,12 +236,12 @@ def _searched(stand: _Stand, search: TargetSearch) -> TargetResult:
 
 def _at_pose(search: TargetSearch) -> Pose | None:
     """A clear posture for a tool direction or orientation, from random ones and near the best of them."""
-    target, world, guard = search.target, search.world, search.guard
+    target, scene, guard = search.target, search.scene, search.guard
     assert search.held is not None
-    if target.direction is None or model_of(world, target).shows_all_postures:
+    if target.direction is None or scene.model(target).shows_all_postures:
         return None
-    arm = serial_solver(world.robot.chain, float(world.robot.mount[2]), world.rules.tolerance)
-    goal, start = arm.goal_for(target), search.nearly[-1][1].joints if search.nearly else world.robot.carry
+    arm = serial_solver(scene.robot.chain, float(scene.robot.mount[2]), scene.rules.tolerance)
+    goal, start = arm.goal_for(target), search.nearly[-1][1].joints if search.nearly else scene.robot.carry
     found = clear_posture_at_pose(
         guard.bodies,
         search.held,
@@ -265,7 +264,7 @@ def _keep(search: TargetSearch) -> str:
 
 
 def _ruled_out(target: Target, stand: _Stand, why: str) -> TargetResult:
-    who = TargetSearch(stand.world, target).who
+    who = TargetSearch(stand.scene, target).who
     return TargetResult("unreachable", None, 0.0, f"{who} cannot be reached from {_place(stand.base)}: {why}")
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import fields
-from functools import lru_cache, partial
+from functools import partial
 from itertools import chain
 from typing import Any
 
@@ -13,8 +13,7 @@ import shapely
 from numpy.typing import ArrayLike
 from shapely.geometry import Point
 
-from regionik.areas.standing import LEAST_AREA, PathAreas, anywhere
-from regionik.areas.surroundings import within_reach
+from regionik.areas.standing import LEAST_AREA, PathAreas
 from regionik.executors import Pool, map_unordered
 from regionik.explain.constraints import no_way_to, places_open
 from regionik.explain.failures import no_place
@@ -29,6 +28,7 @@ from regionik.reachability.from_base import from_base
 from regionik.reachability.refinement import KnownArea, diameter, refine
 from regionik.reachability.target_search import TargetResult, TargetSearch
 from regionik.regions import checked_targets, path_areas, round_outer_areas
+from regionik.scene import Scene, scene_of
 from regionik.values import Answer, Configuration
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
@@ -115,14 +115,19 @@ def _joined(parts: Sequence[Answer]) -> Answer:
 
 
 def _answered(world: World, targets: Array | list[Target], base: tuple[float, float, float] | None) -> Answer:
-    """The answers for the targets of one chunk, from anywhere or from one pose of the base."""
+    """The answers for the targets of one chunk."""
     asked = targets if isinstance(targets, list) else [Target(row) for row in targets]
+    return reached(scene_of(world), asked, base)
+
+
+def reached(scene: Scene, asked: Sequence[Target], base: tuple[float, float, float] | None = None) -> Answer:
+    """The answers for targets in a scene, from anywhere or from one pose of the base."""
     positions = np.array([target.position for target in asked]).reshape(-1, 3)
     places = positions if base is None else np.vstack([positions, [*base[:2], 0.0]])
-    near = within_reach(world, places)
+    near = scene.within_reach(places)
     results = _decided(near, asked) if base is None else from_base(near, asked, base)
     verdict = np.array([one.verdict for one in results], dtype="<U11")
-    bases, joints = np.full((len(asked), 3), np.nan), np.full((len(asked), world.robot.chain.dof), np.nan)
+    bases, joints = np.full((len(asked), 3), np.nan), np.full((len(asked), scene.robot.chain.dof), np.nan)
     for i, result in enumerate(results):
         if result.pose is not None:
             bases[i], joints[i] = result.pose.base, result.pose.joints
@@ -130,70 +135,69 @@ def _answered(world: World, targets: Array | list[Target], base: tuple[float, fl
     return Answer(positions, verdict == "reachable", verdict, bases, joints, reasons, gap)
 
 
-def _decided(world: World, targets: Sequence[Target]) -> list[TargetResult]:
+def _decided(scene: Scene, targets: Sequence[Target]) -> list[TargetResult]:
     """Decide by coarse areas of all targets at once, then closely for each target in doubt."""
-    areas = path_areas(world, targets, coarse=True)
-    found = _at_hand(world, targets, areas)
+    areas = path_areas(scene, targets, coarse=True)
+    found = _at_hand(scene, targets, areas)
     rest = [i for i in range(len(targets)) if i not in found]
-    outer = round_outer_areas(world, [targets[i] for i in rest], coarse=True)
+    outer = round_outer_areas(scene, [targets[i] for i in rest], coarse=True)
     results = {i: TargetResult("reachable", pose, 0.0, "") for i, pose in found.items()}
     ruled_out = {i: area.is_empty for i, area in zip(rest, outer, strict=True)}
     for i in track("targets in doubt", rest):
         if ruled_out[i]:
-            results[i] = TargetResult("unreachable", None, 0.0, no_place(world, 0, [targets[i]]).reason)
+            results[i] = TargetResult("unreachable", None, 0.0, no_place(scene, 0, [targets[i]]).reason)
         else:
-            results[i] = _closely(world, targets[i], _largest_first(areas, i))
+            results[i] = _closely(scene, targets[i], _largest_first(areas, i))
     return [results[i] for i in range(len(targets))]
 
 
-def _at_hand(world: World, targets: Sequence[Target], areas: PathAreas) -> dict[int, Pose]:
+def _at_hand(scene: Scene, targets: Sequence[Target], areas: PathAreas) -> dict[int, Pose]:
     """Configurations that M-FABRIK finds in coarse inner areas, at places nearest to the start."""
     found: dict[int, Pose] = {}
-    for i, row in _nearest_rows(world, areas).items():
-        span = anywhere(world).sides[int(areas.side[row])].span
-        base, joints = _start(world)
-        spot = shapely.shortest_line(areas.inner[row], Point(axis_of(world.robot, base))).coords[0]
-        place = pose_of(world.robot, np.array(spot), base[2])
-        solver = solver_for(world, areas.family[row], None, span)
-        reached = None if solver.compiled else _carried(world, targets[i], solver, place, areas.family[row])
+    for i, row in _nearest_rows(scene, areas).items():
+        span = scene.free_floor.anywhere.sides[int(areas.side[row])].span
+        base, joints = _start(scene)
+        spot = shapely.shortest_line(areas.inner[row], Point(axis_of(scene.robot, base))).coords[0]
+        place = pose_of(scene.robot, np.array(spot), base[2])
+        solver = solver_for(scene, areas.family[row], None, span)
+        reached = None if solver.compiled else _carried(scene, targets[i], solver, place, areas.family[row])
         if reached is None:
             reached = solver.inside(areas.inner[row])(targets[i], place, joints)
         pose = Pose(reached.base, reached.joints)
-        if reached.converged and TargetSearch(world, targets[i]).confirms(pose):
+        if reached.converged and TargetSearch(scene, targets[i]).confirms(pose):
             found[i] = pose
     return found
 
 
 def _carried(
-    world: World, target: Target, solver: Solver, place: Array, family: Family
+    scene: Scene, target: Target, solver: Solver, place: Array, family: Family
 ) -> Configuration | None:
     """The posture that a known one for about the same distance and height is led on to."""
     if target.direction is not None:
         return None
-    away = target.position[:2] - axis_of(world.robot, place)
+    away = target.position[:2] - axis_of(scene.robot, place)
     cells = int(np.hypot(*away) / KNOWN), round(float(target.position[2]) / KNOWN)
-    known = _known_posture(world, family, *cells)
+    known = scene.once(_known_posture, family, *cells)
     if known is None:
         return None
-    if world.rules.heading != "fixed":
-        place = pose_of(world.robot, axis_of(world.robot, place), float(np.arctan2(away[1], away[0])))
+    if scene.rules.heading != "fixed":
+        place = pose_of(scene.robot, axis_of(scene.robot, place), float(np.arctan2(away[1], away[0])))
     return solver.least_change(target, place, known)
 
 
-@lru_cache(maxsize=4096)
-def _known_posture(world: World, family: Family, out: int, up: int) -> Array | None:
+def _known_posture(scene: Scene, family: Family, out: int, up: int) -> Array | None:
     """A posture with the tool so many cells out and up, whichever target asks; None where none is known."""
-    base, spot = pose_of(world.robot, np.zeros(2), 0.0), np.array([KNOWN * out, 0.0, KNOWN * up])
-    reached = solver_for(world, family).hold(spot, base, world.robot.carry)
+    base, spot = pose_of(scene.robot, np.zeros(2), 0.0), np.array([KNOWN * out, 0.0, KNOWN * up])
+    reached = solver_for(scene, family).hold(spot, base, scene.robot.carry)
     return reached.joints if reached.converged else None
 
 
-def _closely(world: World, target: Target, likely: Sequence[KnownArea]) -> TargetResult:
+def _closely(scene: Scene, target: Target, likely: Sequence[KnownArea]) -> TargetResult:
     """Result for a target that coarse areas do not decide."""
-    search = TargetSearch(world, target)
+    search = TargetSearch(scene, target)
     if search.guard.on:
         bodies, contact = search.guard.bodies, search.guard.contact
-        name = solid_at_target(bodies, target.position, world.rules.tolerance, 0.0, contact)
+        name = solid_at_target(bodies, target.position, scene.rules.tolerance, 0.0, contact)
         if name:
             return TargetResult(
                 "unreachable", None, 0.0, f"{search.who} cannot be reached: {_IN.format(name)}"
@@ -213,10 +217,10 @@ def _closely(world: World, target: Target, likely: Sequence[KnownArea]) -> Targe
 
 def _everywhere(search: TargetSearch) -> TargetResult:
     """Result of a search of all postures from all places, for arms that avoid obstacles."""
-    world, target = search.world, search.target
-    if not can_search(world):
+    scene, target = search.scene, search.target
+    if not can_search(scene):
         return TargetResult("undecided", None, np.inf, "")
-    seen = search_any_base(world, target, CELLS)
+    seen = search_any_base(scene, target, CELLS)
     if seen.verdict == Verdict.RULED_OUT:
         way = _NO_WAY.format(", ".join([*seen.around, "itself and its base"]))
         return TargetResult("unreachable", None, 0.0, f"{search.who} cannot be reached: {way}")
@@ -246,16 +250,16 @@ def _largest_first(areas: PathAreas, i: int) -> list[KnownArea]:
     return [(areas.family[row], areas.inner[row]) for row in rows.tolist()]
 
 
-def _nearest_rows(world: World, areas: PathAreas) -> dict[int, int]:
+def _nearest_rows(scene: Scene, areas: PathAreas) -> dict[int, int]:
     """For each target with an area, its row nearest to where the robot starts."""
-    gaps = shapely.distance(areas.inner, Point(axis_of(world.robot, _start(world)[0])))  # NaN of empty ones
+    gaps = shapely.distance(areas.inner, Point(axis_of(scene.robot, _start(scene)[0])))  # NaN of empty ones
     rows = np.lexsort([gaps, areas.target])
     rows = rows[np.isfinite(gaps[rows])]
     targets, first = np.unique(areas.target[rows], return_index=True)
     return dict(zip(targets.tolist(), rows[first].tolist(), strict=True))
 
 
-def _start(world: World) -> tuple[Array, Array]:
-    if world.start is not None:
-        return world.start.base, world.start.joints
-    return np.zeros(3), world.robot.carry
+def _start(scene: Scene) -> tuple[Array, Array]:
+    if scene.start is not None:
+        return scene.start.base, scene.start.joints
+    return np.zeros(3), scene.robot.carry

@@ -16,20 +16,21 @@ import shapely
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import EVERY, ground_of
+from regionik.areas.ground import EVERY
 from regionik.areas.layers import GUARD
 from regionik.areas.reach_model import FineRows, ReachModel
-from regionik.areas.reachable import fine_reach, reach_model
-from regionik.areas.standing import span_of_rules
+from regionik.areas.reachable import reach_model
 from regionik.planners.driving.heading_slabs import ConvexScene, convex_scene, free_at_all, free_at_some
 from regionik.planners.search.box_search import WHOLE, Verdict, begin, explore, left_open, verdict_of
 from regionik.postures.arm import goal_of
 from regionik.postures.families import BACK, FRONT, Family, families_along
 from regionik.postures.poses import Pose
+from regionik.reach_rows import fine_reach
 from regionik.reachability.target_search import TargetSearch
 from regionik.regions import reach_of, round_outer_areas
+from regionik.scene import Scene
 from regionik.worlds.arrays import Array
-from regionik.worlds.scene import Target, World
+from regionik.worlds.scene import Target
 
 SIDES, MOST_SIDES = 48, 384  # of the polygons for discs, in wide cells and in narrow ones
 NARROW = 0.02  # [rad]
@@ -124,8 +125,8 @@ class _CloseAreas:
     _inside: dict[HeadingCell, FineRows] = field(default_factory=dict)
 
     @property
-    def world(self) -> World:
-        return self.search.world
+    def scene(self) -> Scene:
+        return self.search.scene
 
     @property
     def target(self) -> Target:
@@ -139,7 +140,7 @@ class _CloseAreas:
     @property
     def whole(self) -> tuple[Span, Span]:
         """All headings and pitches."""
-        heading = span_of_rules(self.world)
+        heading = self.scene.free_floor.headings
         if heading == EVERY and self._outline.any():  # else the base is a point below the arm axis
             heading = (-np.pi, np.pi)
         if not self._tilts or self.target.direction is None:
@@ -173,7 +174,7 @@ class _CloseAreas:
         """No place outside it works at any heading and pitch of the cell."""
         if cell not in self._outer:
             kinds = self._kinds(cell, inner=False)
-            _, shapes = fine_reach(self.world, self.target, kinds, cell.heading, inner=False)
+            _, shapes = fine_reach(self.scene, self.target, kinds, cell.heading, inner=False)
             free = self._free_at_some(cell.heading) if len(shapes) else Polygon()
             self._outer[cell] = shapely.intersection(shapely.union_all(shapes), free)
         return self._outer[cell]
@@ -196,7 +197,7 @@ class _CloseAreas:
 
     def stays_open(self, cell: HeadingCell) -> bool:
         """True where no narrower heading decides: the reach is the same, and has open places free at all."""
-        if self._tilts or not self._model.turns_freely(self.world.rules, (0.0, 0.0)):
+        if self._tilts or not self._model.turns_freely(self.scene.rules, (0.0, 0.0)):
             return False
         outer = self.outer(cell)
         if shapely.intersects(self._reach_inside(cell)[1], outer).any():
@@ -207,7 +208,7 @@ class _CloseAreas:
     def _reach_inside(self, cell: HeadingCell) -> FineRows:
         if cell not in self._inside:
             kinds = self._kinds(cell, inner=True)
-            self._inside[cell] = fine_reach(self.world, self.target, kinds, cell.heading, inner=True)
+            self._inside[cell] = fine_reach(self.scene, self.target, kinds, cell.heading, inner=True)
         return self._inside[cell]
 
     def widest_side(self, cell: HeadingCell) -> int:
@@ -237,17 +238,17 @@ class _CloseAreas:
 
     @property
     def _model(self) -> ReachModel:
-        return reach_model(self.world.robot, goal_of(self.target))
+        return reach_model(self.scene.robot, goal_of(self.target))
 
     @cached_property
     def _outline(self) -> Array:
-        outline: Array = self.world.robot.footprint - self.world.robot.mount[:2]
+        outline: Array = self.scene.robot.footprint - self.scene.robot.mount[:2]
         return outline
 
     @cached_property
     def _about(self) -> BaseGeometry:
         """No place outside it works at any heading; most of the reach is often gone already."""
-        return round_outer_areas(self.world, [self.target], coarse=True)[0]
+        return round_outer_areas(self.scene, [self.target], coarse=True)[0]
 
     def _free_at_some(self, heading: Span) -> BaseGeometry:
         """Places of the axis at some heading of a range, from outside, and about the target alone."""
@@ -283,11 +284,11 @@ class _CloseAreas:
     @cached_property
     def reach(self) -> BaseGeometry:
         """Reach at the target's own height, which is slow: that of its layer, which comes first, is more."""
-        return reach_of(self.world, self.target)
+        return reach_of(self.scene, self.target)
 
     def _cut_by_slab(self, heading: Span, about: BaseGeometry) -> BaseGeometry:
         """Some places, as far as a heading is free of the floor and the shadows that matter to them."""
-        ground, (low, high) = ground_of(self.world), _turn(heading)
+        ground, (low, high) = self.scene.ground, _turn(heading)
         by = WIDER * ground.far + GUARD
         x0, y0, x1, y1 = shapely.bounds(shapely.get_parts(about)).T
         near = ground.cut_to(shapely.union_all(shapely.box(x0 - by, y0 - by, x1 + by, y1 + by)))

@@ -10,8 +10,8 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.reachable import model_of, reach_model
-from regionik.areas.standing import LEAST_AREA, anywhere, into_span, room_for, span_of_rules, spread
+from regionik.areas.reachable import reach_model
+from regionik.areas.standing import LEAST_AREA, into_span, spread
 from regionik.explain.constraints import spot
 from regionik.mfabrik import Solver, solver_for
 from regionik.planners.avoidance.clear_posture import sampled_clear_posture
@@ -19,13 +19,14 @@ from regionik.planners.avoidance.posture_proof import PostureTask
 from regionik.planners.collision.proximity import Touch
 from regionik.planners.driving.footprint import fits
 from regionik.postures.arm import goal_error
-from regionik.postures.arm_guard import SPARE, Guard, guard_at
+from regionik.postures.arm_guard import SPARE, Guard
 from regionik.postures.families import Family
 from regionik.postures.poses import Pose, arrays, facing, pose_of
 from regionik.regions import path_areas
+from regionik.scene import Scene
 from regionik.values import Configuration
 from regionik.worlds.arrays import Array
-from regionik.worlds.scene import Target, World
+from regionik.worlds.scene import Target
 
 PLACES = 12  # of the base, tried in an area where the arm touches something
 PITCHES = 24  # of the last link, tried at every place
@@ -50,7 +51,7 @@ class TargetResult(NamedTuple):
 class TargetSearch:
     """Search for one target's configuration, and the contacts met."""
 
-    world: World
+    scene: Scene
     target: Target
     held: Array | None = None  # (3,) the one base pose that counts, known to stand on free floor
     met: int = 0  # postures on target with the base on free floor that touch something
@@ -60,7 +61,7 @@ class TargetSearch:
     guard: Guard = field(init=False)
 
     def __post_init__(self) -> None:
-        self.guard = guard_at(self.world, self.target)
+        self.guard = self.scene.guard_at(self.target)
 
     @property
     def is_exhausted(self) -> bool:
@@ -69,9 +70,9 @@ class TargetSearch:
 
     def within(self, area: BaseGeometry, family: Family, span: tuple[float, float]) -> Pose | None:
         """A confirmed configuration with the arm axis in an area, the heading in a span, if one is found."""
-        solver = solver_for(self.world, family, None, span)
+        solver = solver_for(self.scene, family, None, span)
         for axis in self._places(area):
-            base = pose_of(self.world.robot, axis, into_span(self._yaw(axis), span))
+            base = pose_of(self.scene.robot, axis, into_span(self._yaw(axis), span))
             if self.is_exhausted:
                 break
             pose = self.at(solver, base)
@@ -99,7 +100,7 @@ class TargetSearch:
 
     def in_areas(self) -> Pose | None:
         """A confirmed configuration in the areas that hold at every heading, if one is found."""
-        areas, sides = path_areas(self.world, [self.target]), anywhere(self.world).sides
+        areas, sides = path_areas(self.scene, [self.target]), self.scene.free_floor.anywhere.sides
         for k in np.flatnonzero(shapely.area(areas.inner) > LEAST_AREA).tolist():
             pose = self.within(areas.inner[k], areas.family[k], sides[areas.side[k]].span)
             if pose is not None:
@@ -111,7 +112,7 @@ class TargetSearch:
 
         This is not for arms whose self-motion has shown all kinds of them already.
         """
-        if self.target.direction is not None or model_of(self.world, self.target).shows_all_postures:
+        if self.target.direction is not None or self.scene.model(self.target).shows_all_postures:
             return None
         nearest = sorted((one for one in self.nearly if one[0] > -DEEPEST), key=lambda one: -one[0])
         found = (self._searched(near) for _, near in nearest[:SEARCHED])
@@ -121,18 +122,18 @@ class TargetSearch:
         """Those whose tool, joints and base meet target, limits and floor, whatever the arm touches."""
         if not poses:
             return []
-        world, model = self.world, reach_model(self.world.robot, "point")
+        scene, model = self.scene, reach_model(self.scene.robot, "point")
         bases, joints = arrays(poses)
-        chain = world.robot.chain
+        chain = scene.robot.chain
         within = ((joints >= chain.lower - SLACK) & (joints <= chain.upper + SLACK)).all(axis=1)
-        errors = [goal_error(self.target, tool) for tool in world.robot.tool(bases, joints)]
+        errors = [goal_error(self.target, tool) for tool in scene.robot.tool(bases, joints)]
         off, angles = np.array(errors).T
-        good = within & (off <= world.rules.tolerance + SLACK) & (angles <= self.target.cone + SLACK)
+        good = within & (off <= scene.rules.tolerance + SLACK) & (angles <= self.target.cone + SLACK)
         free = {place: self._stands(place) for place in {tuple(base) for base in bases[good].tolist()}}
         return [
             q
             for q, on_target in zip(poses, good.tolist(), strict=True)
-            if on_target and free[tuple(q.base.tolist())] and model.meets(world.rules.criteria, q.joints)
+            if on_target and free[tuple(q.base.tolist())] and model.meets(scene.rules.criteria, q.joints)
         ]
 
     def confirms(self, q: Pose) -> bool:
@@ -148,7 +149,7 @@ class TargetSearch:
         """True where the base may stand: on free floor, and as it is held."""
         if self.held is not None:
             return base == tuple(self.held.tolist())
-        return bool(fits(room_for(self.world), *base))
+        return bool(fits(self.scene.footprint, *base))
 
     def _places(self, area: BaseGeometry) -> Array:
         """The middle of the area's largest part, then places spread over all of it."""
@@ -158,7 +159,7 @@ class TargetSearch:
 
     def _postures(self, solver: Solver, base: Array) -> list[Pose]:
         """The posture that the solver finds from the carried arm, then those of its self-motion."""
-        carry = self.world.robot.carry
+        carry = self.scene.robot.carry
         first = solver.hold(self.target, base, carry)
         if not first.converged and self.held is None:
             return []
@@ -174,14 +175,14 @@ class TargetSearch:
 
     def _searched(self, q: Pose) -> Pose | None:
         """Search postures of the arm about the nearest one, the base held."""
-        guard, tolerance = self.guard, self.world.rules.tolerance
+        guard, tolerance = self.guard, self.scene.rules.tolerance
         task = PostureTask(guard.bodies, q.base, self.target.position, guard.contact, tolerance, SPARE)
         found = sampled_clear_posture(task, q.joints, samples=SAMPLES)
         if found.joints is None:
             return None
         pose = Pose(q.base, np.array(found.joints))
-        if self.world.rules.heading == "face_target":  # the search turned the pivot
-            pose = facing(self.world.robot, pose)
+        if self.scene.rules.heading == "face_target":  # the search turned the pivot
+            pose = facing(self.scene.robot, pose)
         return pose if self.confirms(pose) else None
 
     def _room(self, q: Pose, best: float) -> float:
@@ -197,7 +198,7 @@ class TargetSearch:
 
     def _yaw(self, axis: Array) -> float:
         """Heading of the base: the fixed one, else towards the target."""
-        if self.world.rules.heading == "fixed":
-            return span_of_rules(self.world)[0]
+        if self.scene.rules.heading == "fixed":
+            return self.scene.free_floor.headings[0]
         away = self.target.position[:2] - axis
         return float(np.arctan2(away[1], away[0]))

@@ -7,17 +7,17 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from regionik.explain.several import as_setpoint
-from regionik.reachability.reach import reach
+from regionik.reachability.reach import reached
+from regionik.scene import Scene
 from regionik.worlds.errors import SetpointFailure, Verdict
-from regionik.worlds.scene import World
 
 
-def unreached(world: World, setpoints: Sequence[int]) -> Iterator[SetpointFailure]:
+def unreached(scene: Scene, setpoints: Sequence[int]) -> Iterator[SetpointFailure]:
     """Those of some set-points that are not reached, as is proven or as far as is known."""
     if not setpoints:
         return
-    answer = reach(world, [world.task[i] for i in setpoints])
+    answer = reached(scene, [scene.task[i] for i in setpoints])
     for k in np.flatnonzero(~answer.reachable).tolist():
         verdict: Verdict = "unreachable" if answer.verdict[k] == "unreachable" else "undecided"
         i = setpoints[k]
-        yield SetpointFailure(i, verdict, as_setpoint(answer.reason[k], i, len(world.task)))
+        yield SetpointFailure(i, verdict, as_setpoint(answer.reason[k], i, len(scene.task)))

@@ -14,19 +14,18 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import united
 from regionik.areas.layers import Geometries
-from regionik.areas.standing import Standing, room_for, turns_matter
+from regionik.areas.standing import Standing
 from regionik.moving.state_keeper import StateKeeper
 from regionik.planners.smoothing.path_smoothing import PathProblem, on_path, smooth_states
 from regionik.planners.solvers.aims import beyond_cones, in_columns, missed_by
 from regionik.postures.arm import aim_of, goal_between
-from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import axis_of, transits
+from regionik.scene import Scene
 from regionik.values import Plan
 from regionik.worlds.arms import pivot_index, with_pivot
 from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.drives import displacement, unwrapped
 from regionik.worlds.robot import Robot, with_joint_margin
-from regionik.worlds.scene import World
 from regionik.worlds.speeds import Speeds
 
 SHORTEST_RUN = 3  # states
@@ -109,7 +108,7 @@ class PathRun:
         return on_path(replace(problem, lower=lower, upper=upper), moved)
 
 
-def runs_of(plan: Plan, standing: Standing, stride: float, loose: bool) -> Iterator[PathRun]:
+def runs_of(scene: Scene, plan: Plan, standing: Standing, stride: float, loose: bool) -> Iterator[PathRun]:
     """Runs of a plan; long ones in parts, which begin and end where they did.
 
     Where runs are ``loose`` their ends may move where the robot comes or goes with its tool lifted.
@@ -117,7 +116,9 @@ def runs_of(plan: Plan, standing: Standing, stride: float, loose: bool) -> Itera
     The tool moves evenly by at most a ``stride`` from state to state [m]. Where that is infinite, and of a
     car, states are the plan's own.
     """
-    layout = _Layout(plan, standing, stride if plan.world.robot.drive.turns_on_the_spot else math.inf, loose)
+    layout = _Layout(
+        scene, plan, standing, stride if scene.robot.drive.turns_on_the_spot else math.inf, loose
+    )
     working = plan.motion.kind != "transit"
     edges = np.flatnonzero(np.diff(np.concatenate([[False], working, [False]])))
     for first, end in edges.reshape(-1, 2).tolist():
@@ -128,6 +129,7 @@ def runs_of(plan: Plan, standing: Standing, stride: float, loose: bool) -> Itera
 
 @dataclass(frozen=True, eq=False)
 class _Layout:
+    scene: Scene
     plan: Plan
     standing: Standing
     stride: float
@@ -138,13 +140,13 @@ class _Layout:
         return math.isfinite(self.stride)
 
     def run(self, first: int, last: int) -> PathRun:
-        world, motion, rows = self.plan.world, self.plan.motion, slice(first, last + 1)
+        scene, motion, rows = self.scene, self.plan.motion, slice(first, last + 1)
         before = np.column_stack([unwrapped(motion.base[rows]), motion.joints[rows]])
         owner, worked = motion.setpoint[rows], motion.kind[rows] == "setpoint"
         places = self._places(first, last)
         at, states = places, before
         if self.evenly:
-            travelled = np.append(0.0, np.cumsum(_ways(world.robot, before)))
+            travelled = np.append(0.0, np.cumsum(_ways(scene.robot, before)))
             unique = np.append(np.diff(places) > 0, True)
             at, owner, worked = self._even(owner, places[unique], travelled[unique])
             states = np.stack([np.interp(at, places[unique], column) for column in before[unique].T], axis=1)
@@ -164,9 +166,9 @@ class _Layout:
 
     def _places(self, first: int, last: int) -> Array:
         """Places of old states along the path: the set-point, and the share of the way to the next."""
-        task, motion = self.plan.world.task, self.plan.motion.part(first, last + 1)
+        task, motion = self.scene.task, self.plan.motion.part(first, last + 1)
         places = motion.setpoint.astype(float)
-        tools = self.plan.world.robot.tool(motion.base, motion.joints)[:, :3, 3]
+        tools = self.scene.robot.tool(motion.base, motion.joints)[:, :3, 3]
         for k in np.flatnonzero(motion.kind == "step").tolist():
             i = int(places[k])
             way = task[i + 1].position - task[i].position
@@ -179,7 +181,7 @@ class _Layout:
 
         There are enough of them for what the footprint has ``travelled`` (n,) from set-point to set-point.
         """
-        task, step = self.plan.world.task, STEP_SHARE * self.plan.world.rules.step
+        task, step = self.scene.task, STEP_SHARE * self.scene.rules.step
         at = [places[0]]
         for i in range(int(owner[0]), math.ceil(places[-1])):
             way = math.dist(task[i].position, task[i + 1].position)
@@ -194,8 +196,8 @@ class _Layout:
     def _problem(
         self, states: Array, within: Geometries, at: Array, held: tuple[bool, bool], beyond: Array
     ) -> PathProblem:
-        world = self.plan.world
-        task, ends = world.task, len(world.task) - 1
+        scene = self.scene
+        task, ends = scene.task, len(scene.task) - 1
         aims = [
             aim_of(goal_between(task[i], task[min(i + 1, ends)], float(p) - i))
             for i, p in zip(np.floor(at).astype(int).tolist(), at, strict=True)
@@ -204,7 +206,7 @@ class _Layout:
         parameter, limits = self._parameter(position, states), self._limits(states, held)
         keep, corner = self._keeper(within).half_spaces, _corners(position)
         return PathProblem(
-            world.robot, parameter, corner, in_columns(aims), _scale(world), *limits, beyond, keep
+            scene.robot, parameter, corner, in_columns(aims), _scale(scene), *limits, beyond, keep
         )
 
     def _beyond(self, first: int, last: int, states: Array) -> Array:
@@ -220,22 +222,22 @@ class _Layout:
 
     def _parameter(self, position: Array, states: Array) -> Array:
         tool = np.linalg.norm(np.diff(position, axis=0), axis=1)
-        base = BASE_SHARE * _ways(self.plan.world.robot, states)
+        base = BASE_SHARE * _ways(self.scene.robot, states)
         way = tool if self.evenly else np.maximum(tool, base)
         return np.concatenate([[0.0], np.cumsum(np.maximum(way, LEAST_STRIDE))])
 
     def _limits(self, states: Array, held: tuple[bool, bool]) -> tuple[Array, Array]:
         """Bounds of all coordinates: limits with a margin where there is room, and what is held."""
-        world = self.plan.world
-        chain = with_joint_margin(world.robot, world.rules.criteria).chain
+        scene = self.scene
+        chain = with_joint_margin(scene.robot, scene.rules.criteria).chain
         lower, upper = np.full(states.shape, -np.inf), np.full(states.shape, np.inf)
         spare = chain.spare
         lower[:, 3:] = np.minimum(chain.lower + spare, states[:, 3:])
         upper[:, 3:] = np.maximum(chain.upper - spare, states[:, 3:])
         fixed = np.zeros(states.shape, dtype=bool)
-        fixed[:, :3] = not world.robot.drive.turns_on_the_spot  # a car's steering has to stay as it is
-        fixed[:, 2] |= world.rules.heading == "fixed"
-        if world.rules.heading == "face_target" and with_pivot(chain) is chain:
+        fixed[:, :3] = not scene.robot.drive.turns_on_the_spot  # a car's steering has to stay as it is
+        fixed[:, 2] |= scene.rules.heading == "fixed"
+        if scene.rules.heading == "face_target" and with_pivot(chain) is chain:
             fixed[:, 3 + pivot_index(chain)] = True
         fixed[0], fixed[-1] = fixed[0] | held[0], fixed[-1] | held[1]
         return np.where(fixed, states, lower), np.where(fixed, states, upper)
@@ -245,16 +247,20 @@ class _Layout:
 
         Anywhere where it was found off them, as slabs of headings are smaller than the room of a footprint.
         """
-        axes = shapely.points(axis_of(self.plan.world.robot, states[:, :3]))
+        axes = shapely.points(axis_of(self.scene.robot, states[:, :3]))
         areas = np.array([self.plan.areas[i].pruned for i in owner])
         at_work = worked & (shapely.distance(areas, axes) <= OFF_AREA)
         free = np.where(shapely.distance(self._floor, axes) <= OFF_AREA, self._floor, ANYWHERE)
         return np.where(at_work, areas, free)
 
     def _keeper(self, within: Geometries) -> StateKeeper:
-        world, drive = self.plan.world, self.plan.world.robot.drive
-        room = room_for(world) if drive.turns_on_the_spot and (drive.rolls or turns_matter(world)) else None
-        return StateKeeper(world.robot, guard_of(world), room, within, np.zeros(len(within)))
+        scene, drive = self.scene, self.scene.robot.drive
+        room = (
+            scene.footprint
+            if drive.turns_on_the_spot and (drive.rolls or scene.free_floor.turns_matter)
+            else None
+        )
+        return StateKeeper(scene.robot, scene.guard, room, within, np.zeros(len(within)))
 
     @cached_property
     def _floor(self) -> BaseGeometry:
@@ -317,8 +323,8 @@ def _corners(position: Array) -> Mask:
     return np.concatenate([[False], turned, [False]])
 
 
-def _scale(world: World) -> Array:
+def _scale(scene: Scene) -> Array:
     """Weight of each coordinate: the inverse of its limit of acceleration."""
-    speeds = world.speeds or Speeds()
+    speeds = scene.world.speeds or Speeds()
     base, turn = speeds.base_acceleration, speeds.turn_acceleration
-    return 1 / np.array([base, base, turn, *speeds.joint_limits(world.robot.chain)[1]])
+    return 1 / np.array([base, base, turn, *speeds.joint_limits(scene.robot.chain)[1]])

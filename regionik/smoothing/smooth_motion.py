@@ -22,6 +22,7 @@ from regionik.moving.transit import TransitPlanner
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.progress import track
 from regionik.postures.poses import Pose, axis_of, columns, lifted_rows, transits
+from regionik.scene import Scene
 from regionik.smoothing.runs import SHORTEST_RUN, PathRun, runs_of
 from regionik.values import Motion, Plan, Report
 from regionik.verification.verifier import verify
@@ -38,17 +39,19 @@ CLOSER = 0.5  # by this factor
 Failed = dict[int, list[int]]  # states that failed, by run
 
 
-def smooth_motion(plan: Plan, standing: Standing) -> Plan:
+def smooth_motion(scene: Scene, plan: Plan, standing: Standing) -> Plan:
     """Return a plan with smoother motion while the tool is on its path, proven like the one it came from.
 
     The plan is verified and not timed; it is returned itself where nothing could be made smoother.
     """
-    way, drive = np.diff([target.position for target in plan.world.task], axis=0), plan.world.robot.drive
+    way, drive = np.diff([target.position for target in scene.task], axis=0), scene.robot.drive
     long = float(np.linalg.norm(way, axis=1).sum()) > LONG_PATH and drive.turns_on_the_spot
     lifted = any(transits(plan.motion)) and not drive.rolls
-    rejoin = Reconnection(transit_planner(plan.world, standing, plan.seed), standing)
+    rejoin = Reconnection(transit_planner(scene, standing, plan.seed), standing)
     for stride, loose in product(STRIDES[not long :], (True, False)[not lifted :]):
-        runs = [run for run in runs_of(plan, standing, stride, loose) if len(run.states) >= SHORTEST_RUN]
+        runs = [
+            run for run in runs_of(scene, plan, standing, stride, loose) if len(run.states) >= SHORTEST_RUN
+        ]
         plan, complete = _proven(plan, runs, rejoin)
         if complete:
             break
@@ -184,14 +187,14 @@ class Reconnection:
             way = self._way(here, there, [_pose(old, k) for k in range(was.start - 1, was.stop + 1)])
             if way is None:
                 return None
-            owner, drive = int(new.setpoint[now.start - 1]), self.planner.world.robot.drive
+            owner, drive = int(new.setpoint[now.start - 1]), self.planner.scene.robot.drive
             rows = lifted_rows(here, way, there, owner, drive)
             parts += [new.part(done, now.start), *([columns(rows)] if rows else [])]
             done = now.stop
         return Motion.joined([*parts, new.part(done, len(new))])
 
     def _way(self, here: Pose, there: Pose, old: list[Pose]) -> list[Pose] | None:
-        piece = self.standing.piece_at(axis_of(self.planner.world.robot, here.base), float(here.base[2]))
+        piece = self.standing.piece_at(axis_of(self.planner.scene.robot, here.base), float(here.base[2]))
         return None if piece is None else self.planner.rejoined(here, old, there, piece)
 
 

@@ -10,7 +10,7 @@ import shapely
 
 from regionik.planners.collision.proximity import nearest
 from regionik.planners.collision.robot_bodies import Bodies, ContactTargets, bodies_from
-from regionik.postures.arm_guard import guard_of
+from regionik.scene import scene_of
 from regionik.verification.base_clearance import base_shadows, footprint_hulls
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
@@ -28,7 +28,7 @@ class Clearances:
 def clearances(world: World, base: Array, joints: Array) -> Clearances:
     """Return the distances at base poses (n, 3) and joint values (n, dof)."""
     nothing = np.full(len(base), np.inf)
-    contact = guard_of(world).contact
+    contact = scene_of(world).guard.contact
     return Clearances(
         base=_base_clearance(world, base),
         arm=_distances(bodies_around(world), base, joints, contact) if world.arm_solids else nothing,

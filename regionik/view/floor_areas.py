@@ -10,8 +10,8 @@ import shapely
 from shapely.geometry import MultiPolygon, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import ground_of
 from regionik.postures.poses import axis_of
+from regionik.scene import scene_of
 from regionik.values import Plan, Stop
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
@@ -34,7 +34,7 @@ def shown_floor(world: World, detail: float = DETAIL) -> ShownFloor:
     No place in the part that is rejected is one where a plan that holds has its arm's axis: the part is
     drawn a little too small.
     """
-    ground, floor = ground_of(world), world.floor.polygon
+    ground, floor = scene_of(world).ground, world.floor.polygon
     room = ground.outer.free
     rejected = shapely.simplify(shapely.buffer(floor - room, -detail), detail)
     turning: BaseGeometry = Polygon()
@@ -46,7 +46,9 @@ def shown_floor(world: World, detail: float = DETAIL) -> ShownFloor:
 
 def rejected_words(world: World) -> str:
     """Words for places where the base has no room at any heading."""
-    return "rejected: too close to a solid" + (" or the floor's edge" if ground_of(world).near > 0 else "")
+    return "rejected: too close to a solid" + (
+        " or the floor's edge" if scene_of(world).ground.near > 0 else ""
+    )
 
 
 def used_areas(plan: Plan) -> list[BaseGeometry]:

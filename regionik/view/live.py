@@ -14,11 +14,11 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from regionik.areas.ground import ground_of
 from regionik.areas.layers import grow
-from regionik.areas.standing import PathAreas, by_heading, turns_matter
+from regionik.areas.standing import PathAreas
 from regionik.pruning import Pruned, whole_path
 from regionik.regions import path_areas
+from regionik.scene import scene_of
 from regionik.view import triangle_meshes
 from regionik.view.floor_areas import DETAIL
 from regionik.view.picture import Color, Picture, SceneMesh, count_noun
@@ -59,9 +59,10 @@ def live_areas(world: World, before: LiveAreas | None = None) -> LiveAreas:
     """
     if before is not None:
         world = _with_unchanged_parts(world, before.world)
-    areas = path_areas(world)
+    scene = scene_of(world)
+    areas = path_areas(scene)
     try:
-        return LiveAreas(world, areas, whole_path(world)[2], None)
+        return LiveAreas(world, areas, whole_path(scene)[2], None)
     except NoPlanFound as no:
         return LiveAreas(world, areas, None, no.explanation)
 
@@ -202,7 +203,7 @@ def live_meshes(areas: LiveAreas) -> list[SceneMesh]:
     Meshes of what has not changed since the areas before are the very same objects.
     """
     world = areas.world
-    ground = ground_of(world)
+    ground = scene_of(world).ground
     obstacles = (
         _obstacle_meshes(solid, k, ground.surely_taken(solid.name)) for k, solid in enumerate(world.obstacles)
     )
@@ -222,12 +223,12 @@ def failing_setpoints(areas: LiveAreas) -> NDArray[np.bool_]:
     count = len(areas.world.task)
     if areas.explanation is None:
         return np.zeros(count, dtype=bool)
-    world = areas.world
+    scene = scene_of(areas.world)
     failing = np.ones(count, dtype=bool)
     failing[areas.areas.target[~shapely.is_empty(areas.areas.inner)]] = False
-    if failing.any() and turns_matter(world):  # some headings may do where the circle round the base does not
+    if failing.any() and scene.free_floor.turns_matter:  # some headings may do where its circle does not
         rows = np.flatnonzero(failing)
-        turned = path_areas(world, [world.task[i] for i in rows], standing=by_heading(world))
+        turned = path_areas(scene, [scene.task[i] for i in rows], standing=scene.free_floor.by_heading)
         failing[rows[turned.target[~shapely.is_empty(turned.inner)]]] = False
     failing[0 if areas.explanation.setpoint is None else areas.explanation.setpoint] = True
     return failing

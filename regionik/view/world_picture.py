@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import ground_of
 from regionik.explain.changes import repaired
 from regionik.planners.collision.proximity import nearest
 from regionik.postures.poses import pose_of
 from regionik.regions import known_area, reach_of
+from regionik.scene import scene_of
 from regionik.view import triangle_meshes
 from regionik.view.clearance import bodies_around
 from regionik.view.floor_areas import DETAIL, rejected_words, shown_floor
@@ -100,7 +100,7 @@ def shown_start(world: World, area: BaseGeometry | None = None) -> tuple[Array, 
 
 def _standing_places(world: World) -> Array:
     """Free places (n, 2) round the first set-point, else anywhere at the edge of what is free."""
-    free = ground_of(world).inner.free
+    free = scene_of(world).ground.inner.free
     if not world.task:
         middle: Array = shapely.get_coordinates(shapely.point_on_surface(free))
         return middle
@@ -287,13 +287,13 @@ def picture_of_explanation(world: World, explanation: Explanation, target: Targe
 
 def _areas(world: World, explanation: Explanation, i: int) -> Iterator[SceneMesh]:
     """Reach and area before, and the area after the smallest repair."""
-    target = world.task[i]
-    area = known_area(world, target).simplify(DETAIL)
-    reach = reach_of(world, target).simplify(DETAIL)
+    scene, target = scene_of(world), world.task[i]
+    area = known_area(scene, target).simplify(DETAIL)
+    reach = reach_of(scene, target).simplify(DETAIL)
     yield floor_layer("why/reach", reach, Color.PALE, 3, "reach, were nothing in the way")
     yield floor_layer("why/before", area, Color.STRONG, 4, "area as it is")
     if explanation.repairs:
-        mended = repaired(world, explanation.repairs[0], i)
+        mended = repaired(scene, explanation.repairs[0], i)
         after = known_area(mended, mended.task[i])
         # The area after a smallest repair is next to nothing: a rim makes it visible.
         shown = after.buffer(0.01).simplify(DETAIL)
@@ -312,7 +312,7 @@ def _changes(world: World, explanation: Explanation, i: int) -> Iterator[SceneMe
         elif repair.kind == "move-obstacle":
             before, after = (
                 next(solid for solid in one.obstacles if solid.name == repair.name)
-                for one in (world, repaired(world, repair))
+                for one in (world, repaired(scene_of(world), repair).world)
             )
             center = triangle_meshes.shadow_polygon(before).centroid
             start = np.array([center.x, center.y, before.z_range[1] + 3 * _SHAFT])  # above the obstacle

@@ -1,0 +1,107 @@
+"""Reach of targets in a scene as rows of areas, before the ground takes what it rejects."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import shapely
+
+from regionik.areas.ground import EVERY
+from regionik.areas.layers import GUARD, Geometries
+from regionik.areas.reach_model import FineRows, ReachModel, ReachQuery, Rows
+from regionik.areas.reachable import FINE_ARC_POINTS, reach_model
+from regionik.planners.progress import track
+from regionik.postures.arm import goal_of
+from regionik.postures.families import Family
+from regionik.scene import Scene
+from regionik.worlds.scene import Target
+
+
+def reach_rows(
+    scene: Scene,
+    targets: Sequence[Target],
+    facings: Sequence[int],
+    *,
+    inner: bool,
+    span: tuple[float, float] = EVERY,
+    coarse: bool = False,
+    proven: bool = False,
+) -> Rows:
+    """Reach of targets as rings and ring sectors, before rejection, the base's heading within a span.
+
+    See `ReachQuery` for ``coarse`` and ``proven``.
+    """
+    margin = scene.rules.reach_margin if inner else None
+    which, kinds, shapes = rows_of(
+        scene, targets, ReachQuery(scene.rules, margin, span, tuple(facings), coarse=coarse, proven=proven)
+    )
+    if inner:
+        shapes = _eroded(shapes, scene.world.axis_error)
+    real = np.flatnonzero(~shapely.is_empty(shapes))
+    return which[real], tuple(kinds[k] for k in real.tolist()), shapes[real]
+
+
+def inner_rows(
+    scene: Scene,
+    targets: Sequence[Target],
+    facings: Sequence[int],
+    spans: Sequence[tuple[float, float]],
+    *,
+    coarse: bool = False,
+) -> list[Rows]:
+    """Inner `reach_rows` at several spans of headings: the very same where these make no difference."""
+    known: dict[tuple[float, float], Rows] = {}
+    models = {scene.model(target): None for target in targets}
+    found = []
+    for span in track("headings", spans):
+        query = ReachQuery(scene.rules, scene.rules.reach_margin, span, tuple(facings), coarse=coarse)
+        heeded = scene.lifted.matters or any(model.heeds_headings(query) for model in models)
+        asked = span if heeded else EVERY
+        if asked not in known:
+            known[asked] = reach_rows(scene, targets, facings, inner=True, span=asked, coarse=coarse)
+        found.append(known[asked])
+    return found
+
+
+def rows_of(scene: Scene, targets: Sequence[Target], query: ReachQuery) -> Rows:
+    """`reach_rows` as a query asks for them, whatever place an execution puts the arm axis off.
+
+    Places from which a lift would bring its load too near to something are none.
+    """
+    alike: dict[ReachModel, list[int]] = {}
+    for i, target in enumerate(targets):
+        alike.setdefault(scene.model(target), []).append(i)
+    which, shapes = np.empty(0, dtype=np.intp), np.empty(0, dtype=object)
+    kinds: tuple[Family, ...] = ()
+    for model, members in alike.items():
+        rows = model.rows([targets[i] for i in members], query)
+        which = np.concatenate([which, np.array(members, dtype=np.intp)[rows[0]]])
+        kinds, shapes = kinds + rows[1], np.concatenate([shapes, rows[2]])
+    order = np.argsort(which, kind="stable")
+    which, shapes = which[order], shapes[order]
+    if scene.lifted.matters:
+        heights = np.array([target.position[2] for target in targets])[which]
+        for z in np.unique(heights).tolist():
+            taken = scene.lifted.rejection(z, query.span, inner=query.inner)
+            shapes[heights == z] = shapely.difference(shapes[heights == z], taken)
+    return which, tuple(kinds[k] for k in order), shapes
+
+
+def fine_reach(
+    scene: Scene, target: Target, kinds: Sequence[Family], span: tuple[float, float], *, inner: bool
+) -> FineRows:
+    """Reach of one target without the rules' ``reach_margin``, with finer circles: families and shapes.
+
+    Shapes lie within the true reach, or around it by the layer of the height, with the base's heading within
+    a span.
+    """
+    query = ReachQuery(scene.rules, GUARD if inner else None, span, arcs=FINE_ARC_POINTS, coarse=not inner)
+    families, shapes = reach_model(scene.robot, goal_of(target)).fine_rows(target, kinds, query)
+    return families, _eroded(shapes, scene.world.axis_error) if inner else shapes
+
+
+def _eroded(shapes: Geometries, error: float) -> Geometries:
+    """Places of the arm axis from which it stays in a shape wherever an execution puts it, (n,)."""
+    left: Geometries = shapely.buffer(shapes, -error, join_style="mitre") if error > 0 else shapes
+    return left
