@@ -567,7 +567,7 @@ FAULTS = (
     Fault(
         "smoothing: a car may leave its way",
         "regionik/smoothing/runs.py",
-        "fixed[:, :3] = not world.robot.drive.turns_on_the_spot",
+        "fixed[:, :3] = not scene.robot.drive.turns_on_the_spot",
         "fixed[:, :1] = not world.robot.drive.turns_on_the_spot",
         ("tests/test_smoothing.py",),
     ),
@@ -742,7 +742,7 @@ FAULTS = (
     Fault(
         "shortcuts: wheels slide where the base goes at another pace",
         "regionik/moving/shortcuts.py",
-        "self.driver.world.robot.drive.sampled(drives.rows, index)",
+        "self.driver.scene.robot.drive.sampled(drives.rows, index)",
         "_rows_at(drives, share)",
         ("tests/test_shortcuts.py",),
     ),

@@ -23,7 +23,7 @@ from regionik.planners.coverage.set_cover import least_cover, overlay_faces, und
 from regionik.planners.coverage.tours import VisitingOrder
 from regionik.postures.arm_roadmap import HeldPostures
 from regionik.postures.poses import Pose
-from regionik.scene import scene_of
+from regionik.scene import Scene, scene_of
 from regionik.verification.verifier import verify
 from regionik.worlds.links import capsules_along
 from regionik.worlds.obstacles import Box
@@ -129,8 +129,8 @@ def test_the_arm_goes_by_a_tour_that_no_order_of_its_postures_shortens() -> None
 def test_a_tour_takes_no_posture_that_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
     toured, seen = arm_tour._toured, list[bool]()
 
-    def watched(world: World, group: StopGroup, held: HeldPostures) -> tuple[HeldPostures, VisitingOrder]:
-        made, order = toured(scene_of(world), group, held)
+    def watched(scene: Scene, group: StopGroup, held: HeldPostures) -> tuple[HeldPostures, VisitingOrder]:
+        made, order = toured(scene, group, held)
         seen.append(sorted(made.joints.tolist()) == sorted(held.joints.tolist()))
         return made, order
 

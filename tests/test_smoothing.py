@@ -67,7 +67,7 @@ def test_constraints_that_bound_nothing_are_left_out_without_a_word(
 def as_found(world: World) -> Plan:
     """The plan before it is smoothed."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pipeline, "smooth_motion", lambda plan, standing: plan)
+        patch.setattr(pipeline, "smooth_motion", lambda scene, plan, standing: plan)
         return pipeline.search(scene_of(world))
 
 

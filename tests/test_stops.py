@@ -24,7 +24,7 @@ from regionik.planners.coverage import set_cover
 from regionik.planners.coverage.set_cover import least_cover, overlay_faces, undominated
 from regionik.postures.families import BACK, FRONT
 from regionik.regions import outer_areas, path_areas
-from regionik.scene import scene_of
+from regionik.scene import Scene, scene_of
 from regionik.values import Plan
 from regionik.verification.led_postures import _excess, _Goals, _residual_and_jacobian
 from regionik.verification.verifier import verify
@@ -206,9 +206,9 @@ def test_the_bound_asks_for_few_outer_areas(seed: int, monkeypatch: pytest.Monke
     world, asked = scattered(seed, 3.0), list[int]()
     every = overlay_faces(fewest_stops._outer_places(scene_of(world), world.task))
 
-    def counted(world: World, targets: list[Target]) -> list[BaseGeometry]:
+    def counted(scene: Scene, targets: list[Target]) -> list[BaseGeometry]:
         asked.append(len(targets))
-        return outer_areas(scene_of(world), targets)
+        return outer_areas(scene, targets)
 
     monkeypatch.setattr(fewest_stops, "outer_areas", counted)
     assert park(scene_of(world)).lower == least_cover(every.inside).lower

@@ -96,7 +96,7 @@ def path_constraints_of(scene: Scene) -> tuple[Constraint, ...]:
     if scene.rules.max_lift_offs is not None:
         found.append(Constraint("path", LIFT_OFFS, partial(with_rules, max_lift_offs=None)))
     if scene.start is not None and scene.rules.heading != "fixed":
-        found.append(Constraint("floor", START, partial(replace, start=None)))
+        found.append(Constraint("floor", START, without_start))
     return (*found, *constraints_of(scene))
 
 
@@ -114,6 +114,11 @@ def _gap(solid: Solid, scene: Scene) -> float:
 def with_rules(scene: Scene, **changes: object) -> Scene:
     """A world of other rules."""
     return scene.changed(rules=replace(scene.rules, **changes))  # type: ignore[arg-type]
+
+
+def without_start(scene: Scene) -> Scene:
+    """The scene of a robot that may begin anywhere."""
+    return scene.changed(start=None)
 
 
 def without_obstacle(scene: Scene, name: str) -> Scene:
