@@ -27,7 +27,7 @@ from roboplan.core import CartesianPath, JointConfiguration, Scene, loadUrdfScen
 from regionik.output.urdf import robot_to_urdf
 from regionik.pipeline import search
 from regionik.values import Motion
-from regionik.view.clearance import clearances
+from regionik.view.timeline import clearances
 from regionik.worlds.arrays import Array
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.robot import Robot

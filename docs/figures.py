@@ -28,7 +28,7 @@ from regionik.areas.standing import anywhere
 from regionik.postures.families import BACK, FRONT
 from regionik.pruning import Pruned, whole_path
 from regionik.timing.limits import tool_velocity
-from regionik.view.browser import opened
+from regionik.view.film import opened
 from tests.pages import DOCS, play
 
 REACH, KEPT, CUT, SOLID, GROWN, UNDECIDED = "#cfd8dc", "#2e7d32", "#a5d6a7", "#546e7a", "#ffab91", "#c62828"

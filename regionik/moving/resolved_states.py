@@ -27,8 +27,8 @@ from regionik.planners.solvers.damped_least_squares import POSITION, Aims
 from regionik.postures.arm_guard import Guard
 from regionik.postures.poses import LARGEST_BEND, Pose
 from regionik.worlds.arrays import Array
+from regionik.worlds.limits import Speeds
 from regionik.worlds.scene import World
-from regionik.worlds.speeds import Speeds
 
 ROUNDS = 20  # of Newton's method
 PATIENCE = 4  # of these that bring the tool no nearer than it was, after which it ends

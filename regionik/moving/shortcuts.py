@@ -19,8 +19,8 @@ from regionik.postures.arm_guard import Guard
 from regionik.postures.poses import LARGEST_BEND, Pose, arrays, distinct, pose_between
 from regionik.worlds.arrays import Array
 from regionik.worlds.drives import displacement
+from regionik.worlds.limits import Speeds
 from regionik.worlds.scene import World
-from regionik.worlds.speeds import Speeds
 
 DETOUR = 1.02  # times the least way or time, which is short enough
 TRIES, PATIENCE = 200, 60  # shortcuts looked at, and how many of them in vain one after the other

@@ -21,8 +21,8 @@ from regionik.postures.arm_guard import guard_of
 from regionik.postures.arm_roadmap import HeldPostures
 from regionik.worlds.arms import pivot_index
 from regionik.worlds.arrays import Array, Index
+from regionik.worlds.limits import Speeds
 from regionik.worlds.scene import World
-from regionik.worlds.speeds import Speeds
 
 FAMILIES = 8  # of postures that are looked for
 ALIKE = 0.05  # postures that differ by less in every joint are one [rad]

@@ -27,7 +27,7 @@ from regionik.planners.geometry.offsets import shrunk
 from regionik.postures.poses import axis_of
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation
-from regionik.worlds.execution import ParkingAccuracy
+from regionik.worlds.limits import ParkingAccuracy
 from regionik.worlds.scene import World
 
 DEVIATIONS = 5.5  # on either side of the stop within which poses count
