@@ -40,7 +40,7 @@ from regionik.timing.retime import retime
 from regionik.values import Plan
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.documents.world_file import load_world
-from regionik.worlds.speeds import Speeds
+from regionik.worlds.limits import Speeds
 
 TOOL = 0.2  # [m/s]
 ROBOT = Speeds(

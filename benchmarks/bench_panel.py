@@ -17,10 +17,10 @@ import shapely
 import regionik as rik
 from regionik.values import Plan
 from regionik.worlds.arrays import Array
+from regionik.worlds.limits import Speeds
 from regionik.worlds.obstacles import Box
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
-from regionik.worlds.speeds import Speeds
 from regionik.worlds.urdf.loader import load_robot
 
 VELOCITY = (1.0, 0.7, 0.7, 1.0, 0.7, 1.57)  # of the published run [rad/s]

@@ -18,7 +18,7 @@ from regionik.parking.stops import stops
 from regionik.scene import scene_of
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import world_to_document
-from regionik.worlds.execution import ParkingAccuracy
+from regionik.worlds.limits import ParkingAccuracy
 from regionik.worlds.obstacles import Cylinder
 from regionik.worlds.scene import Floor, Rules, Target, World
 from tests.opinion.parkings import good_parkings

@@ -36,12 +36,10 @@ from regionik.timing.retime import retime
 from regionik.values import Plan
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import world_names
-from regionik.worlds.criteria import Criteria
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import NoPlanFound
-from regionik.worlds.execution import Execution
+from regionik.worlds.limits import Criteria, Execution, Speeds
 from regionik.worlds.scene import World
-from regionik.worlds.speeds import Speeds
 
 SPEEDS = Speeds(base_velocity=0.3, base_acceleration=1.0, joint_acceleration=3.0, tool_velocity=0.1)
 ON_WHEELS, EVERY_WAY = 2e-3, 1e-3  # largest tool error without noise [m]

@@ -28,7 +28,7 @@ from regionik.output.urdf import robot_to_urdf
 from regionik.pipeline import search
 from regionik.scene import scene_of
 from regionik.values import Motion
-from regionik.view.clearance import clearances
+from regionik.view.timeline import clearances
 from regionik.worlds.arrays import Array
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.robot import Robot

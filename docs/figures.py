@@ -28,7 +28,7 @@ from regionik.pruning import Pruned, whole_path
 from regionik.reach_rows import reach_rows
 from regionik.scene import scene_of
 from regionik.timing.limits import tool_velocity
-from regionik.view.browser import opened
+from regionik.view.film import opened
 from tests.pages import DOCS, play
 
 REACH, KEPT, CUT, SOLID, GROWN, UNDECIDED = "#cfd8dc", "#2e7d32", "#a5d6a7", "#546e7a", "#ffab91", "#c62828"

@@ -8,9 +8,9 @@ from typing import Any
 
 from regionik.worlds.documents.world_file import WorldDocument
 from regionik.worlds.joints import Joint
+from regionik.worlds.limits import Speeds
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Rules
-from regionik.worlds.speeds import Speeds
 
 _MADE = {  # part -> the class that it makes
     "ChainRobot": Robot,

@@ -18,8 +18,7 @@ if TYPE_CHECKING:
     from regionik.area_verification import verify_areas
     from regionik.comparison import compare
     from regionik.mfabrik import Solver
-    from regionik.output.export import export
-    from regionik.output.field_file import write_field
+    from regionik.output.export import export, write_field
     from regionik.output.plan_file import load_plan
     from regionik.parking.replanning import replan_stop
     from regionik.parking.stops import stops
@@ -38,16 +37,14 @@ if TYPE_CHECKING:
     from regionik.view.page import to_html
     from regionik.view.viewer import show
     from regionik.worlds.chain import Chain
-    from regionik.worlds.criteria import Criteria
     from regionik.worlds.documents.world_file import load_world
     from regionik.worlds.errors import InputError, NoPlanFound, RegionikError
-    from regionik.worlds.execution import Execution, ParkingAccuracy
     from regionik.worlds.joints import Joint
+    from regionik.worlds.limits import Criteria, Execution, ParkingAccuracy, Speeds
     from regionik.worlds.links import LinkBox, LinkCapsule, LinkHull
     from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
     from regionik.worlds.robot import Robot, Tool
     from regionik.worlds.scene import Floor, Rules, Start, Target, World
-    from regionik.worlds.speeds import Speeds
     from regionik.worlds.urdf.loader import load_robot
 
 __version__ = "0.1.0"
@@ -68,8 +65,7 @@ _HOME = {
         "area_verification": "verify_areas",
         "comparison": "compare",
         "mfabrik": "Solver",
-        "output.export": "export",
-        "output.field_file": "write_field",
+        "output.export": "export write_field",
         "output.plan_file": "load_plan",
         "parking.replanning": "replan_stop",
         "parking.stops": "stops",
@@ -88,16 +84,14 @@ _HOME = {
         "view.page": "to_html",
         "view.viewer": "show",
         "worlds.chain": "Chain",
-        "worlds.criteria": "Criteria",
         "worlds.documents.world_file": "load_world",
         "worlds.errors": "InputError NoPlanFound RegionikError",
-        "worlds.execution": "Execution ParkingAccuracy",
+        "worlds.limits": "Criteria Execution ParkingAccuracy Speeds",
         "worlds.joints": "Joint",
         "worlds.links": "LinkBox LinkCapsule LinkHull",
         "worlds.obstacles": "Box Cylinder Mesh Prism Sphere",
         "worlds.robot": "Robot Tool",
         "worlds.scene": "Floor Rules Start Target World",
-        "worlds.speeds": "Speeds",
         "worlds.urdf.loader": "load_robot",
     }.items()
     for name in names.split()
@@ -123,7 +117,7 @@ def _show_in_notebooks() -> None:
 
 
 def _as_html(value: Any) -> str:
-    from regionik.view.notebook import as_html
+    from regionik.view.page import as_html
 
     return as_html(value)
 

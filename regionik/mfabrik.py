@@ -33,8 +33,8 @@ from regionik.scene import Scene
 from regionik.values import Configuration
 from regionik.worlds.arms import pivot_index, pivot_joints, with_pivot
 from regionik.worlds.arrays import Array, frozen
-from regionik.worlds.criteria import Criteria
 from regionik.worlds.errors import InputError
+from regionik.worlds.limits import Criteria
 from regionik.worlds.robot import Robot, with_joint_margin
 from regionik.worlds.scene import Heading, Target
 

@@ -29,8 +29,8 @@ from regionik.scene import Scene, scene_of
 from regionik.values import PlannedArea
 from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import Array, frozen
-from regionik.worlds.criteria import Criteria
 from regionik.worlds.errors import CauseKind
+from regionik.worlds.limits import Criteria
 from regionik.worlds.scene import Target, World
 
 

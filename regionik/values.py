@@ -157,7 +157,7 @@ class Stop:
         That chose the place, as in `regionik.worlds.scene.Rules`.
     probability : float or None
         Proven lower bound: so probably do arm and base as within that circle, once the base has parked with
-        the error of `regionik.worlds.execution.ParkingAccuracy`. None without one in the rules.
+        the error of `regionik.worlds.limits.ParkingAccuracy`. None without one in the rules.
     unconfirmed : tuple of int
         Those of the set-points at which no clear posture is known with the base exactly there; at all others
         one was found and checked. Of a plan's stops, whose motion is verified, there are none.

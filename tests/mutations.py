@@ -34,7 +34,7 @@ class Fault:
 FAULTS = (
     Fault(
         "obstacles: a sheet in a mesh has no shadow",
-        "worlds/mesh_shadows.py",
+        "worlds/surfaces.py",
         "[whole, *shapely.buffer(sheets, SHEET)]",
         "[whole]",
         ("tests/test_false_answers.py",),
@@ -363,7 +363,7 @@ FAULTS = (
     ),
     Fault(
         "obstacles: a mesh has no shadow where it has no surface between two heights",
-        "worlds/mesh_shadows.py",
+        "worlds/surfaces.py",
         "    if above <= low or below >= high:\n        return []\n",
         "    return []\n",
         ("tests/test_robot_body.py",),
@@ -440,7 +440,7 @@ FAULTS = (
     ),
     Fault(
         "obstacles: a mesh's shadow loses faces",
-        "worlds/mesh_shadows.py",
+        "worlds/surfaces.py",
         "[*triangles[valid], *inside], grid_size=GRID",
         "[*triangles[valid], *inside]",
         ("tests/test_values.py",),

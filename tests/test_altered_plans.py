@@ -24,8 +24,8 @@ from regionik.values import Plan
 from regionik.verification.verifier import verify
 from regionik.worlds.documents.world_file import load_world, world_to_document
 from regionik.worlds.errors import InputError
+from regionik.worlds.limits import Speeds
 from regionik.worlds.scene import World
-from regionik.worlds.speeds import Speeds
 
 Place = tuple[str | int, ...]
 

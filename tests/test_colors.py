@@ -19,13 +19,12 @@ from regionik.regions import outer_areas
 from regionik.scene import scene_of
 from regionik.tracker import can_track
 from regionik.values import Plan
-from regionik.view.clearance import bodies_around
-from regionik.view.figure_data import floor_view
 from regionik.view.figures import field_image
-from regionik.view.floor_areas import DETAIL, shown_floor
+from regionik.view.floor_view import DETAIL, floor_view, shown_floor
 from regionik.view.live import LiveAreas, failing_setpoints, live_areas, live_picture
 from regionik.view.picture import Color, Picture
 from regionik.view.plan_picture import picture_of_plan
+from regionik.view.timeline import bodies_around
 from regionik.view.world_picture import GHOST_WORDS, picture_of_world, shown_start
 from regionik.worlds.bundled import robot_named, world_names
 from regionik.worlds.documents.world_file import load_world

@@ -24,7 +24,7 @@ from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import rot_z
-from regionik.worlds.criteria import Criteria
+from regionik.worlds.limits import Criteria
 from regionik.worlds.scene import Floor, Rules, Target, World
 from tests import examples
 

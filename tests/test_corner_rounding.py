@@ -22,7 +22,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError
-from regionik.worlds.speeds import Speeds
+from regionik.worlds.limits import Speeds
 from tests import examples
 from tests.planned import planned
 

@@ -24,10 +24,10 @@ from regionik.worlds.arms import planar_arm
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, rot_x, translation
-from regionik.worlds.criteria import Criteria
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.joints import Joint
+from regionik.worlds.limits import Criteria
 from regionik.worlds.links import LinkMass, capsules_along
 from regionik.worlds.robot import GRAVITY, Robot, with_joint_margin
 from regionik.worlds.scene import Floor, Target, World

@@ -23,10 +23,9 @@ from regionik.values import Plan
 from regionik.verification.verifier import verify
 from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
 from regionik.worlds.errors import InputError
-from regionik.worlds.execution import Execution
+from regionik.worlds.limits import Execution, Speeds
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Floor, Rules, Target, World
-from regionik.worlds.speeds import Speeds
 from tests import examples
 from tests.opinion.judge import objections
 from tests.planned import planned

@@ -25,13 +25,12 @@ from regionik.verification.verifier import verify, verify_answers
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, translation
 from regionik.worlds.errors import InputError, NoPlanFound
-from regionik.worlds.execution import Execution, ParkingAccuracy
 from regionik.worlds.joints import Joint
+from regionik.worlds.limits import Execution, ParkingAccuracy, Speeds
 from regionik.worlds.links import capsules_along
 from regionik.worlds.obstacles import Box, Mesh, Sphere
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
-from regionik.worlds.speeds import Speeds
 from tests.test_verify import motion_of, of_kind, plan_of
 
 FLOOR = Floor([[-3, -3], [3, -3], [3, 3], [-3, 3]])

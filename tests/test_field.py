@@ -13,7 +13,7 @@ import shapely
 from numpy.typing import NDArray
 
 from regionik.cli import app
-from regionik.output.field_file import write_field
+from regionik.output.export import write_field
 from regionik.reachability.field import (
     MOST_CELLS,
     Field,
@@ -25,9 +25,9 @@ from regionik.reachability.field import (
 from regionik.reachability.reach import reach
 from regionik.regions import admissible_area
 from regionik.worlds.arrays import Array
-from regionik.worlds.criteria import Criteria
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError
+from regionik.worlds.limits import Criteria
 from regionik.worlds.scene import Rules, Start, Target, World
 from regionik.worlds.urdf.loader import load_robot
 

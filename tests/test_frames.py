@@ -16,9 +16,8 @@ from regionik.output.ros2 import path_message
 from regionik.worlds.chain import pose
 from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
 from regionik.worlds.errors import InputError
-from regionik.worlds.frames import FrameNames
 from regionik.worlds.readers.csv_path import Delimiter, read_csv_columns
-from regionik.worlds.scene import World
+from regionik.worlds.scene import FrameNames, World
 from tests import examples
 from tests.plans import l_shape, synthetic_plan, timed
 

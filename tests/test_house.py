@@ -34,8 +34,8 @@ ENGINES = {
     "pygad": {"planners/rivals/genetic.py"},
     "sklearn": {"planners/rivals/network.py"},
     "distributed": {"regionik/executors.py"},
-    "rasterio": {"regionik/output/field_file.py"},
-    "rosbags": {"regionik/output/bag.py"},
+    "rasterio": {"regionik/output/export.py"},
+    "rosbags": {"regionik/output/ros2.py"},
     "mujoco": {"regionik/simulation/physics.py"},
 }
 

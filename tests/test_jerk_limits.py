@@ -23,7 +23,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.documents.world_file import world_from_document, world_to_document
 from regionik.worlds.drives import BaseKind
 from regionik.worlds.errors import InputError
-from regionik.worlds.speeds import Speeds
+from regionik.worlds.limits import Speeds
 from tests import examples
 from tests.planned import planned
 from tests.soak import against

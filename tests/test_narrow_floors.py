@@ -13,7 +13,7 @@ from regionik.scene import scene_of
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.drives import BaseKind
 from regionik.worlds.errors import NoPlanFound
-from regionik.worlds.execution import Execution
+from regionik.worlds.limits import Execution
 from regionik.worlds.obstacles import Box, Cylinder, Solid
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Heading, Rules, Start, Target, World

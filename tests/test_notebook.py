@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import regionik as rik
-from regionik.view.notebook import as_html, facts
+from regionik.view.page import as_html, facts
 
 ROOT = Path(__file__).parent.parent
 

@@ -27,8 +27,8 @@ from regionik.timing.retime import retime
 from regionik.values import Plan
 from regionik.worlds.bundled import world_names
 from regionik.worlds.documents.world_file import load_world, world_to_document
+from regionik.worlds.limits import Speeds
 from regionik.worlds.scene import Target
-from regionik.worlds.speeds import Speeds
 from tests.opinion.course import Course, halfway
 from tests.opinion.judge import objections, posture_objections
 from tests.opinion.machine import Facts, Machine

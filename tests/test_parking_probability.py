@@ -25,7 +25,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import world_from_document, world_to_document
 from regionik.worlds.errors import NoPlanFound
-from regionik.worlds.execution import ParkingAccuracy
+from regionik.worlds.limits import ParkingAccuracy
 from regionik.worlds.obstacles import Cylinder
 from regionik.worlds.scene import Floor, Rules, Target, World
 from tests import examples

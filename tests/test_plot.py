@@ -18,8 +18,8 @@ from regionik.planners.collision.proximity import nearest
 from regionik.planners.collision.robot_bodies import bodies_from
 from regionik.values import Plan
 from regionik.verification.base_clearance import footprint_hulls
-from regionik.view.clearance import clearances
-from regionik.view.figure_data import POSES, floor_view, plan_curves
+from regionik.view.floor_view import POSES, floor_view
+from regionik.view.timeline import clearances, plan_curves
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import World

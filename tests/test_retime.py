@@ -29,9 +29,9 @@ from regionik.worlds.chain import Chain
 from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
 from regionik.worlds.drives import OmnidirectionalDrive, wheel_travel
 from regionik.worlds.errors import InputError
+from regionik.worlds.limits import Speeds
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
-from regionik.worlds.speeds import Speeds
 from tests.planned import planned
 from tests.soaked import soaked_world
 

@@ -18,9 +18,8 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from shapely.geometry import box
 
 from regionik.cli import app
-from regionik.output.bag import bag_files
 from regionik.output.export import export
-from regionik.output.ros2 import base_trajectory, message_text
+from regionik.output.ros2 import bag_files, base_trajectory, message_text
 from regionik.output.ros2_folder import arm_parameters, base_parameters, planning_scene, ros2_files
 from regionik.timing.trajectory import sample_plan, trajectory
 from regionik.values import Motion, Plan
@@ -28,9 +27,8 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
-from regionik.worlds.frames import FrameNames
 from regionik.worlds.robot import Robot
-from regionik.worlds.scene import Floor, World
+from regionik.worlds.scene import Floor, FrameNames, World
 from regionik.worlds.toolpath import rotation_from_quaternion
 from tests.plans import every_solid, l_shape, synthetic_plan, timed
 

@@ -25,11 +25,11 @@ from regionik.postures.arm_roadmap import HeldPostures
 from regionik.postures.poses import Pose
 from regionik.scene import Scene, scene_of
 from regionik.verification.verifier import verify
+from regionik.worlds.limits import Speeds
 from regionik.worlds.links import capsules_along
 from regionik.worlds.obstacles import Box
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, StopCriterion, Target, World
-from regionik.worlds.speeds import Speeds
 from tests import examples
 from tests.test_closed_form import ARMS
 

@@ -32,8 +32,8 @@ from regionik.verification.verifier import verify
 from regionik.worlds.arms import pivot_index, pivot_joints
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.criteria import Criteria
 from regionik.worlds.errors import NoPlanFound
+from regionik.worlds.limits import Criteria
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Mode, Rules, Target, World
 from tests.mimics import ARMS as MIMICS

@@ -31,8 +31,8 @@ from regionik.values import Motion, Plan
 from regionik.view.run_picture import picture_of_run
 from regionik.worlds.drives import BaseKind
 from regionik.worlds.errors import EngineError, InputError
+from regionik.worlds.limits import Speeds
 from regionik.worlds.robot import Robot
-from regionik.worlds.speeds import Speeds
 from tests import examples
 from tests.planned import planned
 from tests.plans import every_solid, youbot

@@ -19,9 +19,9 @@ from regionik.values import Plan
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
+from regionik.worlds.limits import Speeds
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Target, World
-from regionik.worlds.speeds import Speeds
 from tests.planned import planned
 
 JERKS = {"base_jerk": 5.0, "joint_jerk": 10.0}

@@ -34,10 +34,10 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.drives import BaseKind
+from regionik.worlds.limits import Speeds
 from regionik.worlds.obstacles import Box, Cylinder
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Target, World
-from regionik.worlds.speeds import Speeds
 
 SMOOTHED = ("free", "l_shape", "pillar", "shelf", "slab", "wall")
 

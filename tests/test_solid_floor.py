@@ -23,10 +23,9 @@ from regionik.values import Plan
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.rest_posture import rest_posture
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Target, World
-from regionik.worlds.self_collision import off_floor, postures_off_floor
+from regionik.worlds.self_collision import off_floor, postures_off_floor, rest_posture
 from tests import examples
 from tests.opinion.judge import posture_objections
 from tests.plans import plan_to_document

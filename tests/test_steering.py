@@ -20,8 +20,8 @@ from regionik.verification import speeds
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.drives import BaseKind, CarDrive
+from regionik.worlds.limits import Speeds
 from regionik.worlds.scene import Floor, Rules
-from regionik.worlds.speeds import Speeds
 from tests import examples
 from tests.plans import youbot
 from tests.soak import against

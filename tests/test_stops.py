@@ -28,7 +28,7 @@ from regionik.scene import Scene, scene_of
 from regionik.values import Plan
 from regionik.verification.led_postures import _excess, _Goals, _residual_and_jacobian
 from regionik.verification.verifier import verify
-from regionik.view.figure_data import floor_view
+from regionik.view.floor_view import floor_view
 from regionik.view.plan_picture import picture_of_plan
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain

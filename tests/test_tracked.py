@@ -18,10 +18,10 @@ from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import planar_pose, rot_y, rot_z
-from regionik.worlds.criteria import Criteria
 from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
 from regionik.worlds.drives import wheel_travel
 from regionik.worlds.errors import InputError, NoPlanFound
+from regionik.worlds.limits import Criteria
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Start, Target, World
 from tests.planned import planned

@@ -19,7 +19,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.chain import pose
 from regionik.worlds.errors import InputError, RobotNote
 from regionik.worlds.links import LINK_RADIUS, LinkBox, LinkCapsule, LinkHull, LinkSolid
-from regionik.worlds.readers.collada import read_geometries
+from regionik.worlds.readers.meshes import read_geometries
 from regionik.worlds.robot import BODY_HEIGHT, Robot
 from regionik.worlds.urdf.bounding import (
     bounding_solid,

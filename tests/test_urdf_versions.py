@@ -16,10 +16,10 @@ from regionik.timing.limits import MotionLimits
 from regionik.worlds.documents.robots import robot_to_document
 from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
 from regionik.worlds.errors import FileNote, InputError, RobotNote
+from regionik.worlds.limits import Speeds
 from regionik.worlds.links import LinkCapsule
-from regionik.worlds.readers.collada import read_geometries
+from regionik.worlds.readers.meshes import read_geometries
 from regionik.worlds.robot import Robot
-from regionik.worlds.speeds import Speeds
 from regionik.worlds.urdf.loader import load_robot
 from tests.urdfs import crane
 

@@ -11,7 +11,7 @@ from regionik.verification.verifier import verify_answers
 from regionik.worlds.arrays import FARTHEST
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError
-from regionik.worlds.execution import Execution
+from regionik.worlds.limits import Execution
 from regionik.worlds.obstacles import Box, Sphere
 from regionik.worlds.scene import Floor, Target, World
 

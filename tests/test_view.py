@@ -19,11 +19,11 @@ from PIL import Image
 from regionik.cli.app import run
 from regionik.values import Plan
 from regionik.view import film, viewer
-from regionik.view.browser import BrowserPage, chromium, opened
-from regionik.view.clearance import clearances
+from regionik.view.film import BrowserPage, chromium, opened
 from regionik.view.page import html_page, served, to_html
 from regionik.view.picture import camera_for
 from regionik.view.plan_picture import MOST_FRAMES, picture_of_plan
+from regionik.view.timeline import clearances
 from regionik.view.world_picture import MARK_RADIUS, picture_of_world, shown_start, tool_radius
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import pose

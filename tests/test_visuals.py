@@ -21,11 +21,11 @@ from regionik.worlds.chain import translation
 from regionik.worlds.documents.world_file import world_from_document, world_to_document
 from regionik.worlds.errors import InputError
 from regionik.worlds.links import BASE, LinkCapsule
-from regionik.worlds.readers.collada import read_surfaces
+from regionik.worlds.readers.meshes import read_surfaces
 from regionik.worlds.robot import Robot, Tool
 from regionik.worlds.scene import Floor, Target, World
+from regionik.worlds.surfaces import VisualSurface, coarsened
 from regionik.worlds.urdf.loader import GREY, TRIANGLES, load_robot
-from regionik.worlds.visual_surfaces import VisualSurface, coarsened
 
 DAE = """\
 <COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">

@@ -20,7 +20,6 @@ from scipy.spatial.transform import Rotation
 from docs.schemas import world_schema
 from regionik.worlds.bundled import robot_named, world_names, world_path
 from regionik.worlds.chain import Chain, planar_pose
-from regionik.worlds.criteria import Criteria
 from regionik.worlds.documents.world_file import (
     RulesPart,
     load_world,
@@ -29,6 +28,7 @@ from regionik.worlds.documents.world_file import (
 )
 from regionik.worlds.errors import FileNote, InputError
 from regionik.worlds.joints import Joint
+from regionik.worlds.limits import Criteria
 from regionik.worlds.links import LinkBox, LinkCapsule, capsules_along
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
 from regionik.worlds.readers.text import JSON_LIMIT, YAML_LIMIT, read_document

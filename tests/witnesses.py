@@ -13,12 +13,11 @@ from regionik.values import Configuration, Motion, Plan, Stop
 from regionik.verification.limits import efforts, manipulability
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
-from regionik.worlds.criteria import Criteria
 from regionik.worlds.documents.world_file import world_from_document, world_to_document
+from regionik.worlds.limits import Criteria, Speeds
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Heading, Rules, Start, Target, World
-from regionik.worlds.speeds import Speeds
 from tests.grounds import mapped, outlined
 from tests.random_arms import SIDES, random_robot
 

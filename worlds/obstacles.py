@@ -28,7 +28,7 @@ from regionik.worlds.arrays import (
     transform_points,
 )
 from regionik.worlds.errors import InputError
-from regionik.worlds.mesh_shadows import mesh_shadow
+from regionik.worlds.surfaces import mesh_shadow
 
 if TYPE_CHECKING:
     import trimesh  # takes long to load: imported by the functions that need it

@@ -15,11 +15,11 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.worlds.arrays import Array, freeze, frozen, one_line
 from regionik.worlds.chain import Chain, planar_pose
-from regionik.worlds.criteria import Criteria
 from regionik.worlds.drives import BaseDrive, BaseKind, drive_of
 from regionik.worlds.errors import InputError
+from regionik.worlds.limits import Criteria
 from regionik.worlds.links import BASE, LinkMass, LinkSolid
-from regionik.worlds.visual_surfaces import VisualSurface
+from regionik.worlds.surfaces import VisualSurface
 
 GRAVITY = 9.80665  # standard gravity [m/s2]
 BODY_HEIGHT = 0.14  # of a base of which nothing else is known [m]

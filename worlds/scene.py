@@ -1,4 +1,4 @@
-"""Worlds: robot, floor, obstacles, start, set-points and rules."""
+"""Worlds: robot, floor, obstacles, start, set-points, rules, and names of frames."""
 
 from __future__ import annotations
 
@@ -11,13 +11,37 @@ import numpy as np
 from shapely.geometry import MultiPolygon, Polygon
 
 from regionik.worlds.arrays import Array, check_near_origin, freeze, frozen, one_line, unit_vector
-from regionik.worlds.criteria import Criteria
-from regionik.worlds.errors import InputError
-from regionik.worlds.execution import Execution, ParkingAccuracy
-from regionik.worlds.frames import FrameNames
+from regionik.worlds.errors import InputError, located
+from regionik.worlds.limits import Criteria, Execution, ParkingAccuracy, Speeds
 from regionik.worlds.obstacles import Box, Prism, Solid, as_polygon
 from regionik.worlds.robot import Robot
-from regionik.worlds.speeds import Speeds
+
+
+@dataclass(frozen=True)
+class FrameNames:
+    """Names in messages and parameters: of the frames of the world, the base and the tool.
+
+    >>> FrameNames(base_link="cart/base_link")
+    FrameNames(map='map', base_link='cart/base_link', tool0='tool0')
+    """
+
+    map: str = "map"
+    base_link: str = "base_link"
+    tool0: str = "tool0"
+
+    def __post_init__(self) -> None:
+        for key, name in vars(self).items():
+            with located("", key):
+                check_frame_name(name)
+        if len(set(vars(self).values())) < len(vars(self)):
+            raise InputError(f"{', '.join(vars(self))}: expected a name of its own for each")
+
+
+def check_frame_name(name: str) -> None:
+    """Refuse what tf2 takes for no name of a frame, by an `InputError`."""
+    if not name.strip() or name != name.strip() or name.startswith("/"):
+        raise InputError(f"expected the name of a frame, as map or odom, without a slash; got {name!r}")
+
 
 Heading = Literal["free", "face_target", "fixed"]
 Mode = Literal["continuous", "stops"]

@@ -20,7 +20,7 @@ from regionik.planners.solvers.posture_criteria import COMFORT, SPARE
 from regionik.planners.solvers.serial_chain import SerialArm, chain_frames, joint_changes, serial_arm
 from regionik.worlds.arms import with_pivot
 from regionik.worlds.arrays import Array, Index
-from regionik.worlds.criteria import Criteria
+from regionik.worlds.limits import Criteria
 from regionik.worlds.robot import GRAVITY, Robot, check_criteria
 
 LED = 30  # steps that lead a posture to better ones

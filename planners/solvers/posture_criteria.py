@@ -23,7 +23,7 @@ from regionik.planners.solvers.planar_kinematics import (
 )
 from regionik.worlds.arms import PlanarArm
 from regionik.worlds.arrays import Array
-from regionik.worlds.criteria import Criteria
+from regionik.worlds.limits import Criteria
 from regionik.worlds.links import LinkMass
 from regionik.worlds.robot import GRAVITY, Robot
 

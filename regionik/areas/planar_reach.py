@@ -36,7 +36,7 @@ from regionik.postures.families import BACK, FRONT, Band, Family, families_of
 from regionik.postures.planar_solver import PlanarSolver
 from regionik.worlds.arms import PlanarArm
 from regionik.worlds.arrays import Array
-from regionik.worlds.criteria import Criteria
+from regionik.worlds.limits import Criteria
 from regionik.worlds.robot import check_criteria
 from regionik.worlds.scene import Target
 

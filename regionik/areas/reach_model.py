@@ -20,7 +20,7 @@ from regionik.postures.families import BACK, FRONT, Family
 from regionik.worlds.arms import pivot_index, with_pivot
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
-from regionik.worlds.criteria import Criteria
+from regionik.worlds.limits import Criteria
 from regionik.worlds.robot import Robot, with_joint_margin
 from regionik.worlds.scene import Rules, Target
 

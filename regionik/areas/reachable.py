@@ -40,8 +40,8 @@ from regionik.postures.serial_solver import serial_solver
 from regionik.worlds.arms import pivot_joints, planar_arm, with_pivot_limits
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
-from regionik.worlds.criteria import Criteria
 from regionik.worlds.errors import InputError
+from regionik.worlds.limits import Criteria
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Rules, Target
 

@@ -28,10 +28,10 @@ from regionik.cli.plan import (
     retime_plan,
     show_scene,
     verify_plan,
+    warm_up,
 )
 from regionik.cli.reach import explain_world, find_stops, map_reach, reach_targets
 from regionik.cli.simulate import simulate_plan
-from regionik.cli.warm_up import warm_up
 from regionik.worlds.errors import InputError, RegionikError
 
 WRONG_INPUT, ENGINE_FAILED = 2, 3

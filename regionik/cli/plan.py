@@ -1,4 +1,4 @@
-"""Commands on worlds and plans: worlds, plan, verify, retime, export, plot, show."""
+"""Commands on worlds and plans: worlds, plan, verify, retime, export, plot, show, warm-up."""
 
 from __future__ import annotations
 
@@ -174,7 +174,7 @@ def retime_plan(
     with DelayedProgress("retime") as progress:
         found = read_plan(path, progress)
         from regionik.timing.retime import retime
-        from regionik.worlds.speeds import Speeds
+        from regionik.worlds.limits import Speeds
 
         options = {
             "base_velocity": base, "joint_velocity": joints, "wheel_velocity": wheels, "tool_velocity": tool,
@@ -338,3 +338,29 @@ def _plan_or_world(what: str, progress: DelayedProgress) -> Plan | World:
         if isinstance(document, dict) and "states" in document:
             return read_plan(Path(what), progress)
     return read_world(what, progress)
+
+
+def warm_up() -> None:
+    """Compile the kernels for this machine, so that no later command has to.
+
+    It plans the bundled worlds and asks for their set-points. Without it a kernel is compiled once plain
+    Python has worked on it for long. What is done is kept when Ctrl-C ends it.
+    """
+    from regionik.pipeline import plan
+    from regionik.planners.kernels import cache_folder, compiled_at_once
+    from regionik.reachability.reach import reach
+    from regionik.worlds.bundled import world_names
+    from regionik.worlds.documents.world_file import load_world
+
+    if cache_folder() is None:
+        raise InputError("compiled kernels can be kept nowhere: set NUMBA_CACHE_DIR to a folder to write")
+    names, heard, began = world_names(), list[str](), time.monotonic()
+    with DelayedProgress("warm-up", "what is compiled is kept") as progress, compiled_at_once(heard.append):
+        for k, name in enumerate(names):
+            progress("worlds", k, len(names))
+            world = load_world(name)
+            plan(world)
+            reach(world, world.task)
+            seconds = time.monotonic() - began
+            print_message(f"{k + 1} of {len(names)}: {name}, {len(heard)} kernels in {seconds:.0f} s")
+    print_message(f"kept in {cache_folder()}")

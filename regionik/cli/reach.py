@@ -188,7 +188,7 @@ def map_reach(
         raise InputError("--check and --height: expected one of them, a slice has no best place")
     with DelayedProgress("field") as progress:
         scene = read_world(world, progress)
-        from regionik.output.field_file import write_field
+        from regionik.output.export import write_field
         from regionik.reachability.field import reach_field, reach_slice
         from regionik.worlds.readers.csv_path import read_csv
         from regionik.worlds.scene import Target

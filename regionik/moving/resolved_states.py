@@ -27,7 +27,7 @@ from regionik.postures.arm_guard import Guard
 from regionik.postures.poses import LARGEST_BEND, Pose
 from regionik.scene import Scene
 from regionik.worlds.arrays import Array
-from regionik.worlds.speeds import Speeds
+from regionik.worlds.limits import Speeds
 
 ROUNDS = 20  # of Newton's method
 PATIENCE = 4  # of these that bring the tool no nearer than it was, after which it ends

@@ -20,7 +20,7 @@ from regionik.postures.poses import LARGEST_BEND, Pose, arrays, distinct, pose_b
 from regionik.scene import Scene
 from regionik.worlds.arrays import Array
 from regionik.worlds.drives import displacement
-from regionik.worlds.speeds import Speeds
+from regionik.worlds.limits import Speeds
 
 DETOUR = 1.02  # times the least way or time, which is short enough
 TRIES, PATIENCE = 200, 60  # shortcuts looked at, and how many of them in vain one after the other

@@ -7,13 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from regionik.output.bag import Event, bag_files, motion_events
 from regionik.output.ros2 import (
     FRAME,
+    Event,
     Message,
+    bag_files,
     base_trajectory,
     joint_trajectory,
     message_text,
+    motion_events,
     path_message,
     quaternion,
     vector,
@@ -22,10 +24,10 @@ from regionik.timing.trajectory import sample_plan
 from regionik.values import Motion, Plan
 from regionik.view.triangle_meshes import obstacle_mesh
 from regionik.worlds.arrays import Array
+from regionik.worlds.limits import Speeds
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import World
-from regionik.worlds.speeds import Speeds
 
 RATE = 50.0  # of trajectories, where none is asked for [1/s]
 ARM, BASE_MOTION, PATH, SCENE = "arm_trajectory", "base_trajectory", "base_path", "planning_scene"

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from regionik.output.bag import Event, bag_files, motion_events
-from regionik.output.ros2 import PATH, nanoseconds, path_message
+from regionik.output.ros2 import PATH, Event, bag_files, motion_events, nanoseconds, path_message
 from regionik.simulation.run import SimulatedRun
 from regionik.storage.files import csv_text
 from regionik.timing.trajectory import TrajectorySample

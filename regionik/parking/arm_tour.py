@@ -21,7 +21,7 @@ from regionik.postures.arm_roadmap import HeldPostures
 from regionik.scene import Scene
 from regionik.worlds.arms import pivot_index
 from regionik.worlds.arrays import Array, Index
-from regionik.worlds.speeds import Speeds
+from regionik.worlds.limits import Speeds
 
 FAMILIES = 8  # of postures that are looked for
 ALIKE = 0.05  # postures that differ by less in every joint are one [rad]

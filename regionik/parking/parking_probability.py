@@ -27,7 +27,7 @@ from regionik.reach_rows import rows_of
 from regionik.scene import Scene
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation
-from regionik.worlds.execution import ParkingAccuracy
+from regionik.worlds.limits import ParkingAccuracy
 
 DEVIATIONS = 5.5  # on either side of the stop within which poses count
 FIRST, MOST = 12, 96  # slices of yaw at first, and at most

@@ -11,8 +11,7 @@ import numpy as np
 from regionik.simulation.reference import Reference
 from regionik.values import Plan
 from regionik.worlds.arrays import Array
-from regionik.worlds.execution import Execution
-from regionik.worlds.speeds import Speeds
+from regionik.worlds.limits import Execution, Speeds
 
 ROWS = 1000  # looked at together
 GRID = 1e-4  # to which suggested errors are rounded up [m], [rad]

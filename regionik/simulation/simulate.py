@@ -17,10 +17,10 @@ from regionik.timing.trajectory import Trajectory, trajectory
 from regionik.values import Plan
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
+from regionik.worlds.limits import Speeds
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import World
 from regionik.worlds.self_collision import BODY, base_name
-from regionik.worlds.speeds import Speeds
 
 SERVO = 100.0  # natural frequency of the joints' servos [rad/s]
 SUBSTEPS = round(PERIOD / STEP)

@@ -18,8 +18,8 @@ from regionik.planners.solvers.serial_chain import chain_frames, chain_jacobian,
 from regionik.simulation.noise import twist_step
 from regionik.simulation.reference import PERIOD, Reference
 from regionik.worlds.arrays import Array
+from regionik.worlds.limits import Speeds
 from regionik.worlds.robot import Robot
-from regionik.worlds.speeds import Speeds
 
 LAG = 0.1  # in which the base takes on a speed: the time constant of its drives [s]
 TAKEN_ON = 1 - math.exp(-PERIOD / LAG)  # share of a change of speed in one period

@@ -25,8 +25,8 @@ from regionik.values import Plan
 from regionik.worlds.arms import pivot_index, with_pivot
 from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.drives import displacement, unwrapped
+from regionik.worlds.limits import Speeds
 from regionik.worlds.robot import Robot, with_joint_margin
-from regionik.worlds.speeds import Speeds
 
 SHORTEST_RUN = 3  # states
 LONG, FEW = 400, 0.6  # states of a run, and share of them that are set-points, to begin with these alone

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from regionik.values import Motion
 from regionik.worlds.arrays import Array, Mask
+from regionik.worlds.limits import Speeds
 from regionik.worlds.robot import Robot
-from regionik.worlds.speeds import Speeds
 
 ROOTS = {"velocity": 1.0, "acceleration": 1 / 2, "jerk": 1 / 3}  # by which time stretches with a share
 THICKNESS = 0.05  # of links, about the lines from joint to joint [m]

@@ -9,8 +9,8 @@ from regionik.planners.timing.jerk_limited import JerkLimited, KinematicState, j
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
+from regionik.worlds.limits import Speeds
 from regionik.worlds.robot import Robot
-from regionik.worlds.speeds import Speeds
 
 RAMP = 0.25  # from zero to full acceleration, where no jerk is given [s]
 SLACK = 1e-9  # rounding allowed at joint limits [rad] or [m]

@@ -22,8 +22,8 @@ from regionik.values import Motion, Plan, Report
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.errors import InputError
+from regionik.worlds.limits import Speeds
 from regionik.worlds.robot import Robot
-from regionik.worlds.speeds import Speeds
 
 ROUNDED_CORNER = np.radians(60)  # where corners are rounded first, the robot stops at sharper ones
 TURN_SHARE = 0.25  # of the narrowest cone, by which the smooth path may turn the tool from the motion

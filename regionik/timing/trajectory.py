@@ -13,8 +13,8 @@ from regionik.timing.time_spline import TimeSpline, time_spline
 from regionik.values import Motion, Plan
 from regionik.worlds.arrays import Array, Index, frozen
 from regionik.worlds.errors import InputError
+from regionik.worlds.limits import Speeds
 from regionik.worlds.robot import Robot
-from regionik.worlds.speeds import Speeds
 
 AT_REST = 1e-6  # path velocity at the end of a run, as a share of the largest
 MAX_ROWS = 1_000_000  # of a file

@@ -16,7 +16,7 @@ from regionik.verification.motion import MotionSegments, wrap_angle
 from regionik.verification.proofs import Finding, StateNames, finding
 from regionik.worlds.arms import pivot_index, with_pivot
 from regionik.worlds.arrays import Array
-from regionik.worlds.criteria import Criteria
+from regionik.worlds.limits import Criteria
 from regionik.worlds.robot import GRAVITY, Robot
 from regionik.worlds.scene import World
 

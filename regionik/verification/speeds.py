@@ -27,9 +27,9 @@ from regionik.verification.timed_segments import (
     timed_segments,
 )
 from regionik.worlds.arrays import Array
+from regionik.worlds.limits import Speeds
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import World
-from regionik.worlds.speeds import Speeds
 
 OVER = 2e-3  # share of a limit by which bounds may be beyond it
 BEYOND = 10.0  # times `Speeds.blend` to which bounds may come: they add up what all joints are off

@@ -21,7 +21,7 @@ from scipy.special import comb
 
 from regionik.verification.motion import Indices, Mask, MotionSegments
 from regionik.worlds.arrays import Array
-from regionik.worlds.speeds import Speeds
+from regionik.worlds.limits import Speeds
 
 SAME = 1e-9  # states that differ by less are the same [m], [rad]
 PARTS = 16  # of a piece, each with bounds of its own

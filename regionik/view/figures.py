@@ -25,16 +25,15 @@ from regionik.reachability.field import REACHABLE, UNDECIDED, Field
 from regionik.regions import Area
 from regionik.storage.files import write_atomic
 from regionik.values import Answer, Plan, Stop
-from regionik.view.figure_data import (
+from regionik.view.floor_view import (
     FloorView,
-    PlanCurves,
     floor_view,
-    plan_curves,
     seen_from_above,
     stops_floor,
     window,
 )
 from regionik.view.picture import Color, count_noun
+from regionik.view.timeline import PlanCurves, plan_curves
 from regionik.view.world_picture import TURNING_WORDS
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError

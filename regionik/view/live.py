@@ -20,7 +20,7 @@ from regionik.pruning import Pruned, whole_path
 from regionik.regions import path_areas
 from regionik.scene import scene_of
 from regionik.view import triangle_meshes
-from regionik.view.floor_areas import DETAIL
+from regionik.view.floor_view import DETAIL
 from regionik.view.picture import Color, Picture, SceneMesh, count_noun
 from regionik.view.viewer import delete_node, draw_meshes, draw_message, set_scene
 from regionik.view.world_picture import (

@@ -1,4 +1,4 @@
-"""Pages of plans and worlds that need no server and no network, and a small server for them."""
+"""Pages of plans and worlds that need no server and no network, a small server for them, and notebooks."""
 
 from __future__ import annotations
 
@@ -14,8 +14,11 @@ from string import Template
 from threading import Thread
 from typing import Any
 
+from regionik.regions import Area
 from regionik.storage.files import write_atomic
-from regionik.values import Plan
+from regionik.timing.trajectory import is_timed
+from regionik.values import Answer, Plan
+from regionik.view.figures import floor_image
 from regionik.view.picture import Picture
 from regionik.view.timeline import timeline_document
 from regionik.view.viewer import packed_commands, picture_of, viewer_script
@@ -97,3 +100,28 @@ def served(page: str) -> Iterator[str]:
     finally:
         server.shutdown()
         server.server_close()
+
+
+_LINES = 5
+
+
+def as_html(value: Plan | World | Area | Answer) -> str:
+    """Return a picture of the floor and a few lines as HTML."""
+    picture = floor_image(value)
+    lines = "\n".join(facts(value)[:_LINES])
+    return f"<div>{picture[picture.index('<svg') :]}<pre>{escape(lines)}</pre></div>"
+
+
+def facts(value: Plan | World | Area | Answer) -> list[str]:
+    """Return lines on a value, the most telling first."""
+    if isinstance(value, Plan):
+        margins: dict[str, Any] = value.stats.get("margins", {})
+        timed = f"{value.motion.time[-1]:.1f} s" if is_timed(value.motion) else "not timed"
+        spare = ", ".join(f"{name} {least:.3g}" for name, least in margins.items())
+        return [repr(value), repr(value.world), repr(value.motion), timed, spare]
+    if isinstance(value, World):
+        return [value.about or value.name, *map(repr, (value, value.robot, value.floor, value.rules))]
+    if isinstance(value, Area):
+        return [repr(value), repr(value.world), *(f"rejected: {part.name}" for part in value.causes)]
+    reasons = dict.fromkeys(reason for reason in value.reason if reason)
+    return [repr(value), *reasons]

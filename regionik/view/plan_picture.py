@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 from regionik.explain.several import left_out
 from regionik.timing.trajectory import is_timed, trajectory
 from regionik.values import Plan
-from regionik.view.floor_areas import DETAIL, area_words, axis_path, drawn_union, parking_circles, used_areas
+from regionik.view.floor_view import DETAIL, area_words, axis_path, drawn_union, parking_circles, used_areas
 from regionik.view.picture import Color, KeyframeTrack, Picture, SceneMesh, camera_for, count_noun
 from regionik.view.timeline import timeline
 from regionik.view.triangle_meshes import TUBE_SIDES, TriangleMesh, floor_mesh, merge, spheres, tubes

@@ -1,22 +1,77 @@
-"""The figures of a motion that a viewer tells beside its time bar: curves, and what holds at set-points."""
+"""Curves of a motion over its time: joints, speeds, distances from solids, and what holds at set-points."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Any
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
+from regionik.planners.collision.proximity import nearest
+from regionik.planners.collision.robot_bodies import Bodies, ContactTargets, bodies_from
+from regionik.scene import scene_of
 from regionik.timing.limits import tool_velocity
 from regionik.timing.trajectory import TrajectorySample, is_timed, trajectory
 from regionik.values import Motion, Plan
-from regionik.view.clearance import Clearances, clearances
+from regionik.verification.base_clearance import base_shadows, footprint_hulls
 from regionik.worlds.arrays import Array
 from regionik.worlds.drives import unwrapped
 from regionik.worlds.robot import Robot
+from regionik.worlds.scene import World
+
+
+@dataclass(frozen=True, eq=False)
+class Clearances:
+    """Distances at some poses, (n,) each [m]; infinite where there is nothing to avoid."""
+
+    base: Array  # footprint to the shadow of the nearest solid that the base could hit
+    arm: Array  # the robot's solids to the nearest of the world, apart from allowed contact of the tool
+    own: Array  # the robot's solids to each other and to its base, where these have to keep apart
+
+
+def clearances(world: World, base: Array, joints: Array) -> Clearances:
+    """Return the distances at base poses (n, 3) and joint values (n, dof)."""
+    nothing = np.full(len(base), np.inf)
+    contact = scene_of(world).guard.contact
+    return Clearances(
+        base=_base_clearance(world, base),
+        arm=_distances(bodies_around(world), base, joints, contact) if world.arm_solids else nothing,
+        own=_distances(bodies_from(world.robot, ()), base, joints, None),
+    )
+
+
+def bodies_around(world: World) -> Bodies:
+    """A robot among the solids of its world, with nothing of its own that has to keep apart."""
+    robot = world.robot
+    pairs = tuple(combinations([solid.name for solid in robot.all_solids], 2))
+    apart = replace(robot, footprint=np.zeros((1, 2)), unchecked=pairs)
+    return bodies_from(apart, world.solids, floor=world.floor_slab)
+
+
+def _distances(bodies: Bodies, base: Array, joints: Array, contact: ContactTargets | None) -> Array:
+    """Least distance at every pose, negative where something overlaps, (n,) [m]."""
+    pairs = zip(base, joints, strict=True)
+    return np.array([nearest(bodies, at, q, contact=contact).distance for at, q in pairs])
+
+
+def _base_clearance(world: World, base: Array) -> Array:
+    """Footprint to the nearest shadow at every pose, 0 where they meet, (n,) [m]."""
+    shown = [shadow for _, shadow in base_shadows(world)]
+    nearest_shadow = np.full(len(base), np.inf)
+    prints = footprint_hulls(world.robot, base)
+    for radius in sorted({shadow.radius for shadow in shown}):
+        cores = shapely.STRtree([shadow.core for shadow in shown if shadow.radius == radius])
+        which, distance = cores.query_nearest(prints, return_distance=True, all_matches=False)
+        nearest_shadow[which[0]] = np.minimum(nearest_shadow[which[0]], distance - radius)
+    clearance: Array = np.maximum(nearest_shadow, 0.0)
+    return clearance
+
 
 SAMPLES = 600  # of a motion, at even times
+CURVE_SAMPLES = 1000  # of a timed plan, at even times besides its states
 STRIDE = 2  # of samples, from one at which distances are measured to the next
 _DIGITS = 5
 
@@ -110,3 +165,41 @@ def timeline_document(curves: Timeline) -> dict[str, Any]:
 
 def _numbers(values: Array) -> list[float | None]:
     return [round(value, _DIGITS) + 0.0 if np.isfinite(value) else None for value in values.tolist()]
+
+
+@dataclass(frozen=True, eq=False)
+class PlanCurves:
+    """Curves of a plan along its motion."""
+
+    timed: bool  # abscissas are times [s]; else numbers of states, from 1
+    states: Array  # (n,) abscissa of every state
+    along: Array  # (m,) abscissas of ``joints``, ``velocities`` and ``speeds``
+    joints: Array  # (m, dof)
+    velocities: Array  # (m, dof) of joints [rad/s], [m/s]; no rows where the plan is not timed
+    speeds: dict[str, Array]  # (m,) of tool and base [m/s]; none where the plan is not timed
+    clearances: Clearances
+    setpoints: Array  # (k,) abscissas of set-points
+    lifted: Array  # (l, 2) intervals in which the tool is lifted
+
+
+def plan_curves(plan: Plan) -> PlanCurves:
+    """Return the curves of a plan."""
+    motion, timed = plan.motion, is_timed(plan.motion)
+    states = motion.time if timed else np.arange(1.0, len(motion) + 1)
+    along, joints, velocities, speeds = states, motion.joints, motion.joints[:0], dict[str, Array]()
+    if timed:
+        along = np.union1d(states, np.linspace(0.0, states[-1], CURVE_SAMPLES))
+        sample = trajectory(plan).sample(along)
+        joints, velocities = sample.joints, sample.joint_velocity
+        speeds = tool_and_base_speeds(plan.world.robot, sample)
+    return PlanCurves(
+        timed=timed,
+        states=states,
+        along=along,
+        joints=joints,
+        velocities=velocities,
+        speeds=speeds,
+        clearances=clearances(plan.world, motion.base, motion.joints),
+        setpoints=states[motion.kind == "setpoint"],
+        lifted=lifted_intervals(motion, states),
+    )

@@ -17,9 +17,9 @@ from regionik.postures.poses import pose_of
 from regionik.regions import known_area, reach_of
 from regionik.scene import scene_of
 from regionik.view import triangle_meshes
-from regionik.view.clearance import bodies_around
-from regionik.view.floor_areas import DETAIL, rejected_words, shown_floor
+from regionik.view.floor_view import DETAIL, rejected_words, shown_floor
 from regionik.view.picture import Camera, Color, Picture, SceneMesh, camera_for, count_noun
+from regionik.view.timeline import bodies_around
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import planar_pose
 from regionik.worlds.errors import Explanation

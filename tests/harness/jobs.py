@@ -12,11 +12,10 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, translation
-from regionik.worlds.criteria import Criteria
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.drives import BaseKind
-from regionik.worlds.execution import Execution, ParkingAccuracy
 from regionik.worlds.joints import Joint
+from regionik.worlds.limits import Criteria, Execution, ParkingAccuracy
 from regionik.worlds.links import LinkMass, capsules_along
 from regionik.worlds.obstacles import Box, Cylinder, Solid
 from regionik.worlds.robot import Robot

@@ -11,13 +11,11 @@ import numpy as np
 import shapely
 
 from regionik.worlds.bundled import robot_named, world_names
-from regionik.worlds.criteria import Criteria
 from regionik.worlds.documents.world_file import load_world, world_to_document
 from regionik.worlds.drives import BaseKind
-from regionik.worlds.execution import Execution
+from regionik.worlds.limits import Criteria, Execution, Speeds
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
-from regionik.worlds.speeds import Speeds
 from tests.furnished import furnished_world
 from tests.harness.jobs import (
     holes,

@@ -15,7 +15,7 @@ from regionik.worlds.chain import check_rotation, pose
 from regionik.worlds.errors import InputError, located
 from regionik.worlds.links import BASE, HULL_LIMIT, LinkBox, LinkCapsule, LinkHull, LinkSolid
 from regionik.worlds.readers.validation import Matrix4, OneLine, Positive, Size3, Strict, Vec3
-from regionik.worlds.visual_surfaces import VisualSurface
+from regionik.worlds.surfaces import VisualSurface
 
 Packed = Annotated[str, Field(max_length=2**22)]  # base 64
 

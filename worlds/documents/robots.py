@@ -36,9 +36,8 @@ from regionik.worlds.readers.validation import (
     Vec3,
     Vec4,
 )
-from regionik.worlds.rest_posture import rest_posture
 from regionik.worlds.robot import BODY_HEIGHT, Robot, Tool, check_turning_radius, with_tool, without_limits
-from regionik.worlds.self_collision import base_name
+from regionik.worlds.self_collision import base_name, rest_posture
 from regionik.worlds.urdf.loader import load_robot
 
 DhRow = Annotated[

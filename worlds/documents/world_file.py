@@ -11,22 +11,21 @@ import numpy as np
 from pydantic import ConfigDict, Field
 
 from regionik.worlds.bundled import world_path
-from regionik.worlds.criteria import Criteria
 from regionik.worlds.documents.environment import (
     FloorPart,
+    FramesPart,
     ObstaclePart,
     floor_to_document,
     huge_meshes,
     read_floor,
+    read_frames,
     read_obstacle,
     solid_to_document,
 )
-from regionik.worlds.documents.frames import FramesPart, read_frames
 from regionik.worlds.documents.robots import RobotPart, read_robot, robot_to_document
 from regionik.worlds.documents.tasks import PiecePart, read_task, task_to_document, without_repeats
 from regionik.worlds.errors import FileNote, InputError, located, located_error
-from regionik.worlds.execution import Execution, ParkingAccuracy
-from regionik.worlds.frames import FrameNames
+from regionik.worlds.limits import Criteria, Execution, ParkingAccuracy, Speeds
 from regionik.worlds.obstacles import Solid
 from regionik.worlds.readers.text import (
     SUFFIXES,
@@ -48,8 +47,7 @@ from regionik.worlds.readers.validation import (
     validated,
 )
 from regionik.worlds.robot import Robot, check_criteria
-from regionik.worlds.scene import Heading, Mode, Order, Rules, Start, StopCriterion, Target, World
-from regionik.worlds.speeds import Speeds
+from regionik.worlds.scene import FrameNames, Heading, Mode, Order, Rules, Start, StopCriterion, Target, World
 
 _DEEP = 1e-6  # a target this far inside a solid is taken for a mistake [m]
 
@@ -60,7 +58,7 @@ class StartPart(Strict):
 
 
 class CriteriaPart(Strict):
-    """The fields of `regionik.worlds.criteria.Criteria`, checked."""
+    """The fields of `regionik.worlds.limits.Criteria`, checked."""
 
     manipulability: NotNegative | None = Field(default=None, description="least manipulability [m3]")
     joint_margin: Annotated[float, Field(ge=0, lt=0.5)] | None = Field(
@@ -73,7 +71,7 @@ class CriteriaPart(Strict):
 
 
 class ExecutionPart(Strict):
-    """The fields of `regionik.worlds.execution.Execution`, checked."""
+    """The fields of `regionik.worlds.limits.Execution`, checked."""
 
     base_error: NotNegative = Field(default=Execution.base_error, description="of the base's place [m]")
     heading_error: NotNegative = Field(default=Execution.heading_error, description="of its heading [rad]")
@@ -86,7 +84,7 @@ class ExecutionPart(Strict):
 
 
 class ParkingPart(Strict):
-    """The fields of `regionik.worlds.execution.ParkingAccuracy`, checked."""
+    """The fields of `regionik.worlds.limits.ParkingAccuracy`, checked."""
 
     covariance: Matrix3 | None = Field(
         default=None, description="of x, y [m2], yaw [rad2] in the world's axes"
@@ -149,7 +147,7 @@ class RulesPart(Strict):
 
 
 class SpeedsPart(Strict):
-    """The fields of `regionik.worlds.speeds.Speeds`, checked."""
+    """The fields of `regionik.worlds.limits.Speeds`, checked."""
 
     joint_velocity: Positive | list[Positive] | None = None
     joint_acceleration: Positive | list[Positive] | None = None

@@ -32,10 +32,9 @@ from regionik.worlds.links import (
 from regionik.worlds.readers.text import join_names
 from regionik.worlds.urdf.bounding import cylinder_capsule, hull_triangles, sphere_capsule
 from regionik.worlds.urdf.decomposition import CollisionPart, clip_triangles, decompose, mesh_part
-from regionik.worlds.urdf.elements import CollisionShape, UrdfModel
+from regionik.worlds.urdf.elements import CollisionShape, Inertial, UrdfModel
 from regionik.worlds.urdf.kinematic_tree import PlacedLink
 from regionik.worlds.urdf.meshes import MeshFiles
-from regionik.worlds.urdf.stand_ins import arm_stand_in, base_stand_in, missing_note
 
 MOST_SOLIDS = 6
 SPARED = 0.7  # of the one block's volume, below which it is cut
@@ -69,7 +68,7 @@ def collision_model(
     A box stays a box and a capsule a capsule, a cylinder becomes the least capsule around it, a sphere one of
     next to no length, a mesh a few boxes and capsules; where there are many, those of a link share some
     (`regionik.worlds.urdf.decomposition`). A mesh that is missing or unreadable is noted, and something
-    stands in for it (`regionik.worlds.urdf.stand_ins`). Neither that nor ``resting`` links of the base decide
+    stands in for it (`regionik.worlds.urdf.collision`). Neither that nor ``resting`` links of the base decide
     where it is cut.
     """
     meshes = MeshFiles(model.path)
@@ -271,3 +270,51 @@ def _ring(hull: Polygon) -> Array:
     """Return the corners of a hull, counter-clockwise."""
     corners: Array = np.asarray(orient(hull).exterior.coords)[:-1]
     return corners
+
+
+# The solid box of a mass and inertia is smaller than the link, which is hollow, or heavy in its middle. Made
+# wider so, it holds 88 in a hundred of 350 links of published robots.
+WIDER, MORE = 1.5, 0.05  # times, and then to each side, if it is not smaller itself [m]
+
+
+def arm_stand_in(chain: Chain, owner: int) -> LinkCapsule:
+    """Return a capsule from a joint of the arm to the next one, or to the tool."""
+    name, end = f"{chain.joints[owner].name} stand-in", chain.link_vectors[owner]
+    if np.linalg.norm(end) < LINK_RADIUS:
+        return sphere_capsule(owner, name, np.zeros(3), 2 * LINK_RADIUS)
+    return LinkCapsule(owner, name, np.zeros(3), end, LINK_RADIUS)
+
+
+def base_stand_in(model: UrdfModel, link: PlacedLink) -> LinkBox:
+    """Return a box round a link of the base: its frame, the joints on it, and how its mass is spread."""
+    spots = [np.zeros(3), *(one.T_parent_joint[:3, 3] for one in model.joints if one.parent == link.name)]
+    inertial = model.inertials.get(link.name)
+    if inertial is not None and inertial.tensor.any():
+        points = np.vstack([*spots, _inertia_box(inertial)])
+    else:
+        points = np.concatenate([spot + LINK_RADIUS * CUBE_CORNERS for spot in spots])
+    low, high = points.min(axis=0), points.max(axis=0)
+    T = np.eye(4)
+    T[:3, 3] = (low + high) / 2
+    return LinkBox(BASE, f"{link.name} stand-in", link.T_owner_link @ T, high - low)
+
+
+def _inertia_box(inertial: Inertial) -> Array:
+    """Corners (8, 3) in the link's frame of the solid box of a mass and its moments, made wider."""
+    moments, axes = np.linalg.eigh(inertial.tensor)
+    spread = np.clip(moments.sum() - 2 * moments, 0.0, None) / (2 * inertial.mass)  # variance along each axis
+    half = np.sqrt(3 * spread)
+    corners = (WIDER * half + min(MORE, float(half.max()))) * CUBE_CORNERS
+    return transform_points(inertial.T_link_inertial, corners @ axes.T)
+
+
+def missing_note(why: str, meshes: Sequence[tuple[CollisionShape, PlacedLink]], chain: Chain) -> str:
+    """Return the note of all meshes that are missing for one reason, of the base or of the arm."""
+    (shape, link), *others = meshes
+    if link.owner == BASE:
+        instead = "a box of the size of its mass and joints stands in for it"
+    else:
+        name = chain.names[link.owner]
+        instead = f"a capsule of radius {LINK_RADIUS:g} m from joint {name} to the next replaces it"
+    more = f"; likewise of {', '.join(dict.fromkeys(one.name for _, one in others))}" if others else ""
+    return f"{shape.place}: mesh {shape.file}: {why}; {instead}{more}"

@@ -34,11 +34,11 @@ from regionik.worlds.chain import Chain, planar_pose
 from regionik.worlds.drives import BaseKind, drive_of
 from regionik.worlds.errors import FileNote, InputError, RobotNote, located, located_error, suggestion
 from regionik.worlds.links import BASE, CUBE_CORNERS
-from regionik.worlds.readers.collada import Surface
+from regionik.worlds.readers.meshes import Surface
 from regionik.worlds.readers.text import LARGEST, is_file_name, join_names
-from regionik.worlds.rest_posture import rest_posture
 from regionik.worlds.robot import BODY_HEIGHT, Robot, Tool, check_turning_radius, with_tool, without_limits
-from regionik.worlds.self_collision import bodies_clear, disabled_pairs
+from regionik.worlds.self_collision import bodies_clear, disabled_pairs, rest_posture
+from regionik.worlds.surfaces import VisualSurface, coarsened
 from regionik.worlds.urdf.bounding import hull_triangles
 from regionik.worlds.urdf.collision import CollisionModel, collision_model, solid_part
 from regionik.worlds.urdf.decomposition import CollisionPart
@@ -61,7 +61,6 @@ from regionik.worlds.urdf.srdf import (
     semantic_pairs,
     srdf_beside,
 )
-from regionik.worlds.visual_surfaces import VisualSurface, coarsened
 
 _UPRIGHT = 1e-9
 DEEP_TIP = 1e-3  # of the tool point in its own link, from which on it is told [m]
@@ -107,7 +106,7 @@ def load_robot(
         The base is its footprint up to this height [m].
     carry : (dof,) array_like or str, optional
         Joint values with which the arm is driven about, or the name of a posture of the SRDF file; by default
-        the first resting one of these that is clear, else `regionik.worlds.rest_posture.rest_posture`.
+        the first resting one of these that is clear, else `regionik.worlds.self_collision.rest_posture`.
     limits : "ignore", optional
         Leave out all joint limits.
     payload : float

@@ -11,8 +11,7 @@ import numpy as np
 
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.errors import InputError, located_error
-from regionik.worlds.readers.collada import COLLADA, Surface, read_geometries, read_surfaces
-from regionik.worlds.readers.meshes import read_mesh
+from regionik.worlds.readers.meshes import COLLADA, Surface, read_geometries, read_mesh, read_surfaces
 from regionik.worlds.readers.text import LARGEST
 from regionik.worlds.urdf.bounding import convex_hull, hull_triangles, outer_hull
 from regionik.worlds.urdf.elements import CollisionShape

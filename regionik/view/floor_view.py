@@ -1,79 +1,112 @@
-"""Curves of a plan, and its floor seen from above, as plain values that figures draw."""
+"""The floor as pictures show it: where the base has room, areas that a plan uses, all seen from above."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import shapely
-from shapely.geometry import Polygon
+from shapely.geometry import MultiPolygon, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from regionik.postures.poses import axis_of
 from regionik.regions import Area
-from regionik.timing.trajectory import is_timed, trajectory
+from regionik.scene import scene_of
 from regionik.values import Plan, Stop
 from regionik.verification.base_clearance import footprint_hulls
-from regionik.view.clearance import Clearances, clearances
-from regionik.view.floor_areas import (
-    DETAIL,
-    area_words,
-    axis_path,
-    drawn_union,
-    parking_circles,
-    rejected_words,
-    shown_floor,
-    used_areas,
-)
-from regionik.view.timeline import lifted_intervals, tool_and_base_speeds
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 
-SAMPLES = 1000  # of a timed plan, at even times besides its states
+# Floor areas are drawn to this [m], before one is cut from another, so that no gap shows between them.
+DETAIL = 0.002
+
+
+class ShownFloor(NamedTuple):
+    """Disjoint parts of the floor, by places of the arm's axis."""
+
+    free: BaseGeometry  # the footprint has room at every heading
+    turning: BaseGeometry  # it may have room at some
+    rejected: BaseGeometry  # it has none at any heading, for solids or the floor's edge
+
+
+def shown_floor(world: World, detail: float = DETAIL) -> ShownFloor:
+    """The floor in the parts that pictures show, as fine as ``detail`` [m].
+
+    No place in the part that is rejected is one where a plan that holds has its arm's axis: the part is
+    drawn a little too small.
+    """
+    ground, floor = scene_of(world).ground, world.floor.polygon
+    room = ground.outer.free
+    rejected = shapely.simplify(shapely.buffer(floor - room, -detail), detail)
+    turning: BaseGeometry = Polygon()
+    if ground.far > ground.near:
+        turning = shapely.simplify(shapely.buffer(room - ground.inner.free, -detail), detail)
+        turning = shapely.buffer(turning, detail, quad_segs=2) & floor - rejected
+    return ShownFloor(floor - rejected - turning, turning, rejected)
+
+
+def rejected_words(world: World) -> str:
+    """Words for places where the base has no room at any heading."""
+    return "rejected: too close to a solid" + (
+        " or the floor's edge" if scene_of(world).ground.near > 0 else ""
+    )
+
+
+def used_areas(plan: Plan) -> list[BaseGeometry]:
+    """Areas of the set-points as far as the plan can use them.
+
+    What is left of an area for the whole path, and of a plan that is not parked the whole components in
+    which it has its arm's axis: ladders are those of a base that goes every way, and one on wheels, or a
+    tracker, may work elsewhere.
+    """
+    if plan.stops:
+        return [area.pruned for area in plan.areas]
+    places = shapely.points(axis_of(plan.world.robot, np.array([one.base for one in plan.setpoints])))
+    rolls, found = plan.world.robot.drive.rolls, []
+    for area, place in zip(plan.areas, places, strict=False):
+        parts = shapely.get_parts(area.admissible)
+        held = parts[shapely.dwithin(parts, place, DETAIL)]
+        holds = shapely.dwithin(area.pruned, place, DETAIL) and not rolls
+        found.append(area.pruned if holds else shapely.union_all([area.pruned, *held]))
+    return found
+
+
+def area_words(plan: Plan) -> tuple[str, str]:
+    """Words for areas that a plan can use, and for the rest of what is admissible."""
+    rest = "admissible for some set-point"
+    if plan.stops:
+        return "places to park for the next set-points", rest
+    if plan.world.robot.drive.rolls:
+        return "areas that the plan works in", rest
+    return "areas for the whole path", "admissible, but a dead end"
+
+
+def axis_path(plan: Plan) -> Array:
+    """Path of the arm's axis on the floor, (n, 2) [m]."""
+    motion, drive = plan.motion, plan.world.robot.drive
+    return axis_of(plan.world.robot, drive.sampled(motion.base, drive.cuts(motion.base)))
+
+
+def parking_circles(world: World, stops: Sequence[Stop]) -> BaseGeometry:
+    """Circles in which the arm's axis may park, one for each stop."""
+    places = [Point(axis_of(world.robot, stop.base)) for stop in stops]
+    return MultiPolygon([at.buffer(stop.tolerance) for at, stop in zip(places, stops, strict=True)])
+
+
+def drawn_union(areas: Sequence[BaseGeometry], detail: float = DETAIL) -> BaseGeometry:
+    """The union of many areas, as fine as it is drawn."""
+    union = shapely.union_all([area.simplify(detail) for area in areas])
+    # Overlapping rings leave thousands of holes: simplify and repair is far faster than to stay valid.
+    return shapely.make_valid(union.simplify(detail, preserve_topology=False))
+
+
 POSES = 8  # at which the base is shown
 MARGIN, SHARE = 0.3, 0.15  # shown around all there is: this [m] and this share of its size
 EDGE = 0.1  # shown beyond the floor [m]
 RESOLUTION = 2000  # details across a picture
 TALL = 100.0  # above every solid [m]
-
-
-@dataclass(frozen=True, eq=False)
-class PlanCurves:
-    """Curves of a plan along its motion."""
-
-    timed: bool  # abscissas are times [s]; else numbers of states, from 1
-    states: Array  # (n,) abscissa of every state
-    along: Array  # (m,) abscissas of ``joints``, ``velocities`` and ``speeds``
-    joints: Array  # (m, dof)
-    velocities: Array  # (m, dof) of joints [rad/s], [m/s]; no rows where the plan is not timed
-    speeds: dict[str, Array]  # (m,) of tool and base [m/s]; none where the plan is not timed
-    clearances: Clearances
-    setpoints: Array  # (k,) abscissas of set-points
-    lifted: Array  # (l, 2) intervals in which the tool is lifted
-
-
-def plan_curves(plan: Plan) -> PlanCurves:
-    """Return the curves of a plan."""
-    motion, timed = plan.motion, is_timed(plan.motion)
-    states = motion.time if timed else np.arange(1.0, len(motion) + 1)
-    along, joints, velocities, speeds = states, motion.joints, motion.joints[:0], dict[str, Array]()
-    if timed:
-        along = np.union1d(states, np.linspace(0.0, states[-1], SAMPLES))
-        sample = trajectory(plan).sample(along)
-        joints, velocities = sample.joints, sample.joint_velocity
-        speeds = tool_and_base_speeds(plan.world.robot, sample)
-    return PlanCurves(
-        timed=timed,
-        states=states,
-        along=along,
-        joints=joints,
-        velocities=velocities,
-        speeds=speeds,
-        clearances=clearances(plan.world, motion.base, motion.joints),
-        setpoints=states[motion.kind == "setpoint"],
-        lifted=lifted_intervals(motion, states),
-    )
 
 
 @dataclass(frozen=True, eq=False)
