@@ -208,10 +208,10 @@ class TransitPlanner:
 
         Less what the base may save by turns about its axis at both ends [m].
         """
-        robot, seed = self.world.robot, self.driver.seed
+        robot = self.world.robot
         a, b = (axis_of(robot, pose.base) for pose in (here, there))
         try:
-            way = drive_point(ground_of(self.world).outer.free, a, b, step=FAR, seed=seed).points
+            way = drive_point(ground_of(self.world).outer.free, a, b, step=FAR).points
         except NoPathError:  # an end is off it by rounding
             way = np.array([a, b])
         turned = 2 * np.hypot(*robot.mount[:2])
