@@ -24,8 +24,12 @@ from regionik.areas.reach_model import ReachModel
 from regionik.areas.reachable import reach_model
 from regionik.planners.geometry.polygons import FlatPolygon
 from regionik.planners.solvers.base_placement import FACE_TARGET, FIXED, FREE, BaseArea, Turning, share_turn
-from regionik.planners.solvers.mfabrik_planar import solve_planar, solve_planar_along, solve_planar_many
-from regionik.planners.solvers.planar_setup import PlanarSetup
+from regionik.planners.solvers.mfabrik_planar import (
+    PlanarSetup,
+    solve_planar,
+    solve_planar_along,
+    solve_planar_many,
+)
 from regionik.postures.arm import ANGLE_SLACK, Arm, Reached, goal_of
 from regionik.postures.families import FRONT, Family
 from regionik.postures.planar_solver import PlanarSolver

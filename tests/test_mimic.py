@@ -12,8 +12,7 @@ from regionik.planners.collision.robot_motion import MobileArm, motion_between, 
 from regionik.planners.collision.upright_solids import uprights_from
 from regionik.planners.reach.level_reach import inner_reach
 from regionik.planners.search.motion_bounds import link_capsules
-from regionik.planners.search.posture_boxes import fixed_base_for, may_hold
-from regionik.planners.search.self_clearance import NO_SELF_CLEARANCE
+from regionik.planners.search.posture_boxes import NO_SELF_CLEARANCE, fixed_base_for, may_hold
 from regionik.planners.solvers.serial_chain import chain_frames, chain_jacobian, serial_arm
 from regionik.timing.limits import tool_velocity
 from regionik.verification.motion import MotionSegments, chord_deviation

@@ -20,6 +20,7 @@ from regionik.planners.collision.contacts import (
     time_to_plane,
 )
 from regionik.planners.collision.gjk import hull_distance
+from regionik.planners.collision.robot_bodies import Hulls, LinkHulls, RobotScene
 from regionik.planners.collision.robot_motion import (
     BASE,
     WORLD,
@@ -33,7 +34,6 @@ from regionik.planners.collision.robot_motion import (
     tool_speed,
     transform_into,
 )
-from regionik.planners.collision.robot_scene import Hulls, LinkHulls, RobotScene
 from regionik.planners.kernels import compiled
 from regionik.planners.solvers.serial_chain import joint_values
 from regionik.worlds.arrays import Array

@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from regionik.planners.collision.gjk import hull_distance
+from regionik.planners.collision.robot_bodies import AllowedContact, RobotScene
 from regionik.planners.collision.robot_motion import (
     WORLD,
     MotionSegment,
@@ -19,7 +20,6 @@ from regionik.planners.collision.robot_motion import (
     tool_speed,
     transform_into,
 )
-from regionik.planners.collision.robot_scene import AllowedContact, RobotScene
 from regionik.planners.geometry.vectors import cross, dot, minus, norm
 from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.planners.collision.collision_checking import is_clear
-from regionik.planners.collision.robot_scene import RobotScene
+from regionik.planners.collision.robot_bodies import RobotScene
 from regionik.planners.collision.upright_solids import Uprights, signed_distance
 from regionik.planners.driving.footprint import fits, fits_nowhere_near
 from regionik.planners.driving.footprint_scene import FootprintScene

@@ -23,17 +23,15 @@ from regionik.planners.search.box_search import (
     begin_in_kernel,
     both,
     explore_in_kernel,
-    left_open,
-    proven,
-    verdict_of,
-)
-from regionik.planners.search.intervals import (
     interval_cos,
     interval_product,
     interval_sin,
     interval_square,
+    left_open,
     opening,
     polar_angle,
+    proven,
+    verdict_of,
     within_limits,
 )
 from regionik.planners.solvers.planar_kinematics import LIMIT_SLACK, PlanarLinkage

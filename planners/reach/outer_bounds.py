@@ -17,9 +17,17 @@ import numpy as np
 
 from regionik.planners.geometry.vectors import minus, norm, row, squared
 from regionik.planners.kernels import compiled
-from regionik.planners.reach.meridian_plane import Meridian, MeridianTool, tool_for, tool_motion
-from regionik.planners.search.box_search import WHOLE, Boxes, Verdict, begin, explore_in_kernel, left_open
-from regionik.planners.search.intervals import contract, cut_to
+from regionik.planners.reach.meridian import Meridian, MeridianTool, tool_for, tool_motion
+from regionik.planners.search.box_search import (
+    WHOLE,
+    Boxes,
+    Verdict,
+    begin,
+    contract,
+    cut_to,
+    explore_in_kernel,
+    left_open,
+)
 from regionik.planners.search.motion_bounds import chords, displacement, from_axis
 from regionik.planners.solvers.serial_chain import SerialArm, joint_changes
 from regionik.worlds.arrays import Array

@@ -19,7 +19,6 @@ from shapely import transform
 from shapely.geometry.base import BaseGeometry
 
 from regionik.planners.kernels import compiled
-from regionik.planners.reach.asked_cells import asked_cells, can_ask
 from regionik.planners.reach.inverse_reachability import (
     MORE,
     NEAREST,
@@ -28,7 +27,7 @@ from regionik.planners.reach.inverse_reachability import (
     posture_samples,
     posture_seeds,
 )
-from regionik.planners.reach.polar_cells import PolarCells
+from regionik.planners.reach.polar_cells import PolarCells, asked_cells, can_ask
 from regionik.planners.reach.serial_criteria import (
     PostureDemand,
     SerialThresholds,

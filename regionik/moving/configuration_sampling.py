@@ -31,12 +31,12 @@ from regionik.planners.avoidance.clear_posture import (
     clear_posture_at_pose,
     quick_clear_posture,
 )
-from regionik.planners.avoidance.posture_proof import PostureTask
 from regionik.planners.collision.proximity import Touch
 from regionik.planners.driving.footprint import fits
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.polygons import clamp
 from regionik.planners.search.box_search import Verdict
+from regionik.planners.search.fixed_base import PostureTask
 from regionik.planners.solvers.aims import in_columns
 from regionik.postures.arm import aim_of
 from regionik.postures.arm_guard import SPARE, Guard

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from regionik.planners.avoidance.neighboring_postures import NeighboringTargets, neighboring_postures
+from regionik.planners.avoidance.clear_posture import NeighboringTargets, neighboring_postures
 from regionik.planners.reach.serial_criteria import SerialThresholds, demand_of, serial_thresholds
 from regionik.planners.solvers.aims import in_columns
 from regionik.planners.solvers.damped_least_squares import POSITION, Aims

@@ -21,18 +21,18 @@ from regionik.areas.standing import span_of_rules
 from regionik.explain.constraints import no_way_to
 from regionik.mfabrik import solver_for
 from regionik.planners.avoidance.clear_posture import clear_posture_at_pose
-from regionik.planners.avoidance.posture_proof import (
+from regionik.planners.collision.proximity import describe, nearest, room_of
+from regionik.planners.collision.robot_bodies import bodies_from
+from regionik.planners.geometry.angles import wrap
+from regionik.planners.geometry.offsets import farthest_outside
+from regionik.planners.search.box_search import Verdict
+from regionik.planners.search.fixed_base import (
     MOST_REDUNDANT,
     PostureTask,
     redundant_joints,
     search_postures,
     solid_at_target,
 )
-from regionik.planners.collision.proximity import describe, nearest, room_of
-from regionik.planners.collision.robot_bodies import bodies_from
-from regionik.planners.geometry.angles import wrap
-from regionik.planners.geometry.depths import farthest_outside
-from regionik.planners.search.box_search import Verdict
 from regionik.postures.arm import aim_of
 from regionik.postures.arm_guard import SPARE
 from regionik.postures.families import BACK, FRONT
