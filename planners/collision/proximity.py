@@ -99,7 +99,7 @@ def nearest(
     for k, m in near[np.argsort(lower[near[:, 0], near[:, 1]], kind="stable")].tolist():
         if lower[k, m] >= best:
             break
-        touch = touch_of(bodies, rest, k, m)
+        touch = _touch_of(bodies, rest, k, m)
         room = room_of(bodies, touch)
         if room < best:
             best, found = room, touch
@@ -151,7 +151,7 @@ def path_clear(
     if k < 0:
         return i, None
     motion = motion_between(bodies.mobile, bases[i], joints[i], bases[i + 1], joints[i + 1])
-    return i, touch_of(bodies, _stopped(motion, s), k, m)
+    return i, _touch_of(bodies, _stopped(motion, s), k, m)
 
 
 def describe(bodies: Bodies, touch: Touch) -> str:
@@ -190,7 +190,7 @@ def _first_unproven(
     return i, k, m, s
 
 
-def touch_of(bodies: Bodies, rest: MotionSegment, k: int, m: int) -> Touch:
+def _touch_of(bodies: Bodies, rest: MotionSegment, k: int, m: int) -> Touch:
     """The touch of a solid and the piece of a row in a state, in the world."""
     solid, frame = bodies.robot.all_solids[k], int(bodies.hulls.frame[m])
     T = _frames(bodies, rest, frame)[solid.link]
@@ -283,7 +283,7 @@ def near_pairs(
     for k in np.flatnonzero(~normal[found].any(axis=1)).tolist():  # of hulls that overlap nothing is known
         at = state[k], solid[k], found[2][k]
         values = bodies.robot.chain.joint_values(joints[state[k]])
-        touch = touch_of(bodies, at_rest(bases[state[k]], values), int(solid[k]), int(row[at]))
+        touch = _touch_of(bodies, at_rest(bases[state[k]], values), int(solid[k]), int(row[at]))
         apart = touch.on_solid - touch.on_other
         away = apart * np.copysign(1.0, touch.distance)
         room[at], point[at] = room_of(bodies, touch), touch.on_solid

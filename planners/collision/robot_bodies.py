@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -76,7 +76,7 @@ class RobotScene(NamedTuple):
     contact: AllowedContact
 
 
-LEFT = 1e-3  # of the size of a hull that is drawn in, so that it stays a solid
+_LEFT = 1e-3  # of the size of a hull that is drawn in, so that it stays a solid
 SPARE, SHARE = 5e-4, 0.2  # that contacts keep from their depth: a length, or a share if that is less [m]
 
 
@@ -214,7 +214,6 @@ def near_bodies(bodies: Bodies, point: Array, far: float) -> Bodies:
     return replace(bodies, links=links, hulls=left, pieces=tuple(bodies.pieces[m] for m in kept.tolist()))
 
 
-@lru_cache(maxsize=64)
 def span_about_tool(robot: Robot) -> float:
     """Bound of the distance of the tool from any point of the robot's solids, in any posture [m]."""
     chain = robot.chain
@@ -284,7 +283,7 @@ def core_of(solid: LinkSolid, depth: float, tool: Array) -> tuple[Array, float]:
     """
     corners, middle = solid.corners, solid.corners.mean(0)
     if isinstance(solid, LinkHull):
-        return middle + (corners - middle) * max(LEFT, 1.0 - depth / solid.depth(middle)), 0.0
+        return middle + (corners - middle) * max(_LEFT, 1.0 - depth / solid.depth(middle)), 0.0
     sides = corners[[4, 2, 1] if len(corners) == 8 else [1]] - corners[0]
     half = np.maximum(np.linalg.norm(sides, axis=1) / 2, 1e-12)
     axes = sides / (2 * half[:, None])

@@ -32,7 +32,7 @@ from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.obstacles import Shadow
 
 
-def minkowski_sum(area: BaseGeometry, shape: Array) -> BaseGeometry:
+def _minkowski_sum(area: BaseGeometry, shape: Array) -> BaseGeometry:
     """Minkowski sum of an area and a convex shape: the area moved by a corner, its edges by all of it."""
     if area.is_empty:
         return area
@@ -74,10 +74,10 @@ def minkowski_sums(pieces: Sequence[Array], shape: Array) -> NDArray[np.object_]
 
 GUARD = 1e-9  # by which a hull of rotations is larger, a core smaller, against rounding [m]
 BEYOND = 10.0  # that upper outlines are looked at beyond the floor [m]
-PIECE = 0.25  # ranges of headings are cut in pieces no wider than this [rad]
+_PIECE = 0.25  # ranges of headings are cut in pieces no wider than this [rad]
 SIDES = 48  # of the polygons that stand for discs
-MOST_WALLS = 12  # directions of walls that exact headings are taken from, the longest
-COMPASS = np.exp(2j * np.pi * np.arange(16) / 16).view(np.float64).reshape(-1, 2)
+_MOST_WALLS = 12  # directions of walls that exact headings are taken from, the longest
+_COMPASS = np.exp(2j * np.pi * np.arange(16) / 16).view(np.float64).reshape(-1, 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +109,7 @@ def slabs(count: int) -> Array:
     return np.column_stack([ends[:-1], ends[1:]])
 
 
-def slabs_along(scene: FootprintScene, count: int, walls: int = MOST_WALLS) -> Array:
+def slabs_along(scene: FootprintScene, count: int, walls: int = _MOST_WALLS) -> Array:
     """Cut a full turn in slabs, some of no width: headings at which a side of the footprint is along a wall.
 
     A footprint goes through its tightest passages with a side along the wall; a slab of no width is exact.
@@ -193,7 +193,7 @@ def free_at_some(scene: ConvexScene, low: float, high: float) -> BaseGeometry:
     middle = scene.corners.mean(axis=0)
     core = rotation_core(scene.corners - middle, low, high)
     about = _positions(scene._replace(window=None), core, inner=False)
-    whole = minkowski_sum(about, -rotation_hull(middle[None], low, high))
+    whole = _minkowski_sum(about, -rotation_hull(middle[None], low, high))
     return whole if scene.window is None else whole & scene.window
 
 
@@ -318,9 +318,9 @@ def _near_window(scene: ConvexScene, pieces: list[Array], shape: Array) -> list[
     """Pieces whose sums with a shape no line of a few directions parts from the window."""
     if scene.window is None:
         return pieces
-    beyond = (shapely.get_coordinates(scene.window) @ COMPASS.T).min(axis=0, initial=np.inf) - GUARD
-    least = beyond - (shape @ COMPASS.T).max(axis=0)
-    return [piece for piece in pieces if ((piece @ COMPASS.T).max(axis=0) >= least).all()]
+    beyond = (shapely.get_coordinates(scene.window) @ _COMPASS.T).min(axis=0, initial=np.inf) - GUARD
+    least = beyond - (shape @ _COMPASS.T).max(axis=0)
+    return [piece for piece in pieces if ((piece @ _COMPASS.T).max(axis=0) >= least).all()]
 
 
 def rotation_hull(corners: Array, low: float, high: float) -> Array:
@@ -365,7 +365,7 @@ def _turned(points: Array, angle: float) -> Array:
 
 def _pieces(low: float, high: float) -> tuple[Array, float]:
     """Middles of equal pieces of a range of headings, and half their width."""
-    count = max(1, int(np.ceil((high - low) / PIECE)))
+    count = max(1, int(np.ceil((high - low) / _PIECE)))
     half = (high - low) / (2 * count)
     return np.asarray(low + half * (2.0 * np.arange(count) + 1.0), dtype=np.float64), half
 

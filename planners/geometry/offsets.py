@@ -14,8 +14,8 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.worlds.arrays import Array
 
-QUAD_SEGMENTS = 12
-QUANTUM = np.pi / (2 * QUAD_SEGMENTS)  # angle of one segment of an arc [rad]
+_QUAD_SEGMENTS = 12
+_QUANTUM = np.pi / (2 * _QUAD_SEGMENTS)  # angle of one segment of an arc [rad]
 ROUNDING = 1e-6  # a number of segments this near to the next may be rounded either way
 SHALLOW = 0.01  # of the distance: how deep bays may be that are filled
 
@@ -34,7 +34,7 @@ def grown(shape: BaseGeometry, by: float, *, outside: bool) -> BaseGeometry:
     >>> [round(grown(corner, 1.0, outside=side).area / np.pi, 4) for side in (True, False)]
     [1.0014, 0.9971]
     """
-    swept: BaseGeometry = shape.buffer(_asked(shape, by, 1.0, more=outside), quad_segs=QUAD_SEGMENTS)
+    swept: BaseGeometry = shape.buffer(_asked(shape, by, 1.0, more=outside), quad_segs=_QUAD_SEGMENTS)
     return _filled(swept, shape, by) if outside else swept
 
 
@@ -48,7 +48,7 @@ def shrunk(shape: BaseGeometry, by: float, *, outside: bool) -> BaseGeometry:
     by : float
         Radius [m].
     """
-    left: BaseGeometry = shape.buffer(-_asked(shape, by, -1.0, more=not outside), quad_segs=QUAD_SEGMENTS)
+    left: BaseGeometry = shape.buffer(-_asked(shape, by, -1.0, more=not outside), quad_segs=_QUAD_SEGMENTS)
     return left
 
 
@@ -95,15 +95,15 @@ def _asked(shape: BaseGeometry, by: float, side: float, *, more: bool) -> float:
     if not more:
         return (1 - SHALLOW) * by if bays else by
     if bays or shapely.get_type_id(shape) > shapely.GeometryType.POLYGON:
-        return float(by / np.cos(0.75 * QUANTUM))  # a segment may be half as wide again as it should be
+        return float(by / np.cos(0.75 * _QUANTUM))  # a segment may be half as wide again as it should be
     out = np.abs(angles) if side > 0 else -angles[angles < 0]
-    segments = np.maximum(1.0, np.floor(out / QUANTUM + 0.5 - ROUNDING))
-    widest = min((out / segments).max(initial=QUANTUM if side > 0 else 0.0), 1.5 * QUANTUM)
+    segments = np.maximum(1.0, np.floor(out / _QUANTUM + 0.5 - ROUNDING))
+    widest = min((out / segments).max(initial=_QUANTUM if side > 0 else 0.0), 1.5 * _QUANTUM)
     return float(by / np.cos(widest / 2))
 
 
 RESOLVED = 1e-5  # by which a distance may be told too small [m]
-MOST_SQUARES = (
+_MOST_SQUARES = (
     300  # squares that are halved: on a ridge, as far from the edge all along, more tell nothing new
 )
 QUARTERS = np.array([[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]]) / 2
@@ -165,7 +165,7 @@ def _worst(shape: BaseGeometry, region: BaseGeometry, inside: float) -> float:
         kept = np.flatnonzero(some)
         if not len(kept):
             return best
-        kept = kept[np.argsort(-there[kept], kind="stable")[:MOST_SQUARES]]
+        kept = kept[np.argsort(-there[kept], kind="stable")[:_MOST_SQUARES]]
         half /= 2
         centers = (centers[kept, None] + 2 * half * QUARTERS).reshape(-1, 2)
 

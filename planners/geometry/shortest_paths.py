@@ -17,7 +17,7 @@ from regionik.planners.geometry.polygons import FlatPolygon, segment_inside
 from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array, Index
 
-GRAZE = 1e-9  # a neighbour this near to a line is on it [m]
+_GRAZE = 1e-9  # a neighbour this near to a line is on it [m]
 
 
 def shortest_path(free: Polygon | MultiPolygon, start: Array, goal: Array) -> Array | None:
@@ -67,7 +67,7 @@ def _is_tangent(at: Array, before: Array, after: Array, x: float, y: float) -> b
     """True if the line through a corner in a direction touches it: both neighbours lie on one side."""
     one = x * (before[1] - at[1]) - y * (before[0] - at[0])
     other = x * (after[1] - at[1]) - y * (after[0] - at[0])
-    return bool(min(one, other) >= -GRAZE or max(one, other) <= GRAZE)
+    return bool(min(one, other) >= -_GRAZE or max(one, other) <= _GRAZE)
 
 
 @compiled

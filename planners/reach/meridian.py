@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -36,7 +35,7 @@ STILL = 1e-12  # a lever below this does not move the tool [m]; limits closer th
 UNIT = np.array([1.0, 0.0])
 LEVEL = 1e-12  # how near to the height a posture of a walk is [m]
 ROUNDING = 1e-12  # added to bounds [m]
-CORRECTIONS = 40  # Newton steps to the height
+_CORRECTIONS = 40  # Newton steps to the height
 
 
 class Meridian(NamedTuple):
@@ -68,7 +67,6 @@ class MeridianTool(NamedTuple):
     J: Array  # (6, n) of each of all joints
 
 
-@lru_cache(maxsize=64)
 def meridian_of(chain: Chain) -> Meridian | None:
     """Read a chain whose sliding joints have limits; None where nothing but the pivot moves the tool.
 
@@ -155,7 +153,7 @@ def to_level(meridian: Meridian, z: float, joints: Array, tool: MeridianTool) ->
     share, free, trial = 1.0, meridian.weights, np.empty(len(joints))
     tool_motion(meridian, joints, tool)
     miss = z - tool.at[1]
-    for _ in range(CORRECTIONS):
+    for _ in range(_CORRECTIONS):
         if abs(miss) <= LEVEL:
             return True
         square = 0.0
@@ -229,7 +227,7 @@ def _bent(bend: Array, a: Array, b: Array) -> float:
 
 MOST_STEPS = 300  # of one walk
 FIRST_STEP, LEAST_STEP = 0.3, 1e-5  # of a walk, as largest change of a joint [rad] or [m]
-SWING = 0.5  # of the tool about the pivot axis, as far as the bounds of a walk are kept [rad]
+_SWING = 0.5  # of the tool about the pivot axis, as far as the bounds of a walk are kept [rad]
 HALVINGS = 40  # of the last hop of a walk that is to end at a distance
 NEAR = 1e-9  # [m]
 GAIN = 1e-5  # a walk ends where the next step promises no more [m]
@@ -250,8 +248,8 @@ def walk(
     """Walk at one height out (``outwards`` 1) or in (-1), to a distance or as far as it goes; where to [m].
 
     ``joints`` (m,) starts at the height and becomes the last posture of the walk, ``last`` the one before.
-    ``turns`` (3,) becomes the distance to which the tool's turn about the pivot axis is within ``SWING``, and
-    bounds of that turn, from the start on.
+    ``turns`` (3,) becomes the distance to which the tool's turn about the pivot axis is within ``_SWING``,
+    and bounds of that turn, from the start on.
     """
     m = len(joints)
     d, trial = np.empty(m), np.empty(m)
@@ -281,7 +279,7 @@ def walk(
                     aside = math.asin(stray / near) if stray < near else np.pi
                     right = min(turns[1], turn + min(0.0, swing) - aside)
                     left = max(turns[2], turn + max(0.0, swing) + aside)
-                    if turns[0] == r and left - right <= SWING:
+                    if turns[0] == r and left - right <= _SWING:
                         turns[0], turns[1], turns[2] = far, right, left
                     turn += swing
                     last[:], joints[:] = joints, trial

@@ -41,6 +41,7 @@ from regionik.planners.solvers.serial_chain import SerialArm, serial_arm
 from regionik.worlds.arms import pivot_index, reach_bound, with_pivot_limits
 from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.chain import Chain, rot_z
+from regionik.worlds.joints import nearest_turn
 
 DISTANCES, BEARINGS = 18, 32  # cells of the grid
 FINER = (3, 9)  # times as many cells, while the reach is thin
@@ -181,7 +182,7 @@ def _at_heading(chain: Chain, aim: Aim, postures: Array, places: Array) -> tuple
         fitting = lower + (GOLDEN * np.arange(len(postures))) % 1.0 * (upper - lower)
     else:
         middle = (lower + upper) / 2
-        turned = middle + np.remainder(turned - middle + np.pi, 2 * np.pi) - np.pi
+        turned = nearest_turn(turned, middle)
         fitting = np.clip(turned, lower, upper)
     near = (np.abs(fitting - turned) <= TURNED) | (aim.kind == POSITION)
     postures, places = postures.copy(), places.copy()

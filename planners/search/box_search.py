@@ -40,7 +40,7 @@ from numba.extending import register_jitable
 from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array, Index
 
-FIRST_SLOTS = 16  # for boxes; doubled when they are full
+_FIRST_SLOTS = 16  # for boxes; doubled when they are full
 WHOLE = -1  # in place of a side: the box is not to be bisected
 QUEUED, CLOSED, JUDGED, PROVEN = range(4)  # what is counted
 
@@ -56,8 +56,8 @@ class Verdict(IntEnum):
     PROVEN = 1
 
 
-Problem = TypeVar("Problem")
-Judge = Callable[[Problem, Array, Array], tuple[Verdict, float, int]]
+_Problem = TypeVar("_Problem")
+Judge = Callable[[_Problem, Array, Array], tuple[Verdict, float, int]]
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
@@ -77,7 +77,7 @@ class Boxes(NamedTuple):
 _shared = register_jitable(error_model="python", fastmath=False)
 
 
-def begin(judge: Judge[Problem], problem: Problem, low: Array, high: Array) -> Boxes:
+def begin(judge: Judge[_Problem], problem: _Problem, low: Array, high: Array) -> Boxes:
     """Judge the boxes (k, n) that a search starts from."""
     boxes = _empty(low.shape[1])
     for k in range(len(low)):
@@ -88,7 +88,7 @@ def begin(judge: Judge[Problem], problem: Problem, low: Array, high: Array) -> B
     return boxes
 
 
-def explore(judge: Judge[Problem], problem: Problem, boxes: Boxes, budget: int, wanted: int) -> Boxes:
+def explore(judge: Judge[_Problem], problem: _Problem, boxes: Boxes, budget: int, wanted: int) -> Boxes:
     """Bisect the box with the largest key and judge both halves, again and again.
 
     Parameters
@@ -190,7 +190,7 @@ def reopen(boxes: Boxes, slot: int) -> None:
 
 @_shared
 def _empty(sides: int) -> Boxes:
-    n = FIRST_SLOTS
+    n = _FIRST_SLOTS
     low, high = np.zeros((n, sides)), np.zeros((n, sides))
     side, verdict = np.zeros(n, np.int64), np.zeros(n, np.int64)
     return Boxes(low, high, np.zeros(n), side, verdict, np.arange(n), np.zeros(4, np.int64))

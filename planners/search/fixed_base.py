@@ -39,7 +39,7 @@ from regionik.worlds.self_collision import base_body, off_floor, self_collision_
 
 WORDS = {Verdict.PROVEN: "found", Verdict.RULED_OUT: "none", Verdict.OPEN: "undecided"}
 ROUNDING = 1e-9  # [m]
-PER_REFUSAL = 100  # boxes of the budget for each posture that the exact check refuses, as it is slower
+_PER_REFUSAL = 100  # boxes of the budget for each posture that the exact check refuses, as it is slower
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +130,7 @@ def _first_accepted(
                 return FixedBaseResult(Verdict.PROVEN, q, int(boxes.tally[JUDGED]), room)
             refused, best = refused + 1, max(best, room)
             reopen(boxes, slot)
-        boxes = explore_postures(task, boxes, most - PER_REFUSAL * refused)
+        boxes = explore_postures(task, boxes, most - _PER_REFUSAL * refused)
         if (verdict := verdict_of(boxes)) != Verdict.PROVEN:
             room = max(best, float(task.best[0]))
             return FixedBaseResult(verdict, None, int(boxes.tally[JUDGED]), room)

@@ -34,7 +34,7 @@ from regionik.planners.solvers.serial_chain import (
 )
 from regionik.worlds.arrays import Array, Index
 
-BASE_SECTIONS = 20  # golden sections along a link where its distance from the base is measured
+_BASE_SECTIONS = 20  # golden sections along a link where its distance from the base is measured
 NOTHING = 1e-14  # squared sine of the angle between axes that count as parallel
 
 
@@ -53,7 +53,7 @@ NO_SELF_CLEARANCE = SelfClearance(
 
 
 @compiled
-def self_clearance(capsules: LinkCapsules, own: SelfClearance, ends: Array) -> float:
+def _self_clearance(capsules: LinkCapsules, own: SelfClearance, ends: Array) -> float:
     """Least distance of capsules, ends (s, 2, 3), from each other and the base, less the clearance [m]."""
     least = np.inf
     for i, k in own.pairs:
@@ -64,7 +64,7 @@ def self_clearance(capsules: LinkCapsules, own: SelfClearance, ends: Array) -> f
             r = capsules.radius[k]
             least = min(
                 least,
-                least_along(own.body, m, ends[k, 0], ends[k, 1], 0.0, 0.0, -np.inf, least + r, BASE_SECTIONS)
+                least_along(own.body, m, ends[k, 0], ends[k, 1], 0.0, 0.0, -np.inf, least + r, _BASE_SECTIONS)
                 - r,
             )
     return least - own.clearance
@@ -98,7 +98,7 @@ STEPS = 4  # Newton steps to a posture
 DAMPING = 1e-6  # of those steps, in squares of the arm's lever
 
 
-class PosedArm(NamedTuple):
+class _PosedArm(NamedTuple):
     """A box of postures and the arm at its centre, of n joints and s capsules; scratch space."""
 
     q: Array  # (dof,) the centre, then a posture reached from it
@@ -125,7 +125,7 @@ class FixedBase(NamedTuple):
     own: SelfClearance
     longest: Array  # (dof,) longest lever of each active joint, which chooses the one to bisect [m]
     best: Array  # (1,) largest clearance met below the wanted one with the tool on target, overwritten [m]
-    posed: PosedArm  # overwritten
+    posed: _PosedArm  # overwritten
 
 
 def fixed_base_for(
@@ -139,7 +139,7 @@ def fixed_base_for(
 ) -> FixedBase:
     """Return the problem of an arm and a target, with scratch space."""
     n, dof, s = len(arm.axis), len(arm.lower), len(capsules.link)
-    posed = PosedArm(
+    posed = _PosedArm(
         np.zeros(dof), np.zeros(dof), np.zeros(n), np.zeros(n), np.zeros((2, dof)), np.zeros((n + 1, 4, 4)),
         np.zeros((n, 3)), np.zeros((6, dof)), np.zeros(dof), np.zeros((s, 2, 3)),
     )  # fmt: skip
@@ -158,9 +158,9 @@ def judge_postures(task: FixedBase, low: Array, high: Array) -> tuple[Verdict, f
     """Contract a box and try it for a posture; its key is the clearance of the posture tried."""
     if not may_hold(task, low, high):
         return Verdict.RULED_OUT, 0.0, WHOLE
-    reaches = to_target(task) <= task.tolerance
-    own = self_clearance(task.capsules, task.own, task.posed.ends) + task.clearance
-    clear = min(clearance_of(task), own)
+    reaches = _to_target(task) <= task.tolerance
+    own = _self_clearance(task.capsules, task.own, task.posed.ends) + task.clearance
+    clear = min(_clearance_of(task), own)
     if reaches and clear >= task.clearance:
         return Verdict.PROVEN, clear, _to_bisect(task.longest, low, high)
     if reaches:
@@ -172,7 +172,7 @@ def judge_postures(task: FixedBase, low: Array, high: Array) -> tuple[Verdict, f
 def posture_in(task: FixedBase, low: Array, high: Array) -> Array:
     """The posture (n,) that `judge_postures` tried in a box that it has contracted."""
     _centre(task.posed, low, high)
-    to_target(task)
+    _to_target(task)
     return task.posed.q.copy()
 
 
@@ -201,7 +201,7 @@ def _place_box(task: FixedBase, low: Array, high: Array) -> float:
 
 
 @compiled
-def _centre(posed: PosedArm, low: Array, high: Array) -> None:
+def _centre(posed: _PosedArm, low: Array, high: Array) -> None:
     for k in range(len(low)):
         posed.q[k] = 0.5 * (low[k] + high[k])
         posed.half[k] = 0.5 * (high[k] - low[k])
@@ -335,7 +335,7 @@ def place_arm(task: FixedBase) -> float:
 
 
 @compiled
-def clearance_of(task: FixedBase) -> float:
+def _clearance_of(task: FixedBase) -> float:
     """Least distance of the capsules from the obstacles, the arm as `place_arm` left it [m]."""
     least = np.inf
     for s in range(len(task.capsules.link)):
@@ -350,7 +350,7 @@ def clearance_of(task: FixedBase) -> float:
 
 
 @compiled
-def to_target(task: FixedBase) -> float:
+def _to_target(task: FixedBase) -> float:
     """Damped least squares from ``posed.q`` towards the target, within limits; the distance left [m]."""
     posed, n = task.posed, len(task.posed.q)
     off = place_arm(task)

@@ -45,6 +45,7 @@ from regionik.postures.serial_solver import serial_solver
 from regionik.values import Configuration
 from regionik.worlds.arms import turned_back
 from regionik.worlds.arrays import Array
+from regionik.worlds.joints import nearest_turn
 from regionik.worlds.scene import World
 
 PLACES = 24  # of the base, looked through in one component
@@ -254,7 +255,7 @@ class ConfigurationSampler:
         chain, found = self.world.robot.chain, candidate.found
         turns = chain.turning & np.isinf(chain.upper - chain.lower)  # without end
         change = found.joints - here.joints
-        near = here.joints + np.where(turns, np.remainder(change + np.pi, 2 * np.pi) - np.pi, change)
+        near = here.joints + np.where(turns, nearest_turn(change), change)
         turned = (near != found.joints).any()
         yield replace(candidate, found=replace(found, joints=near)) if turned else candidate
         for k in np.flatnonzero(turns & (np.abs(near - here.joints) > FAR)).tolist():

@@ -21,7 +21,7 @@ from regionik.planners.driving.point_planner import NoPathError, drive_point
 from regionik.planners.driving.sampling import PlanningProblem, connect
 from regionik.postures.arm_guard import Guard
 from regionik.postures.poses import Pose, arm_states, axis_of, distinct, pose_of
-from regionik.worlds.arms import pivot_index, with_pivot
+from regionik.worlds.arms import has_pivot, pivot_index
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.drives import displacement
@@ -287,7 +287,7 @@ class TransitPlanner:
 def lifted(robot: Robot, at: Pose) -> Pose:
     """Carry posture with the pivot left where it is, so that the arm folds in its own plane."""
     q = np.array(robot.carry)
-    if with_pivot(robot.chain) is robot.chain:
+    if has_pivot(robot.chain):
         q[pivot_index(robot.chain)] = at.joints[pivot_index(robot.chain)]
     return Pose(at.base, q)
 

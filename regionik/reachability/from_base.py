@@ -41,7 +41,7 @@ from regionik.postures.posture_search import PostureSearch
 from regionik.postures.serial_solver import serial_solver
 from regionik.reachability.any_base import can_search, rules_out_posture
 from regionik.reachability.target_search import TargetResult, TargetSearch
-from regionik.worlds.arms import pivot_index, with_pivot, with_pivot_limits
+from regionik.worlds.arms import has_pivot, pivot_index, with_pivot_limits
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.obstacles import Shadow
 from regionik.worlds.scene import Target, World
@@ -165,7 +165,7 @@ def _facing_ahead(world: World) -> World:
     if world.rules.heading != "face_target":
         return world
     rules = replace(world.rules, heading="free")
-    if with_pivot(chain) is not chain:  # one that stands still
+    if not has_pivot(chain):  # one that stands still
         return replace(world, rules=rules)
     pivot = chain.active_joints[pivot_index(chain)]
     ahead = float(np.clip(0.0, pivot.lower, pivot.upper))

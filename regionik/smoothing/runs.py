@@ -22,7 +22,7 @@ from regionik.postures.arm import aim_of, goal_between
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import axis_of, transits
 from regionik.values import Plan
-from regionik.worlds.arms import pivot_index, with_pivot
+from regionik.worlds.arms import has_pivot, pivot_index
 from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.drives import displacement, unwrapped
 from regionik.worlds.robot import Robot, with_joint_margin
@@ -235,7 +235,7 @@ class _Layout:
         fixed = np.zeros(states.shape, dtype=bool)
         fixed[:, :3] = not world.robot.drive.turns_on_the_spot  # a car's steering has to stay as it is
         fixed[:, 2] |= world.rules.heading == "fixed"
-        if world.rules.heading == "face_target" and with_pivot(chain) is chain:
+        if world.rules.heading == "face_target" and has_pivot(chain):
             fixed[:, 3 + pivot_index(chain)] = True
         fixed[0], fixed[-1] = fixed[0] | held[0], fixed[-1] | held[1]
         return np.where(fixed, states, lower), np.where(fixed, states, upper)
