@@ -19,11 +19,10 @@ import numpy as np
 
 from regionik.planners.avoidance.avoiding_fabrik import avoid_obstacles, links_clear
 from regionik.planners.avoidance.clear_posture import clear_posture
-from regionik.planners.avoidance.posture_proof import PostureTask
 from regionik.planners.collision.distances import Obstacles, obstacles_from
 from regionik.planners.collision.robot_bodies import Bodies, bodies_from
 from regionik.planners.search.box_search import Verdict
-from regionik.planners.search.fixed_base import WORDS, search_fixed_base
+from regionik.planners.search.fixed_base import WORDS, PostureTask, search_fixed_base
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, translation
 from regionik.worlds.joints import Joint

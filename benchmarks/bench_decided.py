@@ -20,7 +20,7 @@ import numpy as np
 
 from regionik.planners.collision.collision_checking import is_clear
 from regionik.planners.collision.proximity import nearest
-from regionik.planners.collision.robot_scene import RobotScene
+from regionik.planners.collision.robot_bodies import RobotScene
 from regionik.planners.driving.footprint import fits
 from regionik.planners.driving.footprint_scene import FootprintScene
 from regionik.planners.geometry.angles import fit, wrap

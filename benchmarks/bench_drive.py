@@ -14,11 +14,8 @@ from scipy.sparse.csgraph import dijkstra
 from shapely.geometry import Polygon
 
 from regionik.planners.driving.greedy_steps import greedy_points
-from regionik.planners.driving.point_planner import _connect, drive_point
+from regionik.planners.driving.point_planner import drive_point
 from regionik.planners.geometry.polygons import FlatPolygon, segment_inside
-from regionik.planners.geometry.polylines import cut
-from regionik.planners.geometry.shortest_paths import route, tighten
-from regionik.planners.geometry.triangulation import triangulate
 from regionik.worlds.arrays import Array
 
 MAPS, OBSTACLES, SIDE, STEP = 20, 30, 10.0, 0.1
@@ -65,36 +62,19 @@ def timed(function, *args, **kwargs):
 
 
 def main() -> None:
-    rows, methods = [], []
+    rows = []
     start, goal = np.array([0.1, 0.1]), np.array([9.9, 9.9])
-    drive_point(clutter(0), start, goal, step=STEP, seed=0)  # compiles
-    tighten(clutter(0), [start, start])
+    drive_point(clutter(0), start, goal, step=STEP)  # compiles
     for seed in range(MAPS):
         free = clutter(seed)
         flat = FlatPolygon.from_shapely(free)
-        triangulate.cache_clear()
-        found, ms_drive = timed(drive_point, free, start, goal, step=STEP, seed=seed)
-        _, ms_mesh = timed(triangulate.__wrapped__, free)
-        triangulate(free)
+        found, ms_drive = timed(drive_point, free, start, goal, step=STEP)
         _, ms_steps = timed(greedy_points, flat.vertices, flat.starts, *start, *goal, STEP)
-        raw, ms_ompl = timed(_connect, flat, start, goal, seed)
-        tight, ms_tight = timed(tighten, free, raw)
-        by_triangles, ms_route = timed(route, free, start, goal)
-        best = shortest(free, start, goal)
-        rows.append(
-            [ms_drive, ms_steps, ms_ompl, ms_mesh, ms_tight, ms_route]
-            + [length(p) / best for p in (found.points, raw, tight, by_triangles)]
-        )
-        methods.append(found.method)
-        assert abs(length(cut(tight, STEP)) - length(tight)) < 1e-9
-    names = ["drive", "Algorithm 2", "RRTConnect", "triangles made", "tighten", "route"]
-    for k, name in enumerate(names):
-        column = np.array(rows)[:, k]
+        rows.append([ms_drive, ms_steps, length(found.points) / shortest(free, start, goal)])
+    for name, column in zip(["drive", "Algorithm 2"], np.array(rows).T, strict=False):
         print(f"{name:>16}: median {np.median(column):7.2f} ms, worst {column.max():7.2f} ms")
-    for k, name in enumerate(["drive", "RRTConnect", "+ tighten", "triangles' route"], start=len(names)):
-        column = np.array(rows)[:, k]
-        print(f"{name:>16}: length / shortest: median {np.median(column):.3f}, worst {column.max():.3f}")
-    print("methods:", {m: methods.count(m) for m in sorted(set(methods))})
+    worst = np.array(rows)[:, 2]
+    print(f"{'drive':>16}: length / shortest: median {np.median(worst):.3f}, worst {worst.max():.3f}")
 
 
 if __name__ == "__main__":

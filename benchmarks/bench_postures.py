@@ -18,10 +18,9 @@ from clutter import ARMS, faults, free_posture, scene
 from sweeps import SWEEPS
 
 from regionik.planners.avoidance.clear_posture import ClearPosture, clear_posture
-from regionik.planners.avoidance.posture_proof import PostureTask
 from regionik.planners.collision.robot_bodies import bodies_from
 from regionik.planners.search.box_search import Verdict
-from regionik.planners.search.fixed_base import WORDS
+from regionik.planners.search.fixed_base import WORDS, PostureTask
 
 TOLERANCE = 1e-3
 EVERY = 100  # scenes between two lines of progress

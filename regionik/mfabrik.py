@@ -2,7 +2,8 @@
 
 Source: M-FABRIK (Santos et al., IEEE Access 2020), Algorithm 1, with joint limits held in both passes. Its
 loop is `mfabrik_planar.planar_passes` for an arm in one vertical plane and `mfabrik_serial.serial_passes` for
-any other. Algorithm 2, the base's way between two configurations, is `driving.greedy_steps`.
+any other. Algorithm 2, the base's way between two configurations, is `driving.greedy_steps`; plans drive the
+shortest way instead, `driving.point_planner`.
 """
 
 from __future__ import annotations
@@ -23,8 +24,12 @@ from regionik.areas.reach_model import ReachModel
 from regionik.areas.reachable import reach_model
 from regionik.planners.geometry.polygons import FlatPolygon
 from regionik.planners.solvers.base_placement import FACE_TARGET, FIXED, FREE, BaseArea, Turning, share_turn
-from regionik.planners.solvers.mfabrik_planar import solve_planar, solve_planar_along, solve_planar_many
-from regionik.planners.solvers.planar_setup import PlanarSetup
+from regionik.planners.solvers.mfabrik_planar import (
+    PlanarSetup,
+    solve_planar,
+    solve_planar_along,
+    solve_planar_many,
+)
 from regionik.postures.arm import ANGLE_SLACK, Arm, Reached, goal_of
 from regionik.postures.families import FRONT, Family
 from regionik.postures.planar_solver import PlanarSolver

@@ -272,7 +272,7 @@ FAULTS = (
     ),
     Fault(
         "verify: how far a base is off the floor is told of its corners",
-        "planners/geometry/depths.py",
+        "planners/geometry/offsets.py",
         "some = (there + far > best + RESOLVED)",
         "some = (there > np.inf)",
         ("tests/test_depths.py",),
@@ -671,7 +671,7 @@ FAULTS = (
     ),
     Fault(
         "near pairs: a part of the robot hides an obstacle that is farther off",
-        "planners/collision/near_pairs.py",
+        "planners/collision/proximity.py",
         "own, after = int(m >= hulls.world),",
         "own, after = 0,",
         ("tests/test_near_pairs.py",),
@@ -790,7 +790,7 @@ FAULTS = (
     ),
     Fault(
         "outer reach of poses: the cone moves no point of the tool",
-        "planners/reach/fixed_points.py",
+        "planners/reach/level_reach.py",
         "stray = lever * 2.0 * np.sin(cone / 2) + GUARD",
         "stray = GUARD",
         ("tests/test_fixed_points.py",),

@@ -15,13 +15,12 @@ from shapely.geometry import Point
 from benchmarks.clutter import CERTAIN, ROBOTS, Scene, faults, free_posture, scene
 from benchmarks.sweeps import SWEEPS
 from regionik.planners.avoidance.clear_posture import ClearPosture, clear_posture, quick_clear_posture
-from regionik.planners.avoidance.posture_proof import PostureTask, redundant_joints
 from regionik.planners.collision.distances import obstacles_from
 from regionik.planners.collision.proximity import nearest, room_of
 from regionik.planners.collision.robot_bodies import ContactTargets, bodies_from
 from regionik.planners.search.box_search import Verdict
-from regionik.planners.search.fixed_base import search_fixed_base
-from regionik.planners.search.self_clearance import segment_distance
+from regionik.planners.search.fixed_base import PostureTask, redundant_joints, search_fixed_base
+from regionik.planners.search.posture_boxes import segment_distance
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, planar_pose

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from shapely.affinity import rotate, translate
 
 from regionik.explain.failures import blocked_start
-from regionik.planners.geometry.depths import deepest_inside, farthest_outside
+from regionik.planners.geometry.offsets import deepest_inside, farthest_outside
 from regionik.scene import scene_of
 from regionik.values import Configuration, Motion, Plan
 from regionik.verification.verifier import verify

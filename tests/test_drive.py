@@ -14,10 +14,11 @@ from ompl import util
 from shapely import box
 from shapely.geometry import MultiPolygon, Polygon
 
-from regionik.planners.driving.point_planner import NoPathError, PointPath, _connect, drive_point
+from regionik.planners.driving.point_planner import NoPathError, PointPath, drive_point
+from regionik.planners.driving.sampling import PlanningProblem, connect
 from regionik.planners.geometry.polygons import FlatPolygon, segment_inside
 from regionik.worlds.arrays import Array
-from regionik.worlds.errors import InputError, RegionikError
+from regionik.worlds.errors import RegionikError
 
 SQUARE = box(-0.5, -1.5, 3, 1.5) - box(1.0, -0.2, 1.6, 0.4).buffer(0.2)  # experiment 2
 BLOCK = box(-0.5, -1.5, 3, 1.5) - box(1.175, -0.45, 1.425, 0.45).buffer(0.2)  # experiment 2b
@@ -53,30 +54,29 @@ def holds(free: Polygon | MultiPolygon, answer: PointPath, start: Array, goal: A
 
 
 def test_a_free_way_is_driven_straight() -> None:
-    answer = drive_point(BLOCK, [0, 0], [0.9, 0], step=0.25, seed=0)
+    answer = drive_point(BLOCK, [0, 0], [0.9, 0], step=0.25)
     assert answer.method == "straight"
     np.testing.assert_allclose(answer.points, np.linspace([0, 0], [0.9, 0], 5), atol=1e-15)
 
 
 def test_standing_still_is_one_point() -> None:
-    answer = drive_point(BLOCK, [0.2, 0.1], [0.2, 0.1], step=0.25, seed=0)
+    answer = drive_point(BLOCK, [0.2, 0.1], [0.2, 0.1], step=0.25)
     assert answer.method == "straight"
     assert answer.points.tolist() == [[0.2, 0.1]]
 
 
-def test_experiment_2_is_driven_by_algorithm_2() -> None:
+def test_experiment_2_is_driven_past_the_corner_of_the_square() -> None:
     start, goal = np.array([0.7896162428305282, 0.1585664255264057]), np.array([1.0723551929579735, -0.4])
-    answer = drive_point(SQUARE, start, goal, step=0.25, seed=0)
-    assert answer.method == "steps"
-    assert len(answer.points) == 5
+    answer = drive_point(SQUARE, start, goal, step=0.25)
+    assert answer.method == "shortest"
     holds(SQUARE, answer, start, goal, 0.25)
 
 
 @pytest.mark.parametrize("step", [0.10, 0.20, 0.30])
-def test_experiment_2b_needs_the_planner(step: float) -> None:
+def test_experiment_2b_is_driven_round_the_block(step: float) -> None:
     start, goal = np.array([0.887, 0.044]), np.array([1.625, 0.033])
-    answer = drive_point(BLOCK, start, goal, step=step, seed=0)
-    assert answer.method == "ompl"
+    answer = drive_point(BLOCK, start, goal, step=step)
+    assert answer.method == "shortest"
     holds(BLOCK, answer, start, goal, step)
     length = np.hypot(*np.diff(answer.points, axis=0).T).sum()
     assert 1.5 < length < 1.75  # round one end of the block or the other
@@ -92,70 +92,61 @@ def test_every_pair_of_points_is_connected_or_refused(seed: int) -> None:
     for k in range(0, len(points) - 1, 2):
         start, goal = points[k], points[k + 1]
         if part[k] == part[k + 1]:
-            holds(free, drive_point(free, start, goal, step=0.3, seed=seed), start, goal, 0.3)
+            holds(free, drive_point(free, start, goal, step=0.3), start, goal, 0.3)
         else:
             with pytest.raises(NoPathError, match="do not join"):
-                drive_point(free, start, goal, step=0.3, seed=seed)
+                drive_point(free, start, goal, step=0.3)
 
 
-def test_a_way_too_narrow_for_sampling_is_found_in_the_triangles() -> None:
+def test_a_way_too_narrow_for_sampling_is_found() -> None:
     free = maze()
     start, goal = np.array([0.05, 0.5]), np.array([1.9995, 0.5])
-    answer = drive_point(free, start, goal, step=0.2, seed=0)
-    assert answer.method == "triangles"
+    answer = drive_point(free, start, goal, step=0.2)
+    assert answer.method == "shortest"
     holds(free, answer, start, goal, 0.2)
 
 
 def test_ends_are_held_to_the_boundary_by_rounding_only() -> None:
-    answer = drive_point(box(0, 0, 1, 1), [-1e-10, 0.5], [1 + 1e-10, 0.5], step=0.5, seed=0)
+    answer = drive_point(box(0, 0, 1, 1), [-1e-10, 0.5], [1 + 1e-10, 0.5], step=0.5)
     assert answer.points[[0, -1]].tolist() == [[0.0, 0.5], [1.0, 0.5]]
     with pytest.raises(NoPathError, match=r"start \(-0.100, 0.500\) is 0.1 m outside"):
-        drive_point(box(0, 0, 1, 1), [-0.1, 0.5], [0.5, 0.5], step=0.5, seed=0)
+        drive_point(box(0, 0, 1, 1), [-0.1, 0.5], [0.5, 0.5], step=0.5)
     with pytest.raises(NoPathError, match=r"goal \(0.500, 1.200\) is 0.2 m outside"):
-        drive_point(box(0, 0, 1, 1), [0.1, 0.5], [0.5, 1.2], step=0.5, seed=0)
+        drive_point(box(0, 0, 1, 1), [0.1, 0.5], [0.5, 1.2], step=0.5)
 
 
 def test_a_refusal_says_from_where_to_where() -> None:
     apart = MultiPolygon([box(0, 0, 1, 1), box(2, 0, 3, 1)])
     with pytest.raises(RegionikError, match=r"start \(0.500, 0.500\) and goal \(2.500, 0.500\) are in parts"):
-        drive_point(apart, [0.5, 0.5], [2.5, 0.5], step=0.1, seed=0)
+        drive_point(apart, [0.5, 0.5], [2.5, 0.5], step=0.1)
 
 
-def test_a_seed_below_zero_is_refused() -> None:
-    with pytest.raises(InputError, match="seed: expected"):
-        drive_point(BLOCK, [0, 0], [0.5, 0], step=0.1, seed=-1)
-
-
-def raw_paths(seeds: list[int]) -> dict[int, list[list[float]]]:
-    """RRTConnect's own paths, before pulling makes many of them the same."""
+def sampled(seed: int) -> list[list[float]]:
+    """RRTConnect's path round the block."""
     flat = FlatPolygon.from_shapely(BLOCK)
-    found = {seed: _connect(flat, np.array([0.887, 0.044]), np.array([1.625, 0.033]), seed) for seed in seeds}
-    return {seed: path.tolist() for seed, path in sorted(found.items()) if path is not None}
+    ends = np.array([0.887, 0.044]), np.array([1.625, 0.033])
+    box_of = flat.vertices.min(axis=0), flat.vertices.max(axis=0)
+    path = connect(PlanningProblem(*box_of, *ends, flat.holds, flat.sees), seed=seed, iterations=2000)
+    assert path is not None
+    return path.tolist()
 
 
-def test_same_seed_same_path_whatever_was_planned_before() -> None:
-    def plan(seed: int) -> bytes:
-        return drive_point(BLOCK, [0.887, 0.044], [2.1, 0.033], step=0.1, seed=seed).points.tobytes()
-
-    first, first_raw = [plan(seed) for seed in range(4)], raw_paths([0, 1, 2, 3])
-    assert len({str(path) for path in first_raw.values()}) == 4
+def test_same_seed_same_sampled_path_whatever_was_planned_before() -> None:
+    first = [sampled(seed) for seed in range(4)]
+    assert len({str(path) for path in first}) == 4
     util.RNG().uniform01()
-    drive_point(maze(), [0.05, 0.5], [1.9995, 0.5], step=0.2, seed=99)
-    assert [plan(seed) for seed in (3, 1, 0, 2)] == [first[k] for k in (3, 1, 0, 2)]
-    assert raw_paths([2, 3, 0, 1]) == first_raw
+    assert [sampled(seed) for seed in (3, 1, 0, 2)] == [first[k] for k in (3, 1, 0, 2)]
 
 
 SCRIPT = """
 import json, sys
-from tests.test_drive import BLOCK, drive_point, raw_paths
-seeds = json.loads(sys.argv[1])
-answer = drive_point(BLOCK, [0.887, 0.044], [1.625, 0.033], step=0.2, seed=7)
-print(json.dumps([raw_paths(seeds), answer.points.tolist()]))
+from tests.test_drive import sampled
+print(json.dumps({seed: sampled(seed) for seed in json.loads(sys.argv[1])}, sort_keys=True))
 """
 
 
 @pytest.mark.slow
-def test_same_seed_same_path_in_another_process() -> None:
+def test_same_seed_same_sampled_path_in_another_process() -> None:
     def run(seeds: list[int]) -> str:
         command = [sys.executable, "-c", SCRIPT, json.dumps(seeds)]
         root = Path(__file__).parent.parent
@@ -163,16 +154,11 @@ def test_same_seed_same_path_in_another_process() -> None:
 
     forward, backward = run([0, 1, 2]), run([2, 1, 0])
     assert forward == backward
-    here = [
-        {str(seed): path for seed, path in raw_paths([0, 1, 2]).items()},
-        drive_point(BLOCK, [0.887, 0.044], [1.625, 0.033], step=0.2, seed=7).points.tolist(),
-    ]
-    assert json.loads(forward) == here
+    assert json.loads(forward) == {str(seed): sampled(seed) for seed in (0, 1, 2)}
 
 
 def test_ompl_keeps_silent_and_its_log_level(capfd: pytest.CaptureFixture[str]) -> None:
     before = util.getLogLevel()
-    answer = drive_point(BLOCK, [0.887, 0.044], [1.625, 0.033], step=0.2, seed=5)
-    assert answer.method == "ompl"
+    sampled(5)
     assert util.getLogLevel() == before
     assert capfd.readouterr() == ("", "")

@@ -22,7 +22,7 @@ from regionik.planners.solvers.fabrikr import (
     posture_of,
 )
 from regionik.planners.solvers.multistart_ik import ArmSolver
-from regionik.planners.solvers.rigid_bodies import bodies_of, pointing_bodies, posing_bodies
+from regionik.planners.solvers.rigid_bodies import arm_model, bodies_of
 from regionik.planners.solvers.serial_chain import serial_arm
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
@@ -87,7 +87,7 @@ def reachable(chain: Chain, count: int, seed: int) -> Array:
 def test_parallel_axes_are_plain_fabrik(target: tuple[float, float], iterations: int, error: float) -> None:
     # Tao et al., row 1 of tables 1 to 3: four hinges, links of 1, straight along y.
     chain = Chain.from_dh([(0, 0, 1, 0, *FREE)] * 4)
-    bodies = pointing_bodies(chain)
+    bodies = arm_model(chain).pointing
     posture = posture_of(bodies, np.array([np.pi / 2, 0, 0, 0]))
     goal, left = np.array([*target, 0.0]), [np.inf]
     while left[-1] > 1e-3:
@@ -104,7 +104,7 @@ def test_parallel_axes_are_plain_fabrik(target: tuple[float, float], iterations:
 
 
 def test_one_pass_is_the_textbook_step() -> None:
-    bodies = pointing_bodies(Chain.from_dh([(0, 0, length, 0, *FREE) for length in (1.0, 0.7, 0.5)]))
+    bodies = arm_model(Chain.from_dh([(0, 0, length, 0, *FREE) for length in (1.0, 0.7, 0.5)])).pointing
     posture = posture_of(bodies, np.array([0.3, 0.4, -0.9]))
     goal, points, d = np.array([0.9, 1.1, 0.0]), posture.outer.copy(), [1.0, 0.7, 0.5]
     points[3] = goal
@@ -127,7 +127,7 @@ def test_one_pass_is_the_textbook_step() -> None:
 @pytest.mark.parametrize("whole", [False, True], ids=["pointing", "posing"])
 def test_bodies_stay_rigid_and_within_limits(name: str, whole: bool) -> None:
     chain = CHAINS[name]
-    bodies = posing_bodies(chain) if whole else pointing_bodies(chain)
+    bodies = arm_model(chain).posing if whole else arm_model(chain).pointing
     n = len(bodies.slide)
     rng = np.random.default_rng(1)
     goals = reachable(chain, 20, 2)
@@ -153,7 +153,7 @@ def test_bodies_stay_rigid_and_within_limits(name: str, whole: bool) -> None:
 @pytest.mark.parametrize("name", CHAINS)
 def test_points_lie_on_their_axes_and_travel_with_both_bodies(name: str) -> None:
     chain = CHAINS[name]
-    bodies = posing_bodies(chain)
+    bodies = arm_model(chain).posing
     q = np.linspace(0.1, 0.4, chain.dof)
     posture, frames = posture_of(bodies, q), chain.frames(q)
     for k in np.flatnonzero(bodies.arm.revolute):
@@ -166,7 +166,7 @@ def test_points_lie_on_their_axes_and_travel_with_both_bodies(name: str) -> None
 def test_single_steps_make_up_a_pass(name: str) -> None:
     # A caller may replace a choice: here it replaces it by itself.
     chain = CHAINS[name]
-    bodies, goal = pointing_bodies(chain), reachable(chain, 1, 5)[0]
+    bodies, goal = arm_model(chain).pointing, reachable(chain, 1, 5)[0]
     start = np.clip(np.linspace(0.2, 0.5, chain.dof), chain.lower, chain.upper)
     whole, single = posture_of(bodies, start), posture_of(bodies, start)
     forward_pass(bodies, goal, whole)
@@ -183,7 +183,7 @@ def test_single_steps_make_up_a_pass(name: str) -> None:
 
 def test_a_replaced_choice_is_what_the_rest_builds_on() -> None:
     chain = robot_named("dof10").chain
-    bodies, goal = pointing_bodies(chain), reachable(chain, 1, 6)[0]
+    bodies, goal = arm_model(chain).pointing, reachable(chain, 1, 6)[0]
     posture = posture_of(bodies, np.linspace(0.2, 0.5, 10))
     forward_pass(bodies, goal, posture)
     for k in range(10):
@@ -195,7 +195,7 @@ def test_a_replaced_choice_is_what_the_rest_builds_on() -> None:
 def test_equation_6_makes_the_next_axis_normal_to_the_line() -> None:
     # hinge5: the pivot turns the hinges' common axis normal to the line to the first point beyond them.
     chain = robot_named("hinge5").chain
-    bodies = pointing_bodies(chain)
+    bodies = arm_model(chain).pointing
     assert bodies.outward_aim.tolist() == [-1, 2, 3, -1, 5]
     assert bodies.outward_goal[0] == 4  # FIND_CONCURRENT passes over the parallel hinges
     rng = np.random.default_rng(3)
@@ -209,7 +209,7 @@ def test_equation_6_makes_the_next_axis_normal_to_the_line() -> None:
 
 
 def test_hinges_and_pivots_that_meet_share_their_point() -> None:
-    bodies = pointing_bodies(robot_named("pioneer7").chain)
+    bodies = arm_model(robot_named("pioneer7").chain).pointing
     np.testing.assert_allclose(
         np.linalg.norm(bodies.outer, axis=1), [0, 0.15, 0, 0.145, 0, 0.075, 0.075], atol=1e-15
     )
@@ -219,8 +219,8 @@ def test_hinges_and_pivots_that_meet_share_their_point() -> None:
 
 def test_joints_that_do_not_move_the_tool_point_are_left_out() -> None:
     chain = robot_named("youbot").chain
-    assert len(pointing_bodies(chain).slide) == 4
-    assert len(posing_bodies(chain).slide) == 5
+    assert len(arm_model(chain).pointing.slide) == 4
+    assert len(arm_model(chain).posing.slide) == 5
 
 
 @pytest.mark.parametrize(

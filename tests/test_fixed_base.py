@@ -20,8 +20,13 @@ from regionik.planners.search.motion_bounds import (
     longest_levers,
     tool_displacement,
 )
-from regionik.planners.search.posture_boxes import FixedBase, fixed_base_for, may_hold, place_arm
-from regionik.planners.search.self_clearance import NO_SELF_CLEARANCE
+from regionik.planners.search.posture_boxes import (
+    NO_SELF_CLEARANCE,
+    FixedBase,
+    fixed_base_for,
+    may_hold,
+    place_arm,
+)
 from regionik.planners.solvers.serial_chain import chain_jacobian, serial_arm
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named

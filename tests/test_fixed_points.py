@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from regionik.planners.reach.fixed_points import fixed_point_reach
+from regionik.planners.reach.level_reach import fixed_point_reach
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, Aim
 from regionik.postures.poses import axis_of
 from regionik.reachability.reach import reach

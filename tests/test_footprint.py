@@ -25,13 +25,14 @@ from regionik.planners.driving.heading_slabs import (
     convex_scene,
     free_at_all,
     free_at_some,
+    grown_by_disc,
+    minkowski_sums,
     rotation_core,
     rotation_hull,
     slab_areas,
     slabs,
     slabs_along,
 )
-from regionik.planners.driving.minkowski_sums import grown_by_disc, minkowski_sums
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.driving.pose_planner import SLIDE, Steering, slide_cost
 from regionik.planners.geometry.angles import wrap

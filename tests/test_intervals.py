@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from regionik.planners.search.box_search import Verdict
-from regionik.planners.search.intervals import (
+from regionik.planners.search.box_search import (
+    Verdict,
     interval_cos,
     interval_product,
     interval_sin,

@@ -18,8 +18,7 @@ from hypothesis import strategies as st
 
 import regionik as rik
 from regionik.planners import kernels
-from regionik.planners.counted_work import CountedFunctions
-from regionik.planners.kernels import compiled, compiled_at_once
+from regionik.planners.kernels import CountedFunctions, compiled, compiled_at_once
 from regionik.worlds.arrays import Array
 
 ROOT = Path(__file__).parent.parent

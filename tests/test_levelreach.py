@@ -16,15 +16,15 @@ from regionik.planners.reach.level_reach import (
     outer_reach,
     posture_at,
 )
-from regionik.planners.reach.meridian_plane import (
+from regionik.planners.reach.meridian import (
     Meridian,
     hop_stray,
     meridian_of,
     to_level,
     tool_for,
     tool_motion,
+    walk,
 )
-from regionik.planners.reach.meridian_walks import walk
 from regionik.planners.reach.outer_bounds import (
     bound,
     bounds_for,

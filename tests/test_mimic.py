@@ -12,12 +12,11 @@ from regionik.planners.collision.robot_motion import MobileArm, motion_between, 
 from regionik.planners.collision.upright_solids import uprights_from
 from regionik.planners.reach.level_reach import inner_reach
 from regionik.planners.search.motion_bounds import link_capsules
-from regionik.planners.search.posture_boxes import fixed_base_for, may_hold
-from regionik.planners.search.self_clearance import NO_SELF_CLEARANCE
+from regionik.planners.search.posture_boxes import NO_SELF_CLEARANCE, fixed_base_for, may_hold
 from regionik.planners.solvers.serial_chain import chain_frames, chain_jacobian, serial_arm
 from regionik.timing.limits import tool_velocity
 from regionik.verification.motion import MotionSegments, chord_deviation
-from regionik.worlds.arms import pivot_index, planar_arm, with_pivot
+from regionik.worlds.arms import has_pivot, pivot_index, planar_arm
 from regionik.worlds.documents.robots import robot_to_document
 from regionik.worlds.documents.world_file import world_from_document, world_to_document
 from regionik.worlds.errors import InputError
@@ -43,7 +42,7 @@ def test_the_coordinates_are_the_joints_that_move_by_themselves() -> None:
     assert (chain.joints[-1].lower, chain.joints[-1].upper) == pytest.approx((0.015, 0.315))
     assert [joint.velocity for joint in chain.active_joints] == pytest.approx([1.0, 1.0, 1 / 3])
     assert pivot_index(chain) == 1
-    assert with_pivot(chain) is chain
+    assert has_pivot(chain)
     assert arm("palletizer").chain.names == ("turn", "raise", "bend")
     assert {solid.link for solid in arm("telescope").solids} == set(range(6))
 

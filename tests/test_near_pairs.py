@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from regionik.moving.state_keeper import StateKeeper
-from regionik.planners.collision.near_pairs import NearPairs, near_pairs
-from regionik.planners.collision.proximity import nearest
+from regionik.planners.collision.proximity import NearPairs, near_pairs, nearest
 from regionik.planners.collision.robot_bodies import NO_CONTACT, Bodies
 from regionik.planners.collision.robot_motion import WORLD
 from regionik.scene import scene_of

@@ -17,9 +17,8 @@ from regionik.parking.stop_motion import connect_stops
 from regionik.parking.stops import in_sequence
 from regionik.pipeline import plan
 from regionik.planners.reach import pose_reach as sampled
-from regionik.planners.reach.asked_cells import asked_cells
 from regionik.planners.reach.inverse_reachability import Tolerances, aim_at, posture_samples, posture_seeds
-from regionik.planners.reach.polar_cells import PolarCells
+from regionik.planners.reach.polar_cells import PolarCells, asked_cells
 from regionik.planners.reach.pose_reach import pose_reach
 from regionik.planners.solvers.closed_form import Polish, postures_at
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, Aim

@@ -17,7 +17,7 @@ import numpy as np
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.chain import Chain, rot_y, rot_z
 from regionik.worlds.errors import InputError
-from regionik.worlds.joints import Joint
+from regionik.worlds.joints import Joint, nearest_turn
 
 _ALIGNED = 1e-9
 _HINGES = 3
@@ -65,8 +65,7 @@ class PlanarArm:
         bounded = np.isfinite(self.lower) & np.isfinite(self.upper)
         middle = self.bends(near)
         middle[..., bounded] = (self.lower[bounded] + self.upper[bounded]) / 2
-        turned = middle + np.remainder(bends - middle + np.pi, 2 * np.pi) - np.pi
-        values: Array = self.sign * (turned - self.offset)
+        values: Array = self.sign * (nearest_turn(bends, middle) - self.offset)
         return values
 
 
@@ -174,6 +173,11 @@ def with_pivot(chain: Chain) -> Chain:
     return chain
 
 
+def has_pivot(chain: Chain) -> bool:
+    """Return True where a chain has a vertical pivot of its own; see `pivot_index`."""
+    return with_pivot(chain) is chain
+
+
 def pivot_joints(chain: Chain, joints: Array) -> Array:
     """Return joint values (..., dof) of a chain as those of the chain `with_pivot`, zero for its pivot."""
     more = with_pivot(chain).dof - chain.dof
@@ -209,7 +213,7 @@ def turned_back(chain: Chain, joints: Array, turn: float) -> Array:
 
     As far as its limits let it.
     """
-    if with_pivot(chain) is not chain:
+    if not has_pivot(chain):
         return joints
     pivot = np.arange(chain.dof) == pivot_index(chain)
     return np.clip(joints - turn * pivot, chain.lower, chain.upper)

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from regionik.worlds.arrays import Array, Mask, cross, frozen, one_line
 from regionik.worlds.errors import InputError, located
-from regionik.worlds.joints import Joint
+from regionik.worlds.joints import Joint, nearest_turn
 
 JOINT_SPARE = np.radians(2)  # that joints keep of their limits where they can [rad] or [m]
 SPARE_SHARE = 0.1  # of a joint's range, where that is less
@@ -184,7 +184,7 @@ class Chain:
         """
         found, some = np.array(joints), self.winding
         middle = (self.lower[some] + self.upper[some]) / 2
-        found[..., some] = middle + np.remainder(found[..., some] - middle + np.pi, 2 * np.pi) - np.pi
+        found[..., some] = nearest_turn(found[..., some], middle)
         return found
 
     @cached_property

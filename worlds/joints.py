@@ -97,3 +97,13 @@ class Joint:
         return T
 
     __repr__ = one_line
+
+
+def nearest_turn(angles: Array, near: Array | float = 0.0) -> Array:
+    """Return angles plus whole turns, each the nearest to another one [rad].
+
+    >>> nearest_turn(np.array([4.0, -7.0]), 3.0).round(3).tolist()
+    [4.0, 5.566]
+    """
+    turned: Array = near + np.remainder(angles - near + np.pi, 2 * np.pi) - np.pi
+    return turned

@@ -175,9 +175,7 @@ def _lengths(size: Size) -> Iterator[Row]:
     ratios = []
     for seed in range(size.count(MAPS)):
         free: Polygon = clutter(seed)
-        ratios.append(
-            length(drive_point(free, start, goal, step=STEP, seed=seed).points) / shortest(free, start, goal)
-        )
+        ratios.append(length(drive_point(free, start, goal, step=STEP).points) / shortest(free, start, goal))
     what, rival = f"length of base paths over {len(ratios)} maps", "the exact shortest path"
     yield counted(f"{what}, median", rival, ratios, Wanted(1.005, at_least=False))
     yield counted(f"{what}, worst", rival, [max(ratios)], Wanted(1.05, at_least=False))

@@ -16,8 +16,7 @@ from regionik.planners.solvers.fabrik import (
     forward_reaching,
     knots_at,
 )
-from regionik.planners.solvers.mfabrik_planar import PATIENCE, STALLED
-from regionik.planners.solvers.planar_setup import PlanarSetup
+from regionik.planners.solvers.mfabrik_planar import PATIENCE, STALLED, PlanarSetup
 from regionik.postures.arm import MOST_PASSES
 from regionik.worlds.arrays import Array
 

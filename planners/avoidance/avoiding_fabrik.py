@@ -29,7 +29,7 @@ from regionik.planners.solvers.fabrikr import (
     place_behind,
     posture_of,
 )
-from regionik.planners.solvers.rigid_bodies import RigidBodies, pointing_bodies
+from regionik.planners.solvers.rigid_bodies import RigidBodies, arm_model
 from regionik.planners.solvers.serial_chain import rotate_about
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.chain import Chain
@@ -37,7 +37,7 @@ from regionik.worlds.links import LinkHull
 from regionik.worlds.polytopes import Polytope
 
 MOST_ITERATIONS = 100  # as in the paper
-ROTATIONS = 10  # random rotations tried for one link, as in the paper
+_ROTATIONS = 10  # random rotations tried for one link, as in the paper
 ROUNDING = 1e-9  # [rad]
 
 LinkClear = Callable[[int, Array], bool]
@@ -62,7 +62,7 @@ def avoid_obstacles(
     tolerance: float,
     seed: int,
     most: int = MOST_ITERATIONS,
-    rotations: int = ROTATIONS,
+    rotations: int = _ROTATIONS,
 ) -> AvoidanceResult:
     """Bring the tool to a target with every link clear.
 
@@ -98,7 +98,7 @@ class _AvoidingPasses:
     def __init__(
         self, chain: Chain, target: Array, joints: Array, clear: LinkClear, draw: Callable[[], Array]
     ) -> None:
-        self.bodies: RigidBodies = pointing_bodies(chain)
+        self.bodies: RigidBodies = arm_model(chain).pointing
         self.posture: Posture = posture_of(self.bodies, np.asarray(joints, dtype=np.float64))
         self.target = np.asarray(target, dtype=np.float64)
         self.count = len(self.bodies.slide)

@@ -19,38 +19,113 @@ chain's own forward kinematics and by `proximity.nearest`.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from regionik.planners.avoidance.avoiding_fabrik import MOST_ITERATIONS, avoid_obstacles, links_clear
-from regionik.planners.avoidance.posture_proof import (
+from regionik.planners.collision.collision_checking import is_clear
+from regionik.planners.collision.proximity import nearest, room_of
+from regionik.planners.collision.robot_bodies import Bodies, ContactTargets, RobotScene
+from regionik.planners.kernels import compiled
+from regionik.planners.reach.serial_criteria import SerialThresholds, led_within
+from regionik.planners.search.box_search import Verdict
+from regionik.planners.search.fixed_base import (
     MOST_REDUNDANT,
     PostureTask,
     redundant_joints,
     search_postures,
     solid_at_target,
 )
-from regionik.planners.collision.proximity import nearest, room_of
-from regionik.planners.collision.robot_bodies import Bodies, ContactTargets
-from regionik.planners.search.box_search import Verdict
-from regionik.planners.solvers.damped_least_squares import POSITION, Aim, polish
+from regionik.planners.solvers.damped_least_squares import POSITION, Aim, Aims, polish
 from regionik.planners.solvers.mfabrik_serial import in_arm_frame
 from regionik.planners.solvers.multistart_ik import ArmSolver, Effort, solve_ik
-from regionik.planners.solvers.rigid_bodies import posing_bodies
-from regionik.worlds.arrays import Array, frozen
+from regionik.planners.solvers.rigid_bodies import arm_model
+from regionik.planners.solvers.serial_chain import SerialArm
+from regionik.worlds.arrays import Array, Index, Mask, frozen
 from regionik.worlds.chain import Chain, spread_postures
 from regionik.worlds.errors import InputError
 
+_NEIGHBOR_STEPS = 20  # of damped least squares from a start
+
+
+class NeighboringTargets(NamedTuple):
+    """Targets that an arm is to reach with the base where it is, for kernels."""
+
+    scene: RobotScene
+    margin: float  # kept from all solids beyond what the scene asks [m]
+    base: Array  # (3,) x, y [m], yaw [rad]
+    asked: SerialThresholds  # of the postures
+    arm: SerialArm  # it may have more joints than the robot, the first of which do not move
+    aims: Aims  # n targets as the arm's base frame has them
+    tool_on: Index  # (n,) obstacle that the tool works on at each, -1 for none
+    near: Index  # (n, m) targets near each, the nearest first
+    # reach, tolerance: as of `polish`
+    reach: float
+    tolerance: float
+
+
+@compiled
+def neighboring_postures(targets: NeighboringTargets, starts: Array, postures: Array) -> Mask:
+    """Find clear postures: from the starts at a target, and from each found on to the targets near it.
+
+    Parameters
+    ----------
+    starts : (n, s, k) array
+        Postures to begin from, the first that leads to a clear one is taken.
+    postures : (n, k) array
+        Overwritten where one is found.
+
+    Returns
+    -------
+    (n,) array of bool
+        True where one was found.
+    """
+    n = len(targets.aims.positions)
+    found, queue = np.zeros(n, dtype=np.bool_), np.empty(n, dtype=np.int64)
+    for i in range(n):
+        for s in range(starts.shape[1]):
+            if found[i] or not _meets(targets, i, starts[i, s], postures):
+                continue
+            found[i], queue[0] = True, i
+            first, count = 0, 1
+            while first < count:
+                k = queue[first]
+                first += 1
+                for j in targets.near[k]:
+                    if not found[j] and _meets(targets, j, postures[k], postures):
+                        found[j], queue[count] = True, j
+                        count += 1
+    return found
+
+
+@compiled
+def _meets(targets: NeighboringTargets, i: int, start: Array, postures: Array) -> bool:
+    """True if a start leads to a clear posture at target i that meets what is asked; it is kept."""
+    aims, joints = targets.aims, start.copy()
+    aim = Aim(aims.positions[i], aims.kinds[i], aims.turns[i], aims.cones[i])
+    reach, most, widest = targets.reach, targets.tolerance, aims.angle_tolerances[i]
+    error, angle, _ = polish(targets.arm, aim, joints, reach, most, widest, _NEIGHBOR_STEPS)
+    if error > most or angle > widest:
+        return False
+    if not led_within(targets.arm, targets.asked, aim, joints, reach, most, widest):
+        return False
+    more = len(joints) - len(targets.scene.robot.arm.lower)
+    if not is_clear(targets.scene, targets.margin, targets.base, joints[more:], targets.tool_on[i]):
+        return False
+    postures[i] = joints
+    return True
+
+
 SAMPLES = 300  # postures drawn at random for a target
-POSE_SAMPLES = 60  # postures tried for a pose, every other one drawn at random
-FEW_BOXES = 500  # boxes of joint values after which a proof is no longer to be had cheaply
+_POSE_SAMPLES = 60  # postures tried for a pose, every other one drawn at random
+_FEW_BOXES = 500  # boxes of joint values after which a proof is no longer to be had cheaply
 MOST_BOXES = 200_000
 ATTEMPTS = 3  # of FABRIK with obstacle avoidance, each with other random rotations
-QUICK_PASSES = 12  # of FABRIK with obstacle avoidance; where it succeeds it mostly takes fewer than ten
+_QUICK_PASSES = 12  # of FABRIK with obstacle avoidance; where it succeeds it mostly takes fewer than ten
 STEPS = 60  # of damped least squares that take a posture back to the target
-LARGEST_CHANGE = 1.0  # of a joint when the best posture so far is varied [rad] or [m]
+_LARGEST_CHANGE = 1.0  # of a joint when the best posture so far is varied [rad] or [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +161,7 @@ def clear_posture(
     search = _Search(task, joints, seed)
     return (
         search.by_passes()
-        or search.by_proof(min(FEW_BOXES, most_boxes))
+        or search.by_proof(min(_FEW_BOXES, most_boxes))
         or search.by_avoidance(ATTEMPTS)
         or search.by_sampling()
         or search.by_branch_and_bound(most_boxes)
@@ -96,7 +171,7 @@ def clear_posture(
 def quick_clear_posture(task: PostureTask, joints: ArrayLike, *, seed: int = 0) -> ClearPosture:
     """A few passes of `clear_posture` alone, without the search: found or undecided, and soon."""
     search = _Search(task, joints, seed)
-    return search.by_passes() or search.by_avoidance(1, QUICK_PASSES) or search.answer(Verdict.OPEN)
+    return search.by_passes() or search.by_avoidance(1, _QUICK_PASSES) or search.answer(Verdict.OPEN)
 
 
 def sampled_clear_posture(task: PostureTask, joints: ArrayLike, *, samples: int) -> ClearPosture:
@@ -122,10 +197,10 @@ def clear_posture_at_pose(
     or not. Returns joints and what the tool misses [m]; None where no posture that was met is clear.
     """
     chain, T = bodies.robot.chain, bodies.robot.T_world_arm(base)
-    arm, rng = posing_bodies(chain).arm, np.random.default_rng([seed, 2])
+    arm, rng = arm_model(chain).posing.arm, np.random.default_rng([seed, 2])
     here = in_arm_frame(T[:2, 3], float(np.arctan2(T[1, 0], T[0, 0])), float(T[2, 3]), aim)
     best, most = np.clip(joints, chain.lower, chain.upper), -np.inf
-    for k, fresh in enumerate(spread_postures(chain, effort.reach, POSE_SAMPLES, seed)):
+    for k, fresh in enumerate(spread_postures(chain, effort.reach, _POSE_SAMPLES, seed)):
         q = _varied(chain, best, rng) if k % 2 == 0 else fresh
         error, angle, _ = polish(arm, here, q, effort.reach, effort.tolerance, effort.angle_tolerance, STEPS)
         if error > effort.tolerance or angle > effort.angle_tolerance:
@@ -149,7 +224,7 @@ class _Search:
         self.start = np.clip(start, self.chain.lower, self.chain.upper)
         T = task.bodies.robot.T_world_arm(task.base)
         self.goal: Array = T[:3, :3].T @ (task.target - T[:3, 3])
-        self.solver = _solver(self.chain, task.tolerance)
+        self.solver = ArmSolver(self.chain, task.tolerance)
         self.steps: list[str] = []
         self.best: tuple[Array, float, float] | None = None  # joints, error, room
 
@@ -240,12 +315,6 @@ class _Search:
 
 def _varied(chain: Chain, joints: Array, rng: np.random.Generator) -> Array:
     """A posture near another one: all joints changed by normal amounts of a random size."""
-    change = LARGEST_CHANGE * 10.0 ** rng.uniform(-3, 0) * rng.normal(size=chain.dof)
+    change = _LARGEST_CHANGE * 10.0 ** rng.uniform(-3, 0) * rng.normal(size=chain.dof)
     varied: Array = np.clip(joints + change, chain.lower, chain.upper)
     return varied
-
-
-@lru_cache(maxsize=32)
-def _solver(chain: Chain, tolerance: float) -> ArmSolver:
-    """Kept for the last few arms, as one arm is asked about many targets."""
-    return ArmSolver(chain, tolerance)

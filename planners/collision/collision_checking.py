@@ -20,6 +20,7 @@ from regionik.planners.collision.contacts import (
     time_to_plane,
 )
 from regionik.planners.collision.gjk import hull_distance
+from regionik.planners.collision.robot_bodies import Hulls, LinkHulls, RobotScene
 from regionik.planners.collision.robot_motion import (
     BASE,
     WORLD,
@@ -33,14 +34,13 @@ from regionik.planners.collision.robot_motion import (
     tool_speed,
     transform_into,
 )
-from regionik.planners.collision.robot_scene import Hulls, LinkHulls, RobotScene
 from regionik.planners.kernels import compiled
 from regionik.planners.solvers.serial_chain import joint_values
 from regionik.worlds.arrays import Array
 
 MOST_STEPS = 1000
-CHORDS = 8  # most parts of a motion whose boxes bound where the links pass
-CHORD = 0.2  # largest turn of base or joint in one of them, while they are fewer [rad]
+_CHORDS = 8  # most parts of a motion whose boxes bound where the links pass
+_CHORD = 0.2  # largest turn of base or joint in one of them, while they are fewer [rad]
 
 
 @compiled
@@ -87,7 +87,7 @@ def swept_boxes(robot: MobileArm, links: LinkHulls, motion: MotionSegment, boxes
     turn = abs(motion.drive[2])
     for k in range(len(motion.bend)):
         turn = max(turn, abs(motion.bend[k]))
-    chords = min(max(1, math.ceil(turn / CHORD)), CHORDS)
+    chords = min(max(1, math.ceil(turn / _CHORD)), _CHORDS)
     frames, placed = np.empty((len(robot.arm.axis) + 2, 4, 4)), np.empty_like(links.corners)
     boxes[:, 0], boxes[:, 1] = np.inf, -np.inf
     for c in range(chords + 1):
@@ -107,7 +107,7 @@ def swept_boxes(robot: MobileArm, links: LinkHulls, motion: MotionSegment, boxes
 
 
 @compiled
-def box_distance(a: Array, b: Array) -> float:
+def _box_distance(a: Array, b: Array) -> float:
     """Distance between two boxes along the same axes, each (2, 3), low and high; 0 where they meet [m]."""
     square = 0.0
     for d in range(3):
@@ -123,7 +123,7 @@ def _rests(motion: MotionSegment, link: int, frame: int) -> bool:
 
 
 @compiled
-def first_unproven(
+def _first_unproven(
     scene: RobotScene, motion: MotionSegment, boxes: Array, margin: float, start_known: bool
 ) -> tuple[int, int, float]:
     """The first solid and hull not proven to keep a distance, and the time; -1, -1, 1 if all are.
@@ -139,11 +139,11 @@ def first_unproven(
             after, within, owner = hulls.next[m], links.radius[k] + margin + ROUNDING, hulls.owner[m]
             near = links.pairs[k, m]
             if m < hulls.world:
-                near = near and box_distance(boxes[k], hulls.boxes[m]) <= within
+                near = near and _box_distance(boxes[k], hulls.boxes[m]) <= within
             else:
                 near = near and not (start_known and _rests(motion, links.link[k], hulls.frame[m]))
                 if near and owner >= 0:  # where that solid passes is known too
-                    near = box_distance(boxes[k], boxes[owner]) <= within + hulls.disc[m] + hulls.ball[m]
+                    near = _box_distance(boxes[k], boxes[owner]) <= within + hulls.disc[m] + hulls.ball[m]
             if near:
                 s = advance(scene, motion, k, m, margin)
                 if s < 1.0:
@@ -158,11 +158,11 @@ def first_unproven(
 def first_unproven_on_path(
     scene: RobotScene, bases: Array, joints: Array, margin: float
 ) -> tuple[int, int, int, float]:
-    """As `first_unproven`, for motions between states (n + 1, ...): the first of them, n where all hold."""
+    """As `_first_unproven`, for motions between states (n + 1, ...): the first of them, n where all hold."""
     boxes = np.empty((len(scene.links.link), 2, 3))
     for i in range(len(bases) - 1):
         motion = motion_between(scene.robot, bases[i], joints[i], bases[i + 1], joints[i + 1])
-        k, m, s = first_unproven(scene, motion, boxes, margin, i > 0)
+        k, m, s = _first_unproven(scene, motion, boxes, margin, i > 0)
         if k >= 0:
             return i, k, m, s
     return len(bases) - 1, -1, -1, 1.0
@@ -223,7 +223,7 @@ def bound_by_boxes(links: LinkHulls, hulls: Hulls, boxes: Array, k: int, m: int)
 @compiled
 def _bound_apart(a: Array, b: Array, thick: float) -> float:
     """Lower bound of the distance of what boxes hold, grown by so much: boxes do not say how deep it is."""
-    apart = box_distance(a, b)
+    apart = _box_distance(a, b)
     return apart - thick if apart > 0.0 else -np.inf
 
 
@@ -276,9 +276,9 @@ def is_clear(scene: RobotScene, margin: float, base: Array, joints: Array, tool_
             if not links.pairs[k, m]:
                 continue
             if m < hulls.world:
-                near = box_distance(boxes[k], hulls.boxes[m]) < links.radius[k] + margin
+                near = _box_distance(boxes[k], hulls.boxes[m]) < links.radius[k] + margin
             else:
-                near = owner < 0 or box_distance(boxes[k], boxes[owner]) < links.radius[k] + thick + margin
+                near = owner < 0 or _box_distance(boxes[k], boxes[owner]) < links.radius[k] + thick + margin
             if not near:
                 continue
             if hulls.frame[m] != seen_from:

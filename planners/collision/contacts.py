@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from regionik.planners.collision.gjk import hull_distance
+from regionik.planners.collision.robot_bodies import AllowedContact, RobotScene
 from regionik.planners.collision.robot_motion import (
     WORLD,
     MotionSegment,
@@ -19,7 +20,6 @@ from regionik.planners.collision.robot_motion import (
     tool_speed,
     transform_into,
 )
-from regionik.planners.collision.robot_scene import AllowedContact, RobotScene
 from regionik.planners.geometry.vectors import cross, dot, minus, norm
 from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array
@@ -27,7 +27,7 @@ from regionik.worlds.arrays import Array
 SHORTEST = 1e-5  # part of a motion; shorter steps mean that the gap is used up
 ROUNDING = 1e-9  # [m]
 SLACK = 3e-4  # of contacts, so that they can be proven by other code [m]
-BALLS = 16  # that cover a capsule
+_BALLS = 16  # that cover a capsule
 
 
 @compiled
@@ -74,9 +74,9 @@ def farthest_below(points: Array, radius: float, n: Array, height: float, tool: 
     """
     far = 0.0
     if len(points) == 2:  # balls cover it, each as large as their distance asks
-        way = (points[1] - points[0]) / BALLS
+        way = (points[1] - points[0]) / _BALLS
         r = radius + 0.5 * norm(way)
-        for i in range(BALLS + 1):
+        for i in range(_BALLS + 1):
             far = max(far, _farthest_of_ball(points[0] + i * way, r, n, height, tool))
         return far
     for i in range(len(points)):

@@ -22,9 +22,9 @@ BOX_ROWS = 8  # corners of a `LinkBox`; segments have 2, hulls more
 UP = np.array([0.0, 0.0, 1.0])
 NONE = np.zeros((0, 3))
 HALVINGS = 44  # of a segment of some metres: far below a nanometre
-INNER = 0.9  # of the radius of the largest ball in a hull: that of the capsule inside it
-THICKEST = 0.999  # of half a box's least side: radius of the capsule inside it, which keeps some length
-FAN = np.linspace(0.0, 2 * np.pi, 64, endpoint=False)  # level directions out of a round piece [rad]
+_INNER = 0.9  # of the radius of the largest ball in a hull: that of the capsule inside it
+_THICKEST = 0.999  # of half a box's least side: radius of the capsule inside it, which keeps some length
+_FAN = np.linspace(0.0, 2 * np.pi, 64, endpoint=False)  # level directions out of a round piece [rad]
 
 
 class Separation(NamedTuple):
@@ -125,7 +125,7 @@ def inner_capsule(solid: LinkSolid) -> LinkCapsule:
     if isinstance(solid, LinkHull):
         return _capsule_in_hull(solid)
     longest = int(np.argmax(solid.size))
-    radius = THICKEST * float(solid.size.min()) / 2
+    radius = _THICKEST * float(solid.size.min()) / 2
     half = solid.T_link_box[:3, longest] * (solid.size[longest] / 2 - radius)
     middle = solid.T_link_box[:3, 3]
     return LinkCapsule(solid.link, solid.name, middle - half, middle + half, radius)
@@ -138,12 +138,12 @@ def _capsule_in_hull(solid: LinkHull) -> LinkCapsule:
     whole = solid.polytope
     rows = np.column_stack([whole.normals, np.ones(len(whole.normals))])
     best = linprog([0, 0, 0, -1], rows, whole.offsets, bounds=[(None, None)] * 3 + [(0, None)])
-    center, radius = best.x[:3], INNER * float(whole.depth(best.x[:3]))
+    center, radius = best.x[:3], _INNER * float(whole.depth(best.x[:3]))
     along = np.linalg.svd(solid.corners - solid.corners.mean(0), full_matrices=False)[2][0]
     rise, room = whole.normals @ along, whole.offsets - whole.normals @ center - radius
     ends = [min(room[rise * sign > TOUCH] / np.abs(rise[rise * sign > TOUCH])) for sign in (1.0, -1.0)]
     start, end = center - ends[1] * along, center + ends[0] * along
-    return LinkCapsule(solid.link, solid.name, start, end, THICKEST * radius)
+    return LinkCapsule(solid.link, solid.name, start, end, _THICKEST * radius)
 
 
 def cylinder_separation(piece: Piece, a: Array, b: Array) -> Separation:
@@ -190,7 +190,7 @@ def penetration(piece: Piece, corners: Array, own: Polytope | None = None) -> Se
     """
     normals, edges = piece.normals, piece.edges
     if piece.disc or piece.ball:
-        level = np.column_stack([np.cos(FAN), np.sin(FAN), np.zeros(len(FAN))])
+        level = np.column_stack([np.cos(_FAN), np.sin(_FAN), np.zeros(len(_FAN))])
         normals = np.vstack([level, UP, -UP])
         edges = np.vstack([np.column_stack([-level[:, 1], level[:, 0], level[:, 2]]), UP, edges])
     if len(corners) > BOX_ROWS:

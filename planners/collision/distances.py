@@ -65,10 +65,10 @@ def obstacles_among(solids: tuple[Solid, ...], some: Iterable[int]) -> Obstacles
     parts = [(k, piece) for k in some for piece in solid_pieces(solids[k])]
     pieces = tuple(piece for _, piece in parts)
     owner = np.array([k for k, _ in parts], dtype=np.int64)
-    return Obstacles(solids, pieces, owner, *bounding_boxes(pieces))
+    return Obstacles(solids, pieces, owner, *_bounding_boxes(pieces))
 
 
-def bounding_boxes(pieces: Sequence[Piece]) -> tuple[Array, Array]:
+def _bounding_boxes(pieces: Sequence[Piece]) -> tuple[Array, Array]:
     """Low and high corners of boxes along the axes round pieces, (m, 3) each [m]."""
     axes = np.eye(3)
     high = np.array([piece.support(axes) for piece in pieces]).reshape(-1, 3)

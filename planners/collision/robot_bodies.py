@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +12,6 @@ import numpy as np
 from regionik.planners.collision.convex_bodies import Piece, link_piece
 from regionik.planners.collision.distances import obstacles_from
 from regionik.planners.collision.robot_motion import BASE, WORLD, MobileArm
-from regionik.planners.collision.robot_scene import AllowedContact, Hulls, LinkHulls, RobotScene
 from regionik.planners.solvers.serial_chain import serial_arm
 from regionik.worlds.arrays import Array, Index, Mask, frozen
 from regionik.worlds.errors import InputError
@@ -21,7 +20,63 @@ from regionik.worlds.obstacles import Solid
 from regionik.worlds.robot import Robot
 from regionik.worlds.self_collision import BODY, base_body, off_floor, self_collision_pairs
 
-LEFT = 1e-3  # of the size of a hull that is drawn in, so that it stays a solid
+
+class LinkHulls(NamedTuple):
+    """The solids of links: all points within ``radius`` of the hulls of corners in the links' frames."""
+
+    corners: Array  # (c, 3) [m]
+    first: Index  # (n + 1,) solid k has corners ``first[k]:first[k + 1]``
+    radius: Array  # (n,) [m]
+    link: Index  # (n,) ``BASE`` for what is fixed to the base
+    # (c, 3) corners of what is left of each solid when the depth that a contact may have is taken off: all
+    # points within ``core_radius`` of their hull [m]
+    core: Array
+    core_radius: Array  # (n,) [m]
+    outermost: Mask  # (n,) of the last link that has a solid
+    pairs: Mask  # (n, m) which hulls a solid is checked against
+
+
+class Hulls(NamedTuple):
+    """Solids that links keep away from: all points within a disc (level) and a ball of hulls of corners.
+
+    The surface of a mesh is a row for its hull, which only bounds it, and a row for each triangle.
+    """
+
+    corners: Array  # (c, 3) [m]
+    first: Index  # (m + 1,)
+    # disc, ball: (m,) those of the world include the clearance [m]
+    disc: Array
+    ball: Array
+    frame: Index  # (m,) link that carries the hull, ``BASE`` or ``WORLD``; those of the world come first
+    owner: Index  # (m,) obstacle, solid of the robot, or -1 for the base's own body
+    next: Index  # (m,) row to go on with where this one is clear: beyond the triangles if it bounds some
+    boxes: Array  # (m, 2, 3) low and high along the axes of the hull's frame, disc and ball included [m]
+    world: int  # rows of the world
+
+
+class AllowedContact(NamedTuple):
+    """Contacts allowed to the outermost solids: with obstacles, the tool within ``reach`` of their spots.
+
+    What of them is farther than ``reach`` from the tool keeps the clearance.
+    """
+
+    spots: Array  # (n, 3) [m]
+    owner: Index  # (n,)
+    reach: float  # [m]
+    clearance: float  # [m]
+    depth: float  # of a contact, at the most [m]
+
+
+class RobotScene(NamedTuple):
+    """A robot and what it keeps away from, as values for kernels."""
+
+    robot: MobileArm
+    links: LinkHulls
+    hulls: Hulls
+    contact: AllowedContact
+
+
+_LEFT = 1e-3  # of the size of a hull that is drawn in, so that it stays a solid
 SPARE, SHARE = 5e-4, 0.2  # that contacts keep from their depth: a length, or a share if that is less [m]
 
 
@@ -159,7 +214,6 @@ def near_bodies(bodies: Bodies, point: Array, far: float) -> Bodies:
     return replace(bodies, links=links, hulls=left, pieces=tuple(bodies.pieces[m] for m in kept.tolist()))
 
 
-@lru_cache(maxsize=64)
 def span_about_tool(robot: Robot) -> float:
     """Bound of the distance of the tool from any point of the robot's solids, in any posture [m]."""
     chain = robot.chain
@@ -229,7 +283,7 @@ def core_of(solid: LinkSolid, depth: float, tool: Array) -> tuple[Array, float]:
     """
     corners, middle = solid.corners, solid.corners.mean(0)
     if isinstance(solid, LinkHull):
-        return middle + (corners - middle) * max(LEFT, 1.0 - depth / solid.depth(middle)), 0.0
+        return middle + (corners - middle) * max(_LEFT, 1.0 - depth / solid.depth(middle)), 0.0
     sides = corners[[4, 2, 1] if len(corners) == 8 else [1]] - corners[0]
     half = np.maximum(np.linalg.norm(sides, axis=1) / 2, 1e-12)
     axes = sides / (2 * half[:, None])

@@ -16,7 +16,7 @@ from regionik.planners.coverage.or_opt import improved_tour, one_tree_bound
 from regionik.worlds.arrays import Array
 
 MOST_EXACT = 12  # points whose best order is found by dynamic programming over subsets
-ALTERNATIONS = 10  # of order and choice in a tour of sets
+_ALTERNATIONS = 10  # of order and choice in a tour of sets
 ROUNDS = 50  # in which points of a tour through polygons are moved
 GAIN = 1e-12  # below which a tour counts as no shorter [m]
 
@@ -109,7 +109,7 @@ def shortest_tour_of_sets(
     found = shortest_order(nearest, *ends)
     best, length = list[int](), np.inf
     order = found.order
-    for _ in range(ALTERNATIONS):
+    for _ in range(_ALTERNATIONS):
         chosen = shortest_choice(far, [members[k] for k in order], first, last)
         now = _open_length(chosen, far, first, last)
         if now >= length - GAIN:

@@ -142,7 +142,7 @@ def drive_footprint(
     method: Method = "ompl"
     if found is None:
         areas = slab_areas(footprint, floor, obstacles, clearance, slabs_along(scene, SLABS), upper)
-        found = path_through_slabs(scene, areas, a, b, seed)
+        found = path_through_slabs(scene, areas, a, b)
         if found is None:
             keep = [(shadow.core, clearance + shadow.radius) for shadow in obstacles]
             grown = [core.buffer(far) if far > 0 else core for core, far in keep]
@@ -260,7 +260,7 @@ def _refusal(
 
 
 def path_through_slabs(
-    scene: FootprintScene, areas: Sequence[Slab], start: Array, goal: Array, seed: int
+    scene: FootprintScene, areas: Sequence[Slab], start: Array, goal: Array
 ) -> Array | None:
     """Poses (k, 3) from start to goal, driven inside slabs and turned where two overlap, or None."""
     graph = [polygon_parts(slab.inner.buffer(-MARGIN)) for slab in areas]
@@ -276,7 +276,7 @@ def path_through_slabs(
         turns.append(_nearest_shared(graph, node, other, turns[-1]))
     poses = [start, a]
     for (k, part), to in zip(route, [*turns[1:], b[:2]], strict=True):
-        path = drive_point(graph[k][part], poses[-1][:2], to, step=FAR, seed=seed)
+        path = drive_point(graph[k][part], poses[-1][:2], to, step=FAR)
         poses += [np.array([*p, areas[k].middle]) for p in path.points]
     poses += [b, goal]
     kept = [p for k, p in enumerate(poses) if k == 0 or not np.array_equal(p, poses[k - 1])]

@@ -22,20 +22,62 @@ from regionik.planners.driving.footprint_scene import (
     FootprintScene,
     Outline,
     core_edges,
+    edges_of,
     footprint_scene,
     side_lines,
 )
-from regionik.planners.driving.minkowski_sums import grown_by_disc, minkowski_sum, minkowski_sums
 from regionik.planners.geometry.convex_decomposition import hull_corners
+from regionik.planners.geometry.polygons import FlatPolygon
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.obstacles import Shadow
 
+
+def _minkowski_sum(area: BaseGeometry, shape: Array) -> BaseGeometry:
+    """Minkowski sum of an area and a convex shape: the area moved by a corner, its edges by all of it."""
+    if area.is_empty:
+        return area
+    ends = edges_of(FlatPolygon.from_shapely(area))
+    spots = np.concatenate([ends[:, None, :2] + shape, ends[:, None, 2:] + shape], axis=1)
+    grown = shapely.convex_hull(shapely.multipoints(spots))
+    whole: BaseGeometry = shapely.union_all([shapely.transform(area, lambda p: p + shape[0]), *grown])
+    return whole
+
+
+def grown_by_disc(shape: Array, radius: float, sides: int, *, outside: bool) -> Array:
+    """Corners of a convex shape, counter-clockwise, grown by a polygon round a disc, or inside it.
+
+    By the sides of both in the order of their directions: shapely's buffer rounds the number of sides.
+    """
+    if radius == 0:
+        return shape
+    turns = 2 * np.pi * np.arange(sides) / sides
+    corner = radius / np.cos(np.pi / sides) if outside else radius
+    disc = corner * np.column_stack([np.cos(turns), np.sin(turns)])
+    sides_of_both = np.concatenate([np.roll(ring, -1, axis=0) - ring for ring in (shape, disc)])
+    order = np.argsort(np.arctan2(*sides_of_both.T[::-1]) % (2 * np.pi), kind="stable")
+    lowest = sum(ring[np.lexsort(ring.T)[0]] for ring in (shape, disc))
+    corners: Array = lowest + np.cumsum(sides_of_both[order], axis=0)
+    return corners
+
+
+def minkowski_sums(pieces: Sequence[Array], shape: Array) -> NDArray[np.object_]:
+    """Minkowski sums of convex pieces with a convex shape, as hulls of all sums of their corners."""
+    if not pieces:
+        return np.empty(0, dtype=object)
+    closed = np.concatenate([shape, shape[:1]])  # a line has two corners at least
+    points = (np.concatenate(pieces)[:, None] + closed).reshape(-1, 2)
+    owner = np.repeat(np.arange(len(pieces)), [len(closed) * len(piece) for piece in pieces])
+    lines = shapely.linestrings(points, indices=owner)  # several times as quick to make as points
+    sums: NDArray[np.object_] = shapely.convex_hull(lines)
+    return sums
+
+
 GUARD = 1e-9  # by which a hull of rotations is larger, a core smaller, against rounding [m]
 BEYOND = 10.0  # that upper outlines are looked at beyond the floor [m]
-PIECE = 0.25  # ranges of headings are cut in pieces no wider than this [rad]
+_PIECE = 0.25  # ranges of headings are cut in pieces no wider than this [rad]
 SIDES = 48  # of the polygons that stand for discs
-MOST_WALLS = 12  # directions of walls that exact headings are taken from, the longest
-COMPASS = np.exp(2j * np.pi * np.arange(16) / 16).view(np.float64).reshape(-1, 2)
+_MOST_WALLS = 12  # directions of walls that exact headings are taken from, the longest
+_COMPASS = np.exp(2j * np.pi * np.arange(16) / 16).view(np.float64).reshape(-1, 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +109,7 @@ def slabs(count: int) -> Array:
     return np.column_stack([ends[:-1], ends[1:]])
 
 
-def slabs_along(scene: FootprintScene, count: int, walls: int = MOST_WALLS) -> Array:
+def slabs_along(scene: FootprintScene, count: int, walls: int = _MOST_WALLS) -> Array:
     """Cut a full turn in slabs, some of no width: headings at which a side of the footprint is along a wall.
 
     A footprint goes through its tightest passages with a side along the wall; a slab of no width is exact.
@@ -151,7 +193,7 @@ def free_at_some(scene: ConvexScene, low: float, high: float) -> BaseGeometry:
     middle = scene.corners.mean(axis=0)
     core = rotation_core(scene.corners - middle, low, high)
     about = _positions(scene._replace(window=None), core, inner=False)
-    whole = minkowski_sum(about, -rotation_hull(middle[None], low, high))
+    whole = _minkowski_sum(about, -rotation_hull(middle[None], low, high))
     return whole if scene.window is None else whole & scene.window
 
 
@@ -276,9 +318,9 @@ def _near_window(scene: ConvexScene, pieces: list[Array], shape: Array) -> list[
     """Pieces whose sums with a shape no line of a few directions parts from the window."""
     if scene.window is None:
         return pieces
-    beyond = (shapely.get_coordinates(scene.window) @ COMPASS.T).min(axis=0, initial=np.inf) - GUARD
-    least = beyond - (shape @ COMPASS.T).max(axis=0)
-    return [piece for piece in pieces if ((piece @ COMPASS.T).max(axis=0) >= least).all()]
+    beyond = (shapely.get_coordinates(scene.window) @ _COMPASS.T).min(axis=0, initial=np.inf) - GUARD
+    least = beyond - (shape @ _COMPASS.T).max(axis=0)
+    return [piece for piece in pieces if ((piece @ _COMPASS.T).max(axis=0) >= least).all()]
 
 
 def rotation_hull(corners: Array, low: float, high: float) -> Array:
@@ -323,7 +365,7 @@ def _turned(points: Array, angle: float) -> Array:
 
 def _pieces(low: float, high: float) -> tuple[Array, float]:
     """Middles of equal pieces of a range of headings, and half their width."""
-    count = max(1, int(np.ceil((high - low) / PIECE)))
+    count = max(1, int(np.ceil((high - low) / _PIECE)))
     half = (high - low) / (2 * count)
     return np.asarray(low + half * (2.0 * np.arange(count) + 1.0), dtype=np.float64), half
 

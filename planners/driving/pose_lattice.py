@@ -23,7 +23,7 @@ STEPS = tuple(
 HEADINGS = np.array([math.atan2(b, a) for a, b in STEPS])  # [rad]
 DETOUR = 1.1  # longest curve of a car against its chord that is a move
 WIDEST = 2.0  # largest radius of its arcs, in turning radii
-SAVING = 1e-9  # costs that differ less are the same [m]
+_SAVING = 1e-9  # costs that differ less are the same [m]
 
 
 class LatticeMove(NamedTuple):
@@ -111,7 +111,7 @@ def _relax(value: Array, free: Mask, ways: Index, cost: Array) -> None:
             for x in range(max(0, -dx), wide - max(0, dx)):
                 for y in range(max(0, -dy), deep - max(0, dy)):
                     better = value[end, x + dx, y + dy] + cost[k]
-                    if free[start, x, y] and better < value[start, x, y] - SAVING:
+                    if free[start, x, y] and better < value[start, x, y] - _SAVING:
                         value[start, x, y] = better
                         lowered = True
 

@@ -45,7 +45,7 @@ def pitches_within(pitch: float, cone: float, swing: float) -> Span | None:
     return (math.atan2(rise, level), half) if swing else (pitch, min(cone, math.pi))
 
 
-def pitches_in_front(pitch: float, cone: float, swing: float) -> list[Span]:
+def _pitches_in_front(pitch: float, cone: float, swing: float) -> list[Span]:
     """Lowest and highest of the pitches from straight down to straight up within a cone, by interval."""
     found = pitches_within(pitch, cone, swing)
     if found is None:
@@ -58,7 +58,7 @@ def pitches_in_front(pitch: float, cone: float, swing: float) -> list[Span]:
     return [(low, high) for low, high in ends if low <= high]
 
 
-def widest_swing(pitch: float, cone: float) -> float:
+def _widest_swing(pitch: float, cone: float) -> float:
     """Farthest that a direction within a cone swings from its axis; pi where that holds the vertical."""
     flat = math.cos(pitch)
     if cone >= UPRIGHT or math.sin(cone) >= flat:
@@ -66,7 +66,7 @@ def widest_swing(pitch: float, cone: float) -> float:
     return math.asin(math.sin(cone) / flat)
 
 
-def widest_level_swing(pitch: float, cone: float) -> float:
+def _widest_level_swing(pitch: float, cone: float) -> float:
     """Farthest that a direction of the axis's own pitch swings within a cone."""
     flat = math.cos(pitch)
     # cos(cone) = cos^2(pitch) cos(swing) + sin^2(pitch)
@@ -82,7 +82,7 @@ def swings_within(pitch: float, cone: float) -> tuple[Swing, ...]:
     0.02 to 0.1 rad, or a 64th of the widest swing.
     """
     levels = _levels(pitch, cone)[:0:-1]
-    found = [Swing(half, span) for half in levels for span in pitches_in_front(pitch, cone, half)]
+    found = [Swing(half, span) for half in levels for span in _pitches_in_front(pitch, cone, half)]
     return tuple(found) or (Swing(0.0, (pitch, pitch)),)  # a cone of hardly any width
 
 
@@ -91,16 +91,15 @@ def swings_about(pitch: float, cone: float) -> tuple[Swing, ...]:
     """Swings and pitches that together hold all that is within a cone in front, the widest swing first."""
     levels = _levels(pitch, cone)
     pairs = list(zip(levels[:-1], levels[1:], strict=True))[::-1]
-    return tuple(Swing(half, span) for less, half in pairs for span in pitches_in_front(pitch, cone, less))
+    return tuple(Swing(half, span) for less, half in pairs for span in _pitches_in_front(pitch, cone, less))
 
 
-@lru_cache(maxsize=1024)
 def _levels(pitch: float, cone: float) -> list[float]:
     """Swings from none to the widest, as few as may be, at which pitches within the cone hardly differ."""
-    widest = widest_swing(pitch, cone)
+    widest = _widest_swing(pitch, cone)
     step, narrow = min(max(LEAST, SHARE * cone), MOST), NARROW * widest
     levels = [0.0]
-    for end in (min(widest, widest_level_swing(pitch, cone)), widest):
+    for end in (min(widest, _widest_level_swing(pitch, cone)), widest):
         while end - levels[-1] > narrow:
             levels.append(_farthest(pitch, cone, levels[-1], end, step, narrow))
         levels += [end] if end > levels[-1] else []
@@ -120,7 +119,7 @@ def _farthest(pitch: float, cone: float, swing: float, end: float, step: float, 
 
 def _left_out(pitch: float, cone: float, less: float, more: float) -> float:
     """Farthest that a pitch within the cone at a swing is from those within it at a wider one [rad]."""
-    wide, kept = pitches_in_front(pitch, cone, less), pitches_in_front(pitch, cone, more)
+    wide, kept = _pitches_in_front(pitch, cone, less), _pitches_in_front(pitch, cone, more)
     if not kept:
         return math.inf if wide else 0.0
     ends = [end for span in wide for end in span]

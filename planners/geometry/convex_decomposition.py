@@ -6,8 +6,7 @@ import numpy as np
 import shapely
 from shapely.geometry import Polygon
 
-from regionik.planners.geometry.triangulation import delaunay_triangles
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Index
 
 # fcl searches the corners of a solid one by one up to 32 and walks along its edges above that;
 # 16 corners of a floor polygon make 32 of a prism.
@@ -42,8 +41,16 @@ def convex_pieces(polygon: Polygon) -> list[Array]:
         corners = hull_corners(outline)
         if len(corners) <= MOST_CORNERS:
             return [corners]
-    points, triangles = delaunay_triangles(polygon)
+    points, triangles = _triangles(polygon)
     return [hull_corners(points[ring]) for ring in _merged(points, triangles.tolist())]
+
+
+def _triangles(polygon: Polygon) -> tuple[Array, Index]:
+    """Constrained Delaunay triangles: vertices (v, 2) [m], and indices counter-clockwise, (t, 3)."""
+    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
+    xy = shapely.get_coordinates(shapely.orient_polygons(triangles)).reshape(-1, 4, 2)[:, :3]
+    vertices, corners = np.unique(xy.reshape(-1, 2), axis=0, return_inverse=True)
+    return vertices, corners.reshape(-1, 3).astype(np.int64)
 
 
 def _merged(points: Array, rings: list[list[int]]) -> list[list[int]]:

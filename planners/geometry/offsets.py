@@ -1,8 +1,9 @@
-"""Offsets of shapes by a disc, by GEOS, each on the side of the true one that is asked for.
+"""Shapes on the floor offset by a disc, and how far one reaches out of another, or into it.
 
-GEOS draws arcs as chords, and rounds how many: what is grown or taken away is less than the true one. It
-also fills shallow bays before it begins, a hundredth of the distance deep: there it is more. And where bays
-or holes are just filled it may leave a hole of some square millimetres or less.
+Offsets are made by GEOS, each on the side of the true one that is asked for. GEOS draws arcs as chords, and
+rounds how many: what is grown or taken away is less than the true one. It also fills shallow bays before it
+begins, a hundredth of the distance deep: there it is more. And where bays or holes are just filled it may
+leave a hole of some square millimetres or less.
 """
 
 from __future__ import annotations
@@ -13,8 +14,8 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.worlds.arrays import Array
 
-QUAD_SEGMENTS = 12
-QUANTUM = np.pi / (2 * QUAD_SEGMENTS)  # angle of one segment of an arc [rad]
+_QUAD_SEGMENTS = 12
+_QUANTUM = np.pi / (2 * _QUAD_SEGMENTS)  # angle of one segment of an arc [rad]
 ROUNDING = 1e-6  # a number of segments this near to the next may be rounded either way
 SHALLOW = 0.01  # of the distance: how deep bays may be that are filled
 
@@ -33,7 +34,7 @@ def grown(shape: BaseGeometry, by: float, *, outside: bool) -> BaseGeometry:
     >>> [round(grown(corner, 1.0, outside=side).area / np.pi, 4) for side in (True, False)]
     [1.0014, 0.9971]
     """
-    swept: BaseGeometry = shape.buffer(_asked(shape, by, 1.0, more=outside), quad_segs=QUAD_SEGMENTS)
+    swept: BaseGeometry = shape.buffer(_asked(shape, by, 1.0, more=outside), quad_segs=_QUAD_SEGMENTS)
     return _filled(swept, shape, by) if outside else swept
 
 
@@ -47,7 +48,7 @@ def shrunk(shape: BaseGeometry, by: float, *, outside: bool) -> BaseGeometry:
     by : float
         Radius [m].
     """
-    left: BaseGeometry = shape.buffer(-_asked(shape, by, -1.0, more=not outside), quad_segs=QUAD_SEGMENTS)
+    left: BaseGeometry = shape.buffer(-_asked(shape, by, -1.0, more=not outside), quad_segs=_QUAD_SEGMENTS)
     return left
 
 
@@ -94,8 +95,84 @@ def _asked(shape: BaseGeometry, by: float, side: float, *, more: bool) -> float:
     if not more:
         return (1 - SHALLOW) * by if bays else by
     if bays or shapely.get_type_id(shape) > shapely.GeometryType.POLYGON:
-        return float(by / np.cos(0.75 * QUANTUM))  # a segment may be half as wide again as it should be
+        return float(by / np.cos(0.75 * _QUANTUM))  # a segment may be half as wide again as it should be
     out = np.abs(angles) if side > 0 else -angles[angles < 0]
-    segments = np.maximum(1.0, np.floor(out / QUANTUM + 0.5 - ROUNDING))
-    widest = min((out / segments).max(initial=QUANTUM if side > 0 else 0.0), 1.5 * QUANTUM)
+    segments = np.maximum(1.0, np.floor(out / _QUANTUM + 0.5 - ROUNDING))
+    widest = min((out / segments).max(initial=_QUANTUM if side > 0 else 0.0), 1.5 * _QUANTUM)
     return float(by / np.cos(widest / 2))
+
+
+RESOLVED = 1e-5  # by which a distance may be told too small [m]
+_MOST_SQUARES = (
+    300  # squares that are halved: on a ridge, as far from the edge all along, more tell nothing new
+)
+QUARTERS = np.array([[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]]) / 2
+
+
+def farthest_outside(shape: BaseGeometry, ground: BaseGeometry) -> float:
+    """Return the distance from the ground of the point of a shape that is farthest from it, at least 0 [m].
+
+    Corners alone do not tell: over a hole or an inner corner of the ground the farthest point lies between.
+
+    Examples
+    --------
+    >>> holed = shapely.box(-2, -2, 2, 2) - shapely.box(-0.5, -0.5, 0.5, 0.5)
+    >>> round(farthest_outside(shapely.box(-1, -1, 1, 1), holed), 3)
+    0.5
+    """
+    return max(0.0, _worst(shape, ground, -1.0))
+
+
+def deepest_inside(shape: BaseGeometry, solid: BaseGeometry) -> float:
+    """Return the depth in a solid of the point of a shape that is deepest in it, at least 0 [m].
+
+    Examples
+    --------
+    >>> round(deepest_inside(shapely.box(0, -1, 5, 1), shapely.box(-1, -1, 1, 1)), 3)
+    1.0
+    """
+    return max(0.0, _worst(shape, solid, 1.0))
+
+
+def _worst(shape: BaseGeometry, region: BaseGeometry, inside: float) -> float:
+    """Largest distance of a point of a shape from a region's edge, below 0 on its other side [m].
+
+    Squares are halved as long as one might hold a point that is worse: no point is farther from the edge than
+    another by more than the way between them.
+    """
+    edge = shapely.STRtree(_sides(region))
+    shapely.prepare(shape)
+    shapely.prepare(region)
+
+    def height(points: Array) -> Array:
+        found = np.full(len(points), np.inf)
+        (row, _), distance = edge.query_nearest(
+            shapely.points(points), return_distance=True, all_matches=False
+        )
+        found[row] = distance
+        return np.where(shapely.intersects_xy(region, points[:, 0], points[:, 1]), inside, -inside) * found
+
+    low, high = np.array(shape.bounds[:2]), np.array(shape.bounds[2:])
+    centers, half = (low + high)[None] / 2, float((high - low).max()) / 2
+    best = float(height(shapely.get_coordinates(shape)).max())
+    while True:
+        middle = shapely.points(centers)
+        near = shapely.get_coordinates(shapely.shortest_line(middle, shape)).reshape(-1, 2, 2)[:, 1]
+        best = max(best, float(height(near).max()))
+        far = half * np.sqrt(2)
+        there = height(centers)
+        some = (there + far > best + RESOLVED) & (shapely.distance(middle, shape) <= far)
+        kept = np.flatnonzero(some)
+        if not len(kept):
+            return best
+        kept = kept[np.argsort(-there[kept], kind="stable")[:_MOST_SQUARES]]
+        half /= 2
+        centers = (centers[kept, None] + 2 * half * QUARTERS).reshape(-1, 2)
+
+
+def _sides(region: BaseGeometry) -> Array:
+    """Sides of polygons as lines, (n,)."""
+    corners, ring = shapely.get_coordinates(shapely.get_rings(shapely.get_parts(region)), return_index=True)
+    same = ring[1:] == ring[:-1]
+    sides: Array = shapely.linestrings(np.stack([corners[:-1], corners[1:]], axis=1)[same])
+    return sides

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.planners.collision.collision_checking import is_clear
-from regionik.planners.collision.robot_scene import RobotScene
+from regionik.planners.collision.robot_bodies import RobotScene
 from regionik.planners.collision.upright_solids import Uprights, signed_distance
 from regionik.planners.driving.footprint import fits, fits_nowhere_near
 from regionik.planners.driving.footprint_scene import FootprintScene
@@ -52,7 +52,7 @@ from regionik.planners.search.box_search import (
 )
 from regionik.worlds.arrays import Array, Index
 
-MOST_REFUSED = 200  # postures that the collision check refused
+_MOST_REFUSED = 200  # postures that the collision check refused
 NARROW = 1e-6  # cells that leave no more than this open are not bisected [m]
 CELLS, REFUSED = range(2)  # what is counted
 
@@ -119,8 +119,8 @@ def search_cells(task: AnyBase, rings: Array, most: int) -> tuple[Verdict, float
 
 @compiled
 def _search(task: AnyBase, low: Array, high: Array, budget: int) -> Boxes:
-    boxes = begin_in_kernel(judge_cell, task, low, high)
-    return explore_in_kernel(judge_cell, task, boxes, budget, 1)
+    boxes = begin_in_kernel(_judge_cell, task, low, high)
+    return explore_in_kernel(_judge_cell, task, boxes, budget, 1)
 
 
 def _first_cells(mount: ArmMount, demand: ToolDemand, rings: Array) -> tuple[Array, Array]:
@@ -153,7 +153,7 @@ def _diagonal(target: Array, low: Array, high: Array) -> float:
 
 
 @compiled
-def judge_cell(task: AnyBase, low: Array, high: Array) -> tuple[Verdict, float, int]:
+def _judge_cell(task: AnyBase, low: Array, high: Array) -> tuple[Verdict, float, int]:
     """Judge a cell; proven where the posture in its middle passes the collision check."""
     task.tally[CELLS] += 1
     verdict, age, cell = bound_cell(task, low, high), -float(task.tally[CELLS]), task.cell
@@ -161,7 +161,7 @@ def judge_cell(task: AnyBase, low: Array, high: Array) -> tuple[Verdict, float, 
         return verdict, age, WHOLE
     if verdict == Verdict.PROVEN:
         verdict = Verdict.OPEN
-        if task.demand.seek and task.tally[REFUSED] < MOST_REFUSED:
+        if task.demand.seek and task.tally[REFUSED] < _MOST_REFUSED:
             if _take_middle(task) and is_clear(
                 task.scene, task.margin, task.base, task.joints, task.around.tool_on
             ):
@@ -171,7 +171,7 @@ def judge_cell(task: AnyBase, low: Array, high: Array) -> tuple[Verdict, float, 
     if cell.open.max() == 0.0:  # all of it is clear, but for the margin of the collision check
         cell.open[AWAY], cell.open[PITCH] = cell.half[AWAY], chord(cell.half[PITCH])
     side = int(np.argmax(cell.open))
-    if cell.open[side] <= NARROW or task.tally[REFUSED] == MOST_REFUSED:
+    if cell.open[side] <= NARROW or task.tally[REFUSED] == _MOST_REFUSED:
         side = WHOLE  # once so many were refused it can no longer be ruled out
     return verdict, age, side
 

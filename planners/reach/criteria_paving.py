@@ -23,17 +23,15 @@ from regionik.planners.search.box_search import (
     begin_in_kernel,
     both,
     explore_in_kernel,
-    left_open,
-    proven,
-    verdict_of,
-)
-from regionik.planners.search.intervals import (
     interval_cos,
     interval_product,
     interval_sin,
     interval_square,
+    left_open,
     opening,
     polar_angle,
+    proven,
+    verdict_of,
     within_limits,
 )
 from regionik.planners.solvers.planar_kinematics import LIMIT_SLACK, PlanarLinkage
@@ -41,12 +39,12 @@ from regionik.planners.solvers.posture_criteria import Thresholds
 from regionik.worlds.arrays import Array
 
 FINEST = 2.5e-4  # of distances that are left undecided [m]
-RELATIVE = 0.3  # what a box of pitches may move the tool, against the width of its distances
+_RELATIVE = 0.3  # what a box of pitches may move the tool, against the width of its distances
 ROUNDING = 1e-12
 EVERY = sys.maxsize  # boxes: the search ends of itself
 
 
-class HeightThresholds(NamedTuple):
+class _HeightThresholds(NamedTuple):
     """Thresholds of the postures at a height."""
 
     arm: PlanarLinkage
@@ -56,7 +54,7 @@ class HeightThresholds(NamedTuple):
     high: float
 
 
-class LinkAngles(NamedTuple):
+class _LinkAngles(NamedTuple):
     """Intervals of the angles of the three links in the plane [rad]."""
 
     first: tuple[float, float]
@@ -67,7 +65,7 @@ class LinkAngles(NamedTuple):
 class Distances(NamedTuple):
     """Distances from near to far, for which one pitch is sought that serves them all [m]."""
 
-    thresholds: HeightThresholds
+    thresholds: _HeightThresholds
     near: float
     far: float
 
@@ -92,7 +90,7 @@ def distances_within_thresholds(
         Intervals, each of whose distances has such a posture; and all outside of which no distance has one.
     """
     low, high = pitches if np.isfinite(pitches).all() else (-np.pi, np.pi)
-    boxes = _pave(HeightThresholds(arm, asked, z, low, high), known[:, :1].copy(), known[:, 1:].copy())
+    boxes = _pave(_HeightThresholds(arm, asked, z, low, high), known[:, :1].copy(), known[:, 1:].copy())
     inner = proven(boxes)
     rows = np.column_stack([boxes.low, boxes.high])
     both = rows[inner], rows[np.concatenate([inner, left_open(boxes)])]
@@ -101,24 +99,24 @@ def distances_within_thresholds(
 
 
 @compiled
-def _pave(thresholds: HeightThresholds, near: Array, far: Array) -> Boxes:
-    boxes = begin_in_kernel(judge_distances, thresholds, near, far)
-    return explore_in_kernel(judge_distances, thresholds, boxes, EVERY, EVERY)
+def _pave(thresholds: _HeightThresholds, near: Array, far: Array) -> Boxes:
+    boxes = begin_in_kernel(_judge_distances, thresholds, near, far)
+    return explore_in_kernel(_judge_distances, thresholds, boxes, EVERY, EVERY)
 
 
 @compiled
-def judge_distances(thresholds: HeightThresholds, near: Array, far: Array) -> tuple[Verdict, float, int]:
+def _judge_distances(thresholds: _HeightThresholds, near: Array, far: Array) -> tuple[Verdict, float, int]:
     """Judge distances (1,): proven by one pitch that serves all of them, ruled out where none serves any."""
     distances = Distances(thresholds, near[0], far[0])
     low = np.array([[thresholds.low, -1.0], [thresholds.low, 1.0]])  # of pitch and elbow
     high = np.array([[thresholds.high, -1.0], [thresholds.high, 1.0]])
-    boxes = begin_in_kernel(judge_pitches, distances, low, high)
-    boxes = explore_in_kernel(judge_pitches, distances, boxes, EVERY, 1)
+    boxes = begin_in_kernel(_judge_pitches, distances, low, high)
+    boxes = explore_in_kernel(_judge_pitches, distances, boxes, EVERY, 1)
     return verdict_of(boxes), 0.0, 0 if far[0] - near[0] > FINEST else WHOLE
 
 
 @compiled
-def judge_pitches(distances: Distances, low: Array, high: Array) -> tuple[Verdict, float, int]:
+def _judge_pitches(distances: Distances, low: Array, high: Array) -> tuple[Verdict, float, int]:
     """Judge a box of pitches, and an elbow, over all distances; narrow ones come first."""
     width = high[0] - low[0]
     verdict = judge_pitch_box(distances, low[0], high[0], low[1])
@@ -126,7 +124,7 @@ def judge_pitches(distances: Distances, low: Array, high: Array) -> tuple[Verdic
         middle = 0.5 * (low[0] + high[0])
         if judge_pitch_box(distances, middle, middle, low[1]) == Verdict.PROVEN:
             verdict = Verdict.PROVEN
-    wide = distances.thresholds.arm.lengths[2] * width > RELATIVE * (distances.far - distances.near)
+    wide = distances.thresholds.arm.lengths[2] * width > _RELATIVE * (distances.far - distances.near)
     return verdict, -width, 0 if wide else WHOLE
 
 
@@ -169,7 +167,7 @@ def judge_pitch_box(distances: Distances, low: float, high: float, elbow: float)
     )
     if verdict == Verdict.RULED_OUT:
         return Verdict.RULED_OUT
-    links = LinkAngles((first0, first1), (second0, second1), (low, high))
+    links = _LinkAngles((first0, first1), (second0, second1), (low, high))
     verdict = both(verdict, _manipulable(distances, links))
     if verdict == Verdict.RULED_OUT:
         return Verdict.RULED_OUT
@@ -185,7 +183,7 @@ def _across(a: float, b: float, d0: float, d1: float) -> tuple[float, float]:
 
 
 @compiled
-def _manipulable(distances: Distances, links: LinkAngles) -> Verdict:
+def _manipulable(distances: Distances, links: _LinkAngles) -> Verdict:
     """Judge the manipulability of a box against its threshold; terms as in `threshold_margin`."""
     arm, asked = distances.thresholds.arm, distances.thresholds.asked
     if asked.least <= 0.0:
@@ -210,7 +208,7 @@ def _manipulable(distances: Distances, links: LinkAngles) -> Verdict:
 
 
 @compiled
-def _within_torques(asked: Thresholds, links: LinkAngles) -> Verdict:
+def _within_torques(asked: Thresholds, links: _LinkAngles) -> Verdict:
     """Judge the torques of a box against their limits."""
     verdict, least, most = Verdict.PROVEN, 0.0, 0.0
     for k in range(2, -1, -1):

@@ -2,43 +2,130 @@
 
 The pivot turns without end, as the base turns where it cannot, so reach is a matter of distance from the
 pivot axis. Lifts before the pivot are joints like the others.
+
+A tool direction or orientation bounds reach by other points of the tool that it fixes: a frame says where
+each of them is, and an axis where those on the axis are. Each must be in reach of the arm whose tool ends
+there. A point on the last joint's axis moves with the link before, so it bounds the reach as an arm with one
+joint less; where axes meet in a wrist, with three less.
 """
 
 from __future__ import annotations
 
-from functools import lru_cache
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from math import floor
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regionik.planners.reach.meridian_plane import Meridian, meridian_of, tool_for
-from regionik.planners.reach.meridian_walks import walk_both_ways, walk_to_posture
+from regionik.planners.reach.meridian import (
+    Meridian,
+    hub_along,
+    meridian_of,
+    tool_for,
+    walk_both_ways,
+    walk_to_posture,
+)
 from regionik.planners.reach.outer_bounds import outer_distances
-from regionik.worlds.arms import pivot_index, reach_bound
+from regionik.planners.solvers.damped_least_squares import DIRECTION, Aim
+from regionik.worlds.arms import ReachBound, pivot_index, reach_bound
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, within_half_turns
+from regionik.worlds.chain import Chain, translation, within_half_turns
+from regionik.worlds.joints import nearest_turn
 
 Intervals = tuple[tuple[float, float], ...]
 
 BATCH, MOST_BATCHES = 24, 6  # postures that walks start from; the last batch is one that adds nothing
-NEWS = 1e-4  # what a batch must add for another to follow [m]
+_NEWS = 1e-4  # what a batch must add for another to follow [m]
 MOST_SECTORS, UNLIKE = 6, 1.0  # walks whose azimuths are told, and how far apart they are [rad]
 MOST_BOXES = 20_000  # weighed for an outer bound, a few microseconds each
 LEVEL = 1e-9  # by which the tool of an arm that cannot rise may be off its height [m]
 SAMPLES, NARROWINGS = 128, 80  # random postures, ever nearer to the farthest and the nearest of them
 HALVINGS = 60  # of the straight way between those two
-LAYER = 0.01  # height of a layer, whose targets are looked at together at first [m]
-LAYER_BOXES = 5_000  # weighed for the outer bound of one
+_LAYER = 0.01  # height of a layer, whose targets are looked at together at first [m]
+_LAYER_BOXES = 5_000  # weighed for the outer bound of one
 ENOUGH = 1e-3  # what the outer bound may stand off from the inner one [m]
+LEVER = 0.3  # distance of two points that a pose fixes from the wrist, as a share of the arm's length
+GUARD = 1e-6  # against rounding, and of frames that are not quite rotations [m], [rad]
+BESIDE = 1e-6  # what is nearer to the tool's point than this tells nothing new [m]
 
 
-@lru_cache(maxsize=4096)
+@dataclass(frozen=True, eq=False)
+class PivotedArm:
+    """An arm on a vertical pivot, prepared once for questions about its reach; made by `pivoted_arm`."""
+
+    chain: Chain
+
+    @cached_property
+    def bound(self) -> ReachBound:
+        return reach_bound(self.chain)
+
+    @cached_property
+    def meridian(self) -> Meridian | None:
+        """All but the pivot, as kernels take it; None where nothing else moves the tool."""
+        return meridian_of(self.chain)
+
+    @cached_property
+    def starts(self) -> Array:
+        """Postures (n, m) of the meridian that walks start from, drawn evenly from the limits."""
+        assert self.meridian is not None
+        low, high = within_half_turns(self.meridian.lower, self.meridian.upper)
+        return np.random.default_rng(0).uniform(low, high, (BATCH * MOST_BATCHES, len(low)))
+
+    @cached_property
+    def is_level(self) -> bool:
+        """True where the tool's height never changes, as all axes stand upright."""
+        heights = self.chain.forward(_drawn(self.chain, np.random.default_rng(0), SAMPLES))[:, 2, 3]
+        return bool(np.ptp(heights) < LEVEL)
+
+    @cached_property
+    def level_ends(self) -> tuple[Array, Array]:
+        """Postures with the tool nearest to the base frame's axis and farthest from it."""
+        rng = np.random.default_rng(0)
+        ends = []
+        for sign in (1.0, -1.0):
+            best, spread = _drawn(self.chain, rng, 1)[0], np.pi
+            for _ in range(NARROWINGS):
+                near = best + spread * rng.normal(size=(SAMPLES, self.chain.dof))
+                tried = np.vstack([best, np.clip(near, self.chain.lower, self.chain.upper)])
+                far = np.linalg.norm(self.chain.forward(tried)[:, :2, 3], axis=1)
+                best, spread = tried[int(np.argmin(sign * far))], 0.8 * spread
+            ends.append(best)
+        return ends[0], ends[1]
+
+    @cached_property
+    def direction_points(self) -> tuple[tuple[Array, Chain], ...]:
+        """Points (3,) in the tool frame that a direction of the tool fixes, and chains that end there."""
+        wrist, _ = _wrist(self.chain)
+        return self._points(np.array([0.0, 0.0, wrist[2]]), np.array([0.0, 0.0, 1.0]))
+
+    @cached_property
+    def frame_points(self) -> tuple[tuple[Array, Chain], ...]:
+        """Those that an orientation of the tool fixes."""
+        return self._points(*_wrist(self.chain))
+
+    def _points(self, wrist: Array, along: Array) -> tuple[tuple[Array, Chain], ...]:
+        lever = LEVER * self.bound.length
+        joints, T = self.chain.joints, self.chain.T_last_tool
+        points = [wrist, wrist - lever * along, wrist + lever * along]
+        return tuple((e, Chain(joints, T @ translation(*e))) for e in points if np.linalg.norm(e) > BESIDE)
+
+
+@lru_cache(maxsize=256)
+def pivoted_arm(chain: Chain) -> PivotedArm:
+    """Prepare a chain; kept for the last few. An `InputError` says why its reach has no bound."""
+    arm = PivotedArm(chain)
+    assert arm.bound is not None  # refused here
+    return arm
+
+
 def inner_reach(chain: Chain, rise: float) -> Intervals:
     """Distances between pivot axis and target that are proven to be in reach, as ascending intervals [m].
 
     The target is at a height ``rise`` over the arm's base frame [m]. Every distance of an interval is that of
-    some posture within the limits (`meridian_walks`), but for rounding far below a nanometre. Distances that
+    some posture within the limits (`meridian`), but for rounding far below a nanometre. Distances that
     no walk from some 50 to 150 postures met are missing.
 
     Raises
@@ -52,30 +139,30 @@ def inner_reach(chain: Chain, rise: float) -> Intervals:
     >>> [[round(end, 3) for end in ring] for ring in inner_reach(robot_named("hinge5").chain, 0.068)]
     [[0.0, 0.272]]
     """
-    if _meridian(chain) is not None and _is_level(chain):
-        return _level_reach(chain, rise)
+    arm = pivoted_arm(chain)
+    if arm.meridian is not None and arm.is_level:
+        return _level_reach(arm, rise)
     found = merged(_walks(chain, rise)[:, :2].tolist())
-    return tuple(ring for ring in found if ring[1] - ring[0] > NEWS)
+    return tuple(ring for ring in found if ring[1] - ring[0] > _NEWS)
 
 
 @lru_cache(maxsize=4096)
 def _walks(chain: Chain, rise: float) -> Array:
     """Distances and azimuths that walks at a height pass, rows as of `walk_both_ways`, (n, 6)."""
-    meridian, passed = _meridian(chain), np.empty((0, 6))
-    if meridian is None or _is_level(chain):
+    arm, passed = pivoted_arm(chain), np.empty((0, 6))
+    if (meridian := arm.meridian) is None or arm.is_level:
         return passed
     tool, length = tool_for(meridian), 0.0
-    for starts in np.split(_starts(meridian), MOST_BATCHES):
+    for starts in np.split(arm.starts, MOST_BATCHES):
         more = np.empty((BATCH, 6))
         count = walk_both_ways(meridian, rise, starts, tool, more)
         passed = np.concatenate([passed, more[:count]])
         before, length = length, sum(high - low for low, high in merged(passed[:, :2].tolist()))
-        if len(passed) and length - before < NEWS:
+        if len(passed) and length - before < _NEWS:
             break
     return passed
 
 
-@lru_cache(maxsize=4096)
 def inner_sectors(chain: Chain, rise: float) -> tuple[tuple[float, float, float, float], ...]:
     """Distances proven to be in reach with the tool's azimuth, the pivot at zero, proven within bounds.
 
@@ -84,7 +171,7 @@ def inner_sectors(chain: Chain, rise: float) -> tuple[tuple[float, float, float,
     one at every distance of a row.
     """
     walks = _walks(chain, rise)[:, 2:]
-    walks = walks[walks[:, 1] - walks[:, 0] > NEWS]
+    walks = walks[walks[:, 1] - walks[:, 0] > _NEWS]
     worth = (walks[:, 1] ** 2 - walks[:, 0] ** 2) * (2 * np.pi - (walks[:, 3] - walks[:, 2]))
     walks = walks[np.argsort(-worth, kind="stable")]
     chosen: list[tuple[float, float, float, float]] = []
@@ -92,8 +179,8 @@ def inner_sectors(chain: Chain, rise: float) -> tuple[tuple[float, float, float,
         low, high, right, left = best = walks[0]
         chosen.append((float(low), float(high), float(right), float(left)))
         apart = walks[:, 2:].sum(axis=1) / 2 - best[2:].sum() / 2
-        off = np.abs(np.remainder(apart + np.pi, 2 * np.pi) - np.pi)
-        walks = walks[(walks[:, 0] < low - NEWS) | (walks[:, 1] > high + NEWS) | (off > UNLIKE)]
+        off = np.abs(nearest_turn(apart))
+        walks = walks[(walks[:, 0] < low - _NEWS) | (walks[:, 1] > high + _NEWS) | (off > UNLIKE)]
     return tuple(chosen)
 
 
@@ -111,10 +198,10 @@ def likely_reach(chain: Chain, rise: float) -> Intervals:
 
     The heights looked at are the same for all targets, so that many targets ask for few of them.
     """
-    if _is_level(chain):
+    if pivoted_arm(chain).is_level:
         return inner_reach(chain, rise)
-    k = floor(rise / LAYER)
-    below, above = inner_reach(chain, k * LAYER), inner_reach(chain, (k + 1) * LAYER)
+    k = floor(rise / _LAYER)
+    below, above = inner_reach(chain, k * _LAYER), inner_reach(chain, (k + 1) * _LAYER)
     both = [(max(a[0], b[0]), min(a[1], b[1])) for a in below for b in above]
     return merged([ring for ring in both if ring[0] < ring[1]])
 
@@ -127,13 +214,15 @@ def outer_layer(chain: Chain, rise: float) -> Intervals:
 def outer_range(chain: Chain, low: float, high: float, *, coarse: bool = False) -> Intervals:
     """As `outer_reach`, for all heights of a range; coarse: for all of the layers that it touches."""
     if coarse:
-        return _outer_range(chain, floor(low / LAYER) * LAYER, (floor(high / LAYER) + 1) * LAYER, LAYER_BOXES)
+        first, last = floor(low / _LAYER), floor(high / _LAYER)
+        return _outer_range(chain, first * _LAYER, (last + 1) * _LAYER, _LAYER_BOXES)
     return _outer_range(chain, low, high, MOST_BOXES)
 
 
 @lru_cache(maxsize=4096)
 def _outer_range(chain: Chain, low: float, high: float, most: int) -> Intervals:
-    meridian, span = _meridian(chain), reach_bound(chain)
+    arm = pivoted_arm(chain)
+    meridian, span = arm.meridian, arm.bound
     off = max(0.0, abs((low + high) / 2 - span.height) - (high - low) / 2)
     if off > span.length + LEVEL:
         return ()
@@ -146,44 +235,22 @@ def _outer_range(chain: Chain, low: float, high: float, most: int) -> Intervals:
     return merged([*known.tolist(), *left.tolist()])
 
 
-@lru_cache(maxsize=256)
-def _is_level(chain: Chain) -> bool:
-    """True where the tool's height never changes, as all axes stand upright."""
-    heights = chain.forward(_drawn(chain, np.random.default_rng(0), SAMPLES))[:, 2, 3]
-    return bool(np.ptp(heights) < LEVEL)
-
-
-def _level_reach(chain: Chain, rise: float) -> Intervals:
+def _level_reach(arm: PivotedArm, rise: float) -> Intervals:
     """Reach of an arm at the one height it has: its limits hang together, so all between two ends is met."""
-    if abs(float(chain.forward(_level_ends(chain)[0])[2, 3]) - rise) > LEVEL:
+    ends = arm.chain.forward(np.array(arm.level_ends))
+    if abs(float(ends[0, 2, 3]) - rise) > LEVEL:
         return ()
-    near, far = np.linalg.norm(chain.forward(np.array(_level_ends(chain)))[:, :2, 3], axis=1).tolist()
+    near, far = np.linalg.norm(ends[:, :2, 3], axis=1).tolist()
     return ((near, far),)
 
 
-@lru_cache(maxsize=256)
-def _level_ends(chain: Chain) -> tuple[Array, Array]:
-    """Postures with the tool nearest to the base frame's axis and farthest from it."""
-    rng = np.random.default_rng(0)
-    ends = []
-    for sign in (1.0, -1.0):
-        best, spread = _drawn(chain, rng, 1)[0], np.pi
-        for _ in range(NARROWINGS):
-            near = best + spread * rng.normal(size=(SAMPLES, chain.dof))
-            tried = np.vstack([best, np.clip(near, chain.lower, chain.upper)])
-            far = np.linalg.norm(chain.forward(tried)[:, :2, 3], axis=1)
-            best, spread = tried[int(np.argmin(sign * far))], 0.8 * spread
-        ends.append(best)
-    return ends[0], ends[1]
-
-
-def _level_posture(chain: Chain, distance: float) -> Array:
+def _level_posture(arm: PivotedArm, distance: float) -> Array:
     """A posture of a level arm at a distance between its ends, on the straight way from one to the other."""
-    near, far = _level_ends(chain)
+    near, far = arm.level_ends
     low, high = 0.0, 1.0
     for _ in range(HALVINGS):
         share = 0.5 * (low + high)
-        tool = chain.forward(near + share * (far - near))
+        tool = arm.chain.forward(near + share * (far - near))
         low, high = (share, high) if np.hypot(*tool[:2, 3]) < distance else (low, share)
     found: Array = near + high * (far - near)
     return found
@@ -201,13 +268,12 @@ def posture_at(chain: Chain, point: ArrayLike, joints: ArrayLike) -> Array:
     keep their values in ``joints`` (dof,).
     """
     p, q = np.asarray(point, dtype=np.float64), np.array(joints, dtype=np.float64)
-    meridian, pivot = _meridian(chain), pivot_index(chain)
-    if _is_level(chain):
-        q = _level_posture(chain, float(np.hypot(p[0], p[1])))
-    elif meridian is not None:
+    arm, pivot, distance = pivoted_arm(chain), pivot_index(chain), float(np.hypot(p[0], p[1]))
+    if arm.is_level:
+        q = _level_posture(arm, distance)
+    elif (meridian := arm.meridian) is not None:
         found = q[meridian.which]
-        starts, tool = _starts(meridian), tool_for(meridian)
-        walk_to_posture(meridian, float(p[2]), float(np.hypot(p[0], p[1])), starts, tool, found)
+        walk_to_posture(meridian, float(p[2]), distance, arm.starts, tool_for(meridian), found)
         q[meridian.which] = found
         _unwind(chain, q)
     here = chain.forward(q)[:2, 3]
@@ -225,12 +291,6 @@ def _unwind(chain: Chain, q: Array) -> None:
             q[k] -= 2 * np.pi * np.ceil((q[k] - joint.upper) / (2 * np.pi))
 
 
-def _starts(meridian: Meridian) -> Array:
-    """Postures that walks start from, drawn evenly from the limits."""
-    low, high = within_half_turns(meridian.lower, meridian.upper)
-    return np.random.default_rng(0).uniform(low, high, (BATCH * MOST_BATCHES, len(low)))
-
-
 def merged(intervals: list[list[float]] | list[tuple[float, float]]) -> Intervals:
     """The union of intervals, ascending and apart."""
     union: list[tuple[float, float]] = []
@@ -242,6 +302,35 @@ def merged(intervals: list[list[float]] | list[tuple[float, float]]) -> Interval
     return tuple(union)
 
 
-def _meridian(chain: Chain) -> Meridian | None:
-    reach_bound(chain)  # refuses what has no bound
-    return meridian_of(chain)
+class PointReach(NamedTuple):
+    """Reach of one point of the tool."""
+
+    center: Array  # (2,) where the point is, or the middle of where it may be, seen from above [m]
+    rings: Array  # (k, 2) distances from it that the pivot axis may have [m]
+
+
+def fixed_point_reach(chain: Chain, height: float, aim: Aim, *, coarse: bool) -> Iterator[PointReach]:
+    """Bounds that points of the tool put to the places of the pivot axis: each holds all that meet an aim.
+
+    The aim is a direction or an orientation in the world, its cone as wide as postures may use it; the arm's
+    base frame is at a ``height`` over the floor [m]. For ``coarse`` see `outer_range`.
+    """
+    arm = pivoted_arm(chain)
+    for e, moved in arm.direction_points if aim.kind == DIRECTION else arm.frame_points:
+        lever, cone = float(np.linalg.norm(e)), min(aim.cone + GUARD, np.pi)
+        off = aim.turn @ e
+        rise, up = float(aim.position[2]) - height, float(np.arcsin(np.clip(off[2] / lever, -1.0, 1.0)))
+        low = rise + lever * np.sin(max(up - cone, -np.pi / 2)) - GUARD
+        high = rise + lever * np.sin(min(up + cone, np.pi / 2)) + GUARD
+        rings = np.array(outer_range(moved, float(low), float(high), coarse=coarse)).reshape(-1, 2)
+        stray = lever * 2.0 * np.sin(cone / 2) + GUARD  # of the point, by the cone
+        rings = np.column_stack([np.maximum(rings[:, 0] - stray, 0.0), rings[:, 1] + stray])
+        yield PointReach(aim.position[:2] + off[:2], rings)
+
+
+def _wrist(chain: Chain) -> tuple[Array, Array]:
+    """Point on the last axis nearest to the axis before, and that axis, in the tool frame."""
+    T = np.linalg.inv(chain.T_last_tool)
+    along: Array = T[:3, :3] @ chain.joints[-1].axis
+    before = hub_along(*chain.joints[-2:]) if len(chain.joints) > 1 else 0.0
+    return T[:3, 3] + before * along, along

@@ -17,9 +17,17 @@ import numpy as np
 
 from regionik.planners.geometry.vectors import minus, norm, row, squared
 from regionik.planners.kernels import compiled
-from regionik.planners.reach.meridian_plane import Meridian, MeridianTool, tool_for, tool_motion
-from regionik.planners.search.box_search import WHOLE, Boxes, Verdict, begin, explore_in_kernel, left_open
-from regionik.planners.search.intervals import contract, cut_to
+from regionik.planners.reach.meridian import Meridian, MeridianTool, tool_for, tool_motion
+from regionik.planners.search.box_search import (
+    WHOLE,
+    Boxes,
+    Verdict,
+    begin,
+    contract,
+    cut_to,
+    explore_in_kernel,
+    left_open,
+)
 from regionik.planners.search.motion_bounds import chords, displacement, from_axis
 from regionik.planners.solvers.serial_chain import SerialArm, joint_changes
 from regionik.worlds.arrays import Array
@@ -89,7 +97,7 @@ def outer_distances(
     asked = OuterReach(
         meridian, 0.5 * (bottom + top), 0.5 * (top - bottom), known, enough, bounds_for(meridian)
     )
-    boxes = begin(judge_reach, asked, np.array([[*low, 0.0]]), np.array([[*high, cap]]))
+    boxes = begin(_judge_reach, asked, np.array([[*low, 0.0]]), np.array([[*high, cap]]))
     boxes = _explore(asked, boxes, most)
     slots = left_open(boxes)
     return np.column_stack([boxes.low[slots, -1], boxes.high[slots, -1]])
@@ -97,11 +105,11 @@ def outer_distances(
 
 @compiled
 def _explore(asked: OuterReach, boxes: Boxes, budget: int) -> Boxes:
-    return explore_in_kernel(judge_reach, asked, boxes, budget, 1)  # none is ever proven
+    return explore_in_kernel(_judge_reach, asked, boxes, budget, 1)  # none is ever proven
 
 
 @compiled
-def judge_reach(asked: OuterReach, low: Array, high: Array) -> tuple[Verdict, float, int]:
+def _judge_reach(asked: OuterReach, low: Array, high: Array) -> tuple[Verdict, float, int]:
     """Contract a box of m joint values and, last, of distances; its key is their largest excess."""
     m, z, half, known, box = len(low) - 1, asked.z, asked.half, asked.known, asked.bounds
     tells_low = tells_high = -1
@@ -121,7 +129,7 @@ def judge_reach(asked: OuterReach, low: Array, high: Array) -> tuple[Verdict, fl
     if sticks <= asked.enough:
         return Verdict.OPEN, sticks, WHOLE
     outwards = len(known) == 0 or high[m] > known[0, 0]
-    return Verdict.OPEN, sticks, to_bisect(asked.meridian, box, tells_high if outwards else tells_low)
+    return Verdict.OPEN, sticks, _to_bisect(asked.meridian, box, tells_high if outwards else tells_low)
 
 
 def bounds_for(meridian: Meridian) -> ToolBounds:
@@ -234,7 +242,7 @@ def spanned(box: ToolBounds, z: float, half: float) -> tuple[float, float, int, 
 
 
 @compiled
-def to_bisect(meridian: Meridian, box: ToolBounds, hub: int) -> int:
+def _to_bisect(meridian: Meridian, box: ToolBounds, hub: int) -> int:
     """The active joint to bisect, which improves the bound by a hub (-1: the linear one) most."""
     sizes = meridian.speeds * box.half
     if hub >= 0:

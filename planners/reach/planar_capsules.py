@@ -25,7 +25,7 @@ from regionik.planners.geometry.vectors import minus, norm
 from regionik.planners.kernels import compiled
 from regionik.planners.reach.planar_cells import AWAY, PITCH, SLACK, TURN, YAW, ArmMount, PlanarCell, chord
 from regionik.planners.search.box_search import Verdict, both
-from regionik.planners.search.self_clearance import segment_distance
+from regionik.planners.search.posture_boxes import segment_distance
 from regionik.planners.solvers.planar_kinematics import PlanarLinkage
 from regionik.worlds.arms import PlanarArm
 from regionik.worlds.arrays import Array, Index, Mask

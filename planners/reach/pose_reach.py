@@ -19,7 +19,6 @@ from shapely import transform
 from shapely.geometry.base import BaseGeometry
 
 from regionik.planners.kernels import compiled
-from regionik.planners.reach.asked_cells import asked_cells, can_ask
 from regionik.planners.reach.inverse_reachability import (
     MORE,
     NEAREST,
@@ -28,7 +27,7 @@ from regionik.planners.reach.inverse_reachability import (
     posture_samples,
     posture_seeds,
 )
-from regionik.planners.reach.polar_cells import PolarCells
+from regionik.planners.reach.polar_cells import PolarCells, asked_cells, can_ask
 from regionik.planners.reach.serial_criteria import (
     PostureDemand,
     SerialThresholds,
@@ -42,6 +41,7 @@ from regionik.planners.solvers.serial_chain import SerialArm, serial_arm
 from regionik.worlds.arms import pivot_index, reach_bound, with_pivot_limits
 from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.chain import Chain, rot_z
+from regionik.worlds.joints import nearest_turn
 
 DISTANCES, BEARINGS = 18, 32  # cells of the grid
 FINER = (3, 9)  # times as many cells, while the reach is thin
@@ -182,7 +182,7 @@ def _at_heading(chain: Chain, aim: Aim, postures: Array, places: Array) -> tuple
         fitting = lower + (GOLDEN * np.arange(len(postures))) % 1.0 * (upper - lower)
     else:
         middle = (lower + upper) / 2
-        turned = middle + np.remainder(turned - middle + np.pi, 2 * np.pi) - np.pi
+        turned = nearest_turn(turned, middle)
         fitting = np.clip(turned, lower, upper)
     near = (np.abs(fitting - turned) <= TURNED) | (aim.kind == POSITION)
     postures, places = postures.copy(), places.copy()

@@ -12,11 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.planners.collision.robot_motion import transform_into
-from regionik.planners.collision.upright_solids import Uprights, distance_along, least_along
+from regionik.planners.collision.upright_solids import Uprights, distance_along, least_along, uprights_from
 from regionik.planners.geometry.vectors import cross, dot, minus, norm, squared
 from regionik.planners.kernels import compiled
-from regionik.planners.search.box_search import WHOLE, Boxes, Verdict, explore_in_kernel
-from regionik.planners.search.intervals import contract, cut_to
+from regionik.planners.search.box_search import WHOLE, Boxes, Verdict, contract, cut_to, explore_in_kernel
 from regionik.planners.search.motion_bounds import (
     LinkCapsules,
     chords,
@@ -24,7 +23,6 @@ from regionik.planners.search.motion_bounds import (
     displacement_from_tool,
     tool_displacement,
 )
-from regionik.planners.search.self_clearance import SelfClearance, segment_distance, self_clearance
 from regionik.planners.solvers.damped_least_squares import solve_symmetric
 from regionik.planners.solvers.serial_chain import (
     SerialArm,
@@ -34,7 +32,63 @@ from regionik.planners.solvers.serial_chain import (
     joint_axes,
     joint_changes,
 )
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Index
+
+_BASE_SECTIONS = 20  # golden sections along a link where its distance from the base is measured
+NOTHING = 1e-14  # squared sine of the angle between axes that count as parallel
+
+
+class SelfClearance(NamedTuple):
+    """The clearance that an arm keeps from itself and from its base."""
+
+    pairs: Index  # (p, 2) capsules that may touch, the one on the link nearer to the base first
+    body: Uprights  # the base in the arm's base frame
+    heeds: Index  # (h,) capsules that may touch the base
+    clearance: float  # [m]
+
+
+NO_SELF_CLEARANCE = SelfClearance(
+    np.zeros((0, 2), dtype=np.int64), uprights_from([]), np.zeros(0, dtype=np.int64), 0.0
+)
+
+
+@compiled
+def _self_clearance(capsules: LinkCapsules, own: SelfClearance, ends: Array) -> float:
+    """Least distance of capsules, ends (s, 2, 3), from each other and the base, less the clearance [m]."""
+    least = np.inf
+    for i, k in own.pairs:
+        apart = segment_distance(ends[i, 0], ends[i, 1], ends[k, 0], ends[k, 1])
+        least = min(least, apart - capsules.radius[i] - capsules.radius[k])
+    for k in own.heeds:
+        for m in range(len(own.body.disc)):
+            r = capsules.radius[k]
+            least = min(
+                least,
+                least_along(own.body, m, ends[k, 0], ends[k, 1], 0.0, 0.0, -np.inf, least + r, _BASE_SECTIONS)
+                - r,
+            )
+    return least - own.clearance
+
+
+@compiled
+def segment_distance(a: Array, b: Array, c: Array, d: Array) -> float:
+    """Distance of the segments a b and c d [m]."""
+    px, py, pz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    qx, qy, qz = d[0] - c[0], d[1] - c[1], d[2] - c[2]
+    rx, ry, rz = a[0] - c[0], a[1] - c[1], a[2] - c[2]
+    pp, qq = px * px + py * py + pz * pz, qx * qx + qy * qy + qz * qz
+    pq = px * qx + py * qy + pz * qz
+    pr, qr = px * rx + py * ry + pz * rz, qx * rx + qy * ry + qz * rz
+    square = pp * qq - pq * pq
+    s = min(1.0, max(0.0, (pq * qr - qq * pr) / square)) if square > NOTHING * pp * qq else 0.0
+    best = np.inf
+    for _ in range(3):  # each point in turn moves to where it is nearest to the other
+        t = min(1.0, max(0.0, (pq * s + qr) / qq)) if qq > 0.0 else 0.0
+        s = min(1.0, max(0.0, (pq * t - pr) / pp)) if pp > 0.0 else 0.0
+        x, y, z = rx + s * px - t * qx, ry + s * py - t * qy, rz + s * pz - t * qz
+        best = min(best, x * x + y * y + z * z)
+    return float(np.sqrt(best))
+
 
 SLACK = 1e-10  # rounding that no proof may rest on [m]
 PASSES = 4  # contractions of one box before it is bisected
@@ -44,7 +98,7 @@ STEPS = 4  # Newton steps to a posture
 DAMPING = 1e-6  # of those steps, in squares of the arm's lever
 
 
-class PosedArm(NamedTuple):
+class _PosedArm(NamedTuple):
     """A box of postures and the arm at its centre, of n joints and s capsules; scratch space."""
 
     q: Array  # (dof,) the centre, then a posture reached from it
@@ -71,7 +125,7 @@ class FixedBase(NamedTuple):
     own: SelfClearance
     longest: Array  # (dof,) longest lever of each active joint, which chooses the one to bisect [m]
     best: Array  # (1,) largest clearance met below the wanted one with the tool on target, overwritten [m]
-    posed: PosedArm  # overwritten
+    posed: _PosedArm  # overwritten
 
 
 def fixed_base_for(
@@ -85,7 +139,7 @@ def fixed_base_for(
 ) -> FixedBase:
     """Return the problem of an arm and a target, with scratch space."""
     n, dof, s = len(arm.axis), len(arm.lower), len(capsules.link)
-    posed = PosedArm(
+    posed = _PosedArm(
         np.zeros(dof), np.zeros(dof), np.zeros(n), np.zeros(n), np.zeros((2, dof)), np.zeros((n + 1, 4, 4)),
         np.zeros((n, 3)), np.zeros((6, dof)), np.zeros(dof), np.zeros((s, 2, 3)),
     )  # fmt: skip
@@ -104,9 +158,9 @@ def judge_postures(task: FixedBase, low: Array, high: Array) -> tuple[Verdict, f
     """Contract a box and try it for a posture; its key is the clearance of the posture tried."""
     if not may_hold(task, low, high):
         return Verdict.RULED_OUT, 0.0, WHOLE
-    reaches = to_target(task) <= task.tolerance
-    own = self_clearance(task.capsules, task.own, task.posed.ends) + task.clearance
-    clear = min(clearance_of(task), own)
+    reaches = _to_target(task) <= task.tolerance
+    own = _self_clearance(task.capsules, task.own, task.posed.ends) + task.clearance
+    clear = min(_clearance_of(task), own)
     if reaches and clear >= task.clearance:
         return Verdict.PROVEN, clear, _to_bisect(task.longest, low, high)
     if reaches:
@@ -118,7 +172,7 @@ def judge_postures(task: FixedBase, low: Array, high: Array) -> tuple[Verdict, f
 def posture_in(task: FixedBase, low: Array, high: Array) -> Array:
     """The posture (n,) that `judge_postures` tried in a box that it has contracted."""
     _centre(task.posed, low, high)
-    to_target(task)
+    _to_target(task)
     return task.posed.q.copy()
 
 
@@ -147,7 +201,7 @@ def _place_box(task: FixedBase, low: Array, high: Array) -> float:
 
 
 @compiled
-def _centre(posed: PosedArm, low: Array, high: Array) -> None:
+def _centre(posed: _PosedArm, low: Array, high: Array) -> None:
     for k in range(len(low)):
         posed.q[k] = 0.5 * (low[k] + high[k])
         posed.half[k] = 0.5 * (high[k] - low[k])
@@ -281,7 +335,7 @@ def place_arm(task: FixedBase) -> float:
 
 
 @compiled
-def clearance_of(task: FixedBase) -> float:
+def _clearance_of(task: FixedBase) -> float:
     """Least distance of the capsules from the obstacles, the arm as `place_arm` left it [m]."""
     least = np.inf
     for s in range(len(task.capsules.link)):
@@ -296,7 +350,7 @@ def clearance_of(task: FixedBase) -> float:
 
 
 @compiled
-def to_target(task: FixedBase) -> float:
+def _to_target(task: FixedBase) -> float:
     """Damped least squares from ``posed.q`` towards the target, within limits; the distance left [m]."""
     posed, n = task.posed, len(task.posed.q)
     off = place_arm(task)

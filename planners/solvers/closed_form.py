@@ -32,11 +32,11 @@ from regionik.planners.solvers.subproblems import (
 )
 from regionik.worlds.arrays import Array, Mask
 from regionik.worlds.chain import Chain
-from regionik.worlds.joints import Joint
+from regionik.worlds.joints import Joint, nearest_turn
 
 SWEEP, FINER = 16, 4  # values of the joint that is swept; so many times as many where none is found
 NEARLY = 2e-3  # by which axes may miss each other [m], or be out of parallel [rad]
-SWEPT = (2, 4, 6, 5, 3, 1, 0)  # joints of seven, the likeliest to be held first
+_SWEPT = (2, 4, 6, 5, 3, 1, 0)  # joints of seven, the likeliest to be held first
 
 Which = NDArray[np.intp]
 Kind = Literal["meeting", "parallel"]
@@ -87,7 +87,7 @@ def decomposition(chain: Chain) -> Decomposition | None:
     """
     if chain.has_mimics or chain.dof not in (6, 7) or any(joint.kind != "revolute" for joint in chain.joints):
         return None
-    for swept in (None,) if chain.dof == 6 else SWEPT:
+    for swept in (None,) if chain.dof == 6 else _SWEPT:
         lines = _lines(chain, np.eye(4)[None], swept, np.full(1, 0.3))
         for reverse in (False, True):
             kind = _kind(lines.reversed() if reverse else lines)
@@ -165,7 +165,7 @@ def _within_limits(chain: Chain, angles: Array) -> Array:
     lower, upper = chain.lower, chain.upper
     middle, bounded = np.clip(0.0, lower, upper), np.isfinite(lower) & np.isfinite(upper)
     middle[bounded] = (lower[bounded] + upper[bounded]) / 2
-    near = middle + np.remainder(angles - middle + np.pi, 2 * np.pi) - np.pi
+    near = nearest_turn(angles, middle)
     held = np.clip(near, lower, upper)
     found: Array = np.where(np.abs(near - held) <= 2 * NEARLY, held, np.nan)
     return found

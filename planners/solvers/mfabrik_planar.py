@@ -13,7 +13,7 @@ import numpy as np
 
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.kernels import compiled
-from regionik.planners.solvers.base_placement import BaseArea, move_to_area
+from regionik.planners.solvers.base_placement import BaseArea, Turning, move_to_area, share_turn
 from regionik.planners.solvers.fabrik import (
     ANY,
     Knots,
@@ -21,6 +21,7 @@ from regionik.planners.solvers.fabrik import (
     PlanarLinks,
     Triple,
     backward_reaching,
+    bend_limits,
     bends_of,
     direction,
     forward_reaching,
@@ -32,24 +33,99 @@ from regionik.planners.solvers.planar_kinematics import (
     nearest_posture,
     widest_posture,
 )
-from regionik.planners.solvers.planar_setup import (
-    PlanarSetup,
-    PlanarState,
-    at_heading,
-    state_of,
-    to_axis,
-    write_state,
-)
 from regionik.worlds.arrays import Array, Index, Mask
+
+
+class PlanarSetup(NamedTuple):
+    """A planar arm on its base and what is asked of both."""
+
+    plane: PlanarLinkage  # heights counted from the floor
+    links: PlanarLinks  # the same for passes
+    # sign, offset: (3,) ``bend = sign * joint + offset`` [rad]
+    sign: Array
+    offset: Array
+    restarts: Array  # (k, 3) bends to start again from [rad]
+    mount: Array  # (2,) the arm axis in the base frame [m]
+    plane_zero: float  # direction of the arm's plane, seen from the base, with the pivot at zero [rad]
+    turning: Turning
+    facing: int  # 1, or -1 to reach over the arm's back: the target then lies at negative r
+    pitch: float  # of the last link in the plane, NaN where it is free [rad]
+    tolerance: float  # [m]
+    max_passes: int  # from each start
+
+
+def links_of(plane: PlanarLinkage) -> PlanarLinks:
+    """A planar arm as passes take it."""
+    first, second, last = map(bend_limits, plane.lower.tolist(), plane.upper.tolist())
+    a, b, c = plane.lengths.tolist()
+    return PlanarLinks((plane.shoulder_r, plane.shoulder_z), (a, b, c), (first, second, last))
+
+
+@compiled
+def _at_heading(setup: PlanarSetup, yaw: float) -> PlanarSetup:
+    """The setup with the base kept at a heading [rad]."""
+    lower, upper, heading, _, _ = setup.turning
+    return PlanarSetup(
+        setup.plane, setup.links, setup.sign, setup.offset, setup.restarts, setup.mount, setup.plane_zero,
+        Turning(lower, upper, heading, yaw, yaw), setup.facing, setup.pitch, setup.tolerance,
+        setup.max_passes,
+    )  # fmt: skip
+
+
+class _PlanarState(NamedTuple):
+    """Arm axis on the floor [m], direction of the arm's plane [rad], bends of the links [rad]."""
+
+    x: float
+    y: float
+    yaw: float
+    bends: Triple
+
+
+@compiled
+def _write_state(setup: PlanarSetup, found: _PlanarState, near: Triple, base: Array, joints: Array) -> bool:
+    """Write a state into base and joints, which hold those before; whether the heading is within its span.
+
+    Bends of joints without limits are taken to the turn nearest to ``near``.
+    """
+    for i in range(3):
+        middle = 0.5 * (setup.plane.lower[i] + setup.plane.upper[i])
+        if not np.isfinite(middle):
+            middle = near[i]
+        bend = middle + wrap(found.bends[i] - middle)
+        joints[1 + i] = setup.sign[i] * (bend - setup.offset[i])
+    joints[0], base[2], fits = share_turn(found.yaw - setup.plane_zero, base[2], joints[0], setup.turning)
+    dx, dy = _to_axis(setup, base[2])
+    base[0], base[1] = found.x - dx, found.y - dy
+    return fits
+
+
+@compiled
+def _state_of(setup: PlanarSetup, base: Array, joints: Array) -> _PlanarState:
+    """Arm axis, plane and bends of a base and joints."""
+    dx, dy = _to_axis(setup, base[2])
+    bends = (
+        setup.sign[0] * joints[1] + setup.offset[0],
+        setup.sign[1] * joints[2] + setup.offset[1],
+        setup.sign[2] * joints[3] + setup.offset[2],
+    )
+    return _PlanarState(base[0] + dx, base[1] + dy, base[2] + setup.plane_zero + joints[0], bends)
+
+
+@compiled
+def _to_axis(setup: PlanarSetup, yaw: float) -> Pair:
+    """From the base to the arm axis [m]."""
+    c, s = direction(yaw)
+    return c * setup.mount[0] - s * setup.mount[1], s * setup.mount[0] + c * setup.mount[1]
+
 
 PATIENCE, STALLED = 10, 0.9  # passes in which the error must come down to this share, for a start to go on
 STRAIGHT = 1e-12  # a target so near to the axis, seen from above, does not turn the plane [m]
-PITCH_SLACK = 1e-9  # rounding allowed where the pitch of the last link is fixed [rad]
+_PITCH_SLACK = 1e-9  # rounding allowed where the pitch of the last link is fixed [rad]
 
 NO_VERTICES, NO_RINGS = np.empty((0, 2)), np.zeros(1, np.int64)  # of an area that is not asked
 
 
-class PlanarGoal(NamedTuple):
+class _PlanarGoal(NamedTuple):
     """Target of the tool [m]; facing, pitch and tolerance as in `PlanarSetup`."""
 
     target: Triple
@@ -60,8 +136,8 @@ class PlanarGoal(NamedTuple):
 
 @compiled
 def planar_passes(
-    links: PlanarLinks, area: BaseArea, goal: PlanarGoal, start: PlanarState, most: int, patience: int
-) -> tuple[float, int, PlanarState]:
+    links: PlanarLinks, area: BaseArea, goal: _PlanarGoal, start: _PlanarState, most: int, patience: int
+) -> tuple[float, int, _PlanarState]:
     """M-FABRIK, Algorithm 1, from one start: error [m], passes and the nearest state met in the area.
 
     It ends after ``most`` passes, or ``patience`` of them without progress.
@@ -95,11 +171,11 @@ def planar_passes(
             if error > STALLED * mark:
                 break
             mark = error
-    return least, passes, PlanarState(near_x, near_y, math.atan2(near_v, near_u), bends_of(links, near))
+    return least, passes, _PlanarState(near_x, near_y, math.atan2(near_v, near_u), bends_of(links, near))
 
 
 @compiled
-def _distance(goal: PlanarGoal, x: float, y: float, plane: Pair, knots: Knots) -> float:
+def _distance(goal: _PlanarGoal, x: float, y: float, plane: Pair, knots: Knots) -> float:
     """Distance of the tool from the target, the arm axis at a place [m]."""
     ex, ey = x + knots[4] * plane[0] - goal.target[0], y + knots[4] * plane[1] - goal.target[1]
     ez = knots[5] - goal.target[2]
@@ -107,7 +183,7 @@ def _distance(goal: PlanarGoal, x: float, y: float, plane: Pair, knots: Knots) -
 
 
 @compiled
-def _may_stay(area: BaseArea, goal: PlanarGoal, start: PlanarState) -> bool:
+def _may_stay(area: BaseArea, goal: _PlanarGoal, start: _PlanarState) -> bool:
     """True where a start on target is an answer: its base in the area, its last link at the pitch.
 
     A base that has become inadmissible must move even where the tool is in place already.
@@ -115,11 +191,11 @@ def _may_stay(area: BaseArea, goal: PlanarGoal, start: PlanarState) -> bool:
     if area.mobile and move_to_area(area, start.x, start.y) != (start.x, start.y):
         return False
     a, b, c = start.bends
-    return not np.isfinite(goal.pitch) or abs(wrap(a + b + c - goal.pitch)) <= PITCH_SLACK
+    return not np.isfinite(goal.pitch) or abs(wrap(a + b + c - goal.pitch)) <= _PITCH_SLACK
 
 
 @compiled
-def _aim(goal: PlanarGoal, x: float, y: float, u: float, v: float) -> Triple:
+def _aim(goal: _PlanarGoal, x: float, y: float, u: float, v: float) -> Triple:
     """The plane's direction towards the target, the old one where that is straight above; the target's r."""
     dx, dy = goal.target[0] - x, goal.target[1] - y
     rho = math.sqrt(dx * dx + dy * dy)
@@ -135,7 +211,7 @@ def _shifted(knots: Knots, by: float) -> Knots:
 
 
 @compiled
-def _miss(links: PlanarLinks, goal: PlanarGoal, tool: Pair, r: float, knots: Knots) -> float:
+def _miss(links: PlanarLinks, goal: _PlanarGoal, tool: Pair, r: float, knots: Knots) -> float:
     """Distance of the tool from the target [m], larger than the tolerance where a fixed pitch is not met."""
     er, ez = knots[4] - r, knots[5] - goal.target[2]
     error = math.sqrt(er * er + ez * ez)
@@ -143,16 +219,16 @@ def _miss(links: PlanarLinks, goal: PlanarGoal, tool: Pair, r: float, knots: Kno
         link_r, link_z = knots[4] - knots[2], knots[5] - knots[3]
         along, across = link_r * tool[0] + link_z * tool[1], link_r * tool[1] - link_z * tool[0]
         off = abs(math.atan2(across, along))
-        if off > PITCH_SLACK:
+        if off > _PITCH_SLACK:
             error += goal.tolerance + off * links.lengths[2]
     return error
 
 
 @compiled
-def planar_restarts(
-    arm: PlanarLinkage, links: PlanarLinks, restarts: Array, area: BaseArea, goal: PlanarGoal,
-    start: PlanarState, most: int,
-) -> tuple[float, int, PlanarState]:  # fmt: skip
+def _planar_restarts(
+    arm: PlanarLinkage, links: PlanarLinks, restarts: Array, area: BaseArea, goal: _PlanarGoal,
+    start: _PlanarState, most: int,
+) -> tuple[float, int, _PlanarState]:  # fmt: skip
     """M-FABRIK with restarts: the given posture, then ``restarts`` (k, 3), then the widest one at the base.
 
     Limits can stall the passes, and a start that stalls is left for the next one; where none converges, all
@@ -166,7 +242,7 @@ def planar_restarts(
     for attempt in range(2 * count):  # once over the starts in a hurry, once to the end
         k, patience = attempt % count, PATIENCE if attempt < count else most + 1
         bends = start.bends if k == 0 else (restarts[k - 1, 0], restarts[k - 1, 1], restarts[k - 1, 2])
-        begun = PlanarState(start.x, start.y, start.yaw, bends)
+        begun = _PlanarState(start.x, start.y, start.yaw, bends)
         error, passes, found = planar_passes(links, area, goal, begun, most, patience)
         total += passes
         if error <= goal.tolerance:
@@ -184,16 +260,16 @@ def planar_restarts(
 
 
 @compiled
-def _fitted(arm: PlanarLinkage, state: PlanarState) -> PlanarState:
+def _fitted(arm: PlanarLinkage, state: _PlanarState) -> _PlanarState:
     """The state with its bends within the limits, to the last digit."""
     a, b, c = state.bends
-    return PlanarState(state.x, state.y, state.yaw, fitted_bends(arm, a, a + b, a + b + c))
+    return _PlanarState(state.x, state.y, state.yaw, fitted_bends(arm, a, a + b, a + b + c))
 
 
 @compiled
 def _widest(
-    arm: PlanarLinkage, links: PlanarLinks, area: BaseArea, goal: PlanarGoal, start: PlanarState
-) -> tuple[float, PlanarState]:
+    arm: PlanarLinkage, links: PlanarLinks, area: BaseArea, goal: _PlanarGoal, start: _PlanarState
+) -> tuple[float, _PlanarState]:
     """The widest posture from the base, or where the floor is free from any distance.
 
     Returns the error [m], infinite where there is none, and the posture.
@@ -213,7 +289,7 @@ def _widest(
             x = goal.target[0] - facing * rho * math.cos(yaw)
             y = goal.target[1] - facing * rho * math.sin(yaw)
         if widest_posture(arm, goal.pitch, facing * rho, z, bends, 1440 if k == 0 else 360):
-            found = PlanarState(x, y, yaw, (bends[0], bends[1], bends[2]))
+            found = _PlanarState(x, y, yaw, (bends[0], bends[1], bends[2]))
             knots = knots_at(links, found.bends)
             return np.hypot(knots[4] - facing * rho, knots[5] - z), found
     return np.inf, start
@@ -229,12 +305,12 @@ def solve_planar(
     -------
     error [m], passes, True where the target is met at a heading within its span
     """
-    goal = PlanarGoal((target[0], target[1], target[2]), setup.facing, setup.pitch, setup.tolerance)
-    start = state_of(setup, base, joints)
-    error, passes, found = planar_restarts(
+    goal = _PlanarGoal((target[0], target[1], target[2]), setup.facing, setup.pitch, setup.tolerance)
+    start = _state_of(setup, base, joints)
+    error, passes, found = _planar_restarts(
         setup.plane, setup.links, setup.restarts, area, goal, start, setup.max_passes
     )
-    fits = write_state(setup, found, start.bends, base, joints)
+    fits = _write_state(setup, found, start.bends, base, joints)
     return error, passes, fits and error <= goal.tolerance
 
 
@@ -245,15 +321,15 @@ def least_change(setup: PlanarSetup, target: Array, base: Array, joints: Array) 
     Returns the largest change of a bend, infinite where there is no such posture [rad], and whether the
     heading is within its span.
     """
-    start, bends, near = state_of(setup, base, joints), np.empty(3), np.empty(3)
+    start, bends, near = _state_of(setup, base, joints), np.empty(3), np.empty(3)
     near[0], near[1], near[2] = start.bends
     dx, dy = target[0] - start.x, target[1] - start.y
     r, yaw = setup.facing * np.hypot(dx, dy), math.atan2(setup.facing * dy, setup.facing * dx)
     change = nearest_posture(setup.plane, setup.pitch, r, target[2], near, bends)
     if not np.isfinite(change):
         return change, False
-    found = PlanarState(start.x, start.y, yaw, (bends[0], bends[1], bends[2]))
-    return change, write_state(setup, found, start.bends, base, joints)
+    found = _PlanarState(start.x, start.y, yaw, (bends[0], bends[1], bends[2]))
+    return change, _write_state(setup, found, start.bends, base, joints)
 
 
 @compiled
@@ -301,10 +377,10 @@ def solve_planar_along(
         one, near = setup, wished[i].copy()
         near[0] = pivot
         if np.isnan(places[i, 2]):
-            dx, dy = to_axis(setup, yaw)
+            dx, dy = _to_axis(setup, yaw)
             bases[i, 0], bases[i, 1], bases[i, 2] = places[i, 0] - dx, places[i, 1] - dy, yaw
         else:
-            one = at_heading(setup, places[i, 2])
+            one = _at_heading(setup, places[i, 2])
         start = bases[i].copy()
         postures[i] = near
         _, _, met = solve_planar(one, held, targets[i], bases[i], postures[i])

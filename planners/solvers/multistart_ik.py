@@ -28,7 +28,7 @@ from regionik.planners.solvers.fabrikr import (
     matmul3_transposed,
     posture_of,
 )
-from regionik.planners.solvers.rigid_bodies import RigidBodies, pointing_bodies, posing_bodies, span
+from regionik.planners.solvers.rigid_bodies import RigidBodies, arm_model, span
 from regionik.planners.solvers.serial_chain import rotate_about
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, spread_postures
@@ -81,7 +81,7 @@ def solve_ik(
     for i in range(2 * count - 1 if effort.polishing and effort.most_passes > 0 else count):
         drawn = i - 1 if i < count else i - count
         end[:] = joints[:n] if i == 0 else starts[drawn]
-        error, angle, used = passes_from(bodies, aim, effort if i < count else still, end, i == count - 1)
+        error, angle, used = _passes_from(bodies, aim, effort if i < count else still, end, i == count - 1)
         passes += used
         polished = effort.polishing and tolerance_share(error, angle, effort) > 1.0
         if polished:
@@ -100,7 +100,7 @@ def solve_ik(
 
 
 @compiled
-def passes_from(
+def _passes_from(
     bodies: RigidBodies, aim: Aim, effort: Effort, joints: Array, to_the_end: bool
 ) -> tuple[float, float, int]:
     """Passes from one start; ``joints`` (n,) becomes the best posture met.
@@ -242,7 +242,7 @@ class ArmSolver:
             if count < 0:
                 raise InputError(f"{name}: expected 0 or more, got {count}")
         self.chain = chain
-        self.pointing, self.posing = pointing_bodies(chain), posing_bodies(chain)
+        self.pointing, self.posing = arm_model(chain).pointing, arm_model(chain).posing
         passes = 0 if chain.has_mimics else int(most_passes)
         self.effort = Effort(
             float(tolerance), float(angle_tolerance), passes, span(self.posing.arm), bool(polish)

@@ -8,7 +8,8 @@ pivots that meet share their point. Joints count from 0, and point n is the tool
 
 from __future__ import annotations
 
-from functools import lru_cache
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -44,25 +45,39 @@ class RigidBodies(NamedTuple):
     start_goal: int  # point whose plane the last body takes at the target; -1 where all axes are parallel
 
 
-@lru_cache(maxsize=64)
-def pointing_bodies(chain: Chain) -> RigidBodies:
-    """Bodies up to the last joint that moves the tool's point: all that a position needs."""
-    arm = serial_arm(chain)
-    count, tool = len(chain.joints), arm.tool
-    length = span(arm)
-    while count > 1 and arm.revolute[count - 1] and not chain.has_mimics:
-        p = tool[:3, 3]
-        if np.linalg.norm(np.cross(arm.axis[count - 1], p)) > 1e-12 * length:
-            break
-        tool, count = arm.fixed[count - 1] @ tool, count - 1
-    parts = {key: part[:count] for key, part in arm._asdict().items() if key != "tool"}
-    return bodies_of(arm._replace(tool=tool, **parts))
+@dataclass(frozen=True, eq=False)
+class ArmModel:
+    """A chain prepared once for kernels; made by `arm_model`."""
+
+    chain: Chain
+
+    @cached_property
+    def serial(self) -> SerialArm:
+        return serial_arm(self.chain)
+
+    @cached_property
+    def pointing(self) -> RigidBodies:
+        """Bodies up to the last joint that moves the tool's point: all that a position needs."""
+        arm, length = self.serial, span(self.serial)
+        count, tool = len(arm.axis), arm.tool
+        while count > 1 and arm.revolute[count - 1] and not self.chain.has_mimics:
+            p = tool[:3, 3]
+            if np.linalg.norm(np.cross(arm.axis[count - 1], p)) > 1e-12 * length:
+                break
+            tool, count = arm.fixed[count - 1] @ tool, count - 1
+        parts = {key: part[:count] for key, part in arm._asdict().items() if key != "tool"}
+        return bodies_of(arm._replace(tool=tool, **parts))
+
+    @cached_property
+    def posing(self) -> RigidBodies:
+        """All bodies: what a tool direction or orientation needs."""
+        return bodies_of(self.serial)
 
 
-@lru_cache(maxsize=64)
-def posing_bodies(chain: Chain) -> RigidBodies:
-    """All bodies: what a tool direction or orientation needs."""
-    return bodies_of(serial_arm(chain))
+@lru_cache(maxsize=128)
+def arm_model(chain: Chain) -> ArmModel:
+    """Prepare a chain; kept for the last few."""
+    return ArmModel(chain)
 
 
 def bodies_of(arm: SerialArm) -> RigidBodies:

@@ -22,9 +22,9 @@ from regionik.areas.reach_model import (
     wide_enough,
 )
 from regionik.planners.progress import track
-from regionik.planners.reach.fixed_points import fixed_point_reach
 from regionik.planners.reach.level_reach import (
     Intervals,
+    fixed_point_reach,
     inner_reach,
     inner_sectors,
     likely_reach,
@@ -87,7 +87,7 @@ def planar_reach(robot: Robot) -> PlanarReach:
 class PivotedReach(ReachModel):
     """Reach of the tool's point of any arm.
 
-    R(z) is bounded from within by the distances that walks at the height z pass (`meridian_walks`), and from
+    R(z) is bounded from within by the distances that walks at the height z pass (`meridian`), and from
     outside by those that boxes of joint values do not rule out (`outer_bounds`). At a heading that the rules
     fix, inner areas are sampled on a grid of places (`pose_reach`) where the pivot does not turn all round.
     Under criteria besides limits they are places from which postures that meet them were found, or are proven
@@ -219,7 +219,7 @@ class PosedReach(PivotedReach):
 
     Inner areas are sampled on a grid of places (`pose_reach`), and cut to the squares in which each place is
     proven to have a posture (`proven_poses`) where a query asks for that. Outer ones bound the tool's point
-    and other points of the tool that the pose fixes (`fixed_points`).
+    and other points of the tool that the pose fixes (`fixed_point_reach`).
     """
 
     def is_proven(self, rules: Rules) -> bool:

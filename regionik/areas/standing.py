@@ -33,6 +33,7 @@ from regionik.planners.driving.heading_slabs import (
 from regionik.planners.geometry.offsets import grown
 from regionik.postures.families import Family
 from regionik.worlds.arrays import Array
+from regionik.worlds.joints import nearest_turn
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import World
 
@@ -144,7 +145,7 @@ def into_spans(yaw: Array, low: float | Array, high: float | Array) -> Array:
     every = np.subtract(high, low) >= 2 * np.pi
     low, high = np.where(every, -np.pi, low), np.where(every, np.pi, high)  # `EVERY` has no middle
     middle, half = (low + high) / 2, (high - low) / 2
-    off = np.remainder(yaw - middle + np.pi, 2 * np.pi) - np.pi
+    off = nearest_turn(yaw - middle)
     over: Array = off - np.clip(off, -half, half)
     return np.where(every, yaw, yaw - over)
 

@@ -14,7 +14,7 @@ from regionik.explain.constraints import join, no_way_to, rounded_down, setpoint
 from regionik.explain.cut_off import crossed, narrow_floor, narrow_passage
 from regionik.planners.driving.footprint_planner import NarrowPassageError
 from regionik.planners.driving.point_planner import NoPathError
-from regionik.planners.geometry.depths import deepest_inside, farthest_outside
+from regionik.planners.geometry.offsets import deepest_inside, farthest_outside
 from regionik.regions import (
     RejectedPart,
     largest_clearance,

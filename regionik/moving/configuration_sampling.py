@@ -31,12 +31,12 @@ from regionik.planners.avoidance.clear_posture import (
     clear_posture_at_pose,
     quick_clear_posture,
 )
-from regionik.planners.avoidance.posture_proof import PostureTask
 from regionik.planners.collision.proximity import Touch
 from regionik.planners.driving.footprint import fits
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.polygons import clamp
 from regionik.planners.search.box_search import Verdict
+from regionik.planners.search.fixed_base import PostureTask
 from regionik.planners.solvers.aims import in_columns
 from regionik.postures.arm import aim_of
 from regionik.postures.arm_guard import SPARE, Guard
@@ -46,6 +46,7 @@ from regionik.scene import Scene
 from regionik.values import Configuration
 from regionik.worlds.arms import turned_back
 from regionik.worlds.arrays import Array
+from regionik.worlds.joints import nearest_turn
 
 PLACES = 24  # of the base, looked through in one component
 PITCHES = 48  # of the last link, looked through at every place
@@ -254,7 +255,7 @@ class ConfigurationSampler:
         chain, found = self.scene.robot.chain, candidate.found
         turns = chain.turning & np.isinf(chain.upper - chain.lower)  # without end
         change = found.joints - here.joints
-        near = here.joints + np.where(turns, np.remainder(change + np.pi, 2 * np.pi) - np.pi, change)
+        near = here.joints + np.where(turns, nearest_turn(change), change)
         turned = (near != found.joints).any()
         yield replace(candidate, found=replace(found, joints=near)) if turned else candidate
         for k in np.flatnonzero(turns & (np.abs(near - here.joints) > FAR)).tolist():

@@ -103,9 +103,9 @@ class AnyHeadingDriver(Driver):
             return np.array([a, b])
         step = self.scene.rules.step
         if isinstance(free, Polygon):
-            found = drive_point_inside(free, flat, *spots, step=step, seed=self.seed)
+            found = drive_point_inside(free, flat, *spots, step=step)
         else:
-            found = drive_point(free, *spots, step=step, seed=self.seed)
+            found = drive_point(free, *spots, step=step)
         self.count(found.method)
         points = np.array(found.points)
         points[0], points[-1] = a, b
@@ -329,7 +329,7 @@ class ByHeadingPaths:
         ground, about_axis = self.driver.scene.ground, robot.footprint - robot.mount[:2]
         upper = ground.upper(np.zeros(2))
         scene = footprint_scene(about_axis, ground.floor, ground.shadows, ground.clearance, upper)
-        found = path_through_slabs(scene, self._group(k), seen[0], seen[1], self.driver.seed)
+        found = path_through_slabs(scene, self._group(k), seen[0], seen[1])
         if found is None:
             return None
         poses = np.array([pose_of(robot, p[:2], float(p[2])) for p in _short_turns(found)])

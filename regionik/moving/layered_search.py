@@ -33,8 +33,9 @@ from regionik.postures.families import BACK, FRONT
 from regionik.postures.poses import axis_of
 from regionik.reach_rows import reach_rows
 from regionik.scene import Scene
-from regionik.worlds.arms import with_pivot
+from regionik.worlds.arms import has_pivot
 from regionik.worlds.arrays import Array, Index, Mask
+from regionik.worlds.joints import nearest_turn
 
 ACROSS = 36  # cells across the areas of half the set-points
 CELL = 0.01, 0.08  # least and largest [m]
@@ -168,7 +169,7 @@ class LayeredSearch:
         if self.scene.model(target).turns_freely(self.scene.rules, (yaw, yaw)):
             return np.ones(len(base), dtype=bool)
         held = held_reach(robot).holds(base, target.position)
-        if target.direction is None or with_pivot(robot.chain) is robot.chain:
+        if target.direction is None or has_pivot(robot.chain):
             return held
         area = united(reach_rows(self._held, [target], (FRONT, BACK), inner=True, span=(yaw, yaw))[2])
         return held & shapely.contains_xy(area, axis_of(robot, base))
@@ -204,7 +205,7 @@ class LayeredSearch:
     def _least(self, here: Array, poses: Array) -> Array:
         """Lower bound of the cost of steering to poses (n, 3), (n,) [m]."""
         drive, (dx, dy, turn) = self.scene.robot.drive, (poses - here).T
-        far, turn = np.hypot(dx, dy), np.abs(np.remainder(turn + np.pi, 2 * np.pi) - np.pi)
+        far, turn = np.hypot(dx, dy), np.abs(nearest_turn(turn))
         if drive.turns_on_the_spot:
             return far + TURN_WEIGHT * turn
         return np.maximum(far, drive.turning_radius * turn)

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.moving.state_keeper import ARM_MARGIN, StateKeeper
-from regionik.planners.collision.near_pairs import NearPairs
+from regionik.planners.collision.proximity import NearPairs
 from regionik.planners.driving.arcs import arc_end
 from regionik.planners.smoothing.quadratic_program import least_weighted
 from regionik.planners.solvers.aims import ANGLE_LENGTH, missed_by

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 
 from regionik.areas.layers import Geometries
-from regionik.planners.collision.near_pairs import NearPairs, near_pairs
+from regionik.planners.collision.proximity import NearPairs, near_pairs
 from regionik.planners.collision.robot_motion import WORLD
 from regionik.planners.driving.footprint_scene import FootprintScene
 from regionik.planners.smoothing.path_smoothing import HalfSpaces

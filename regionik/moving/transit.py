@@ -21,7 +21,7 @@ from regionik.planners.driving.sampling import PlanningProblem, connect
 from regionik.postures.arm_guard import Guard
 from regionik.postures.poses import Pose, arm_states, axis_of, distinct, pose_of
 from regionik.scene import Scene
-from regionik.worlds.arms import pivot_index, with_pivot
+from regionik.worlds.arms import has_pivot, pivot_index
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.drives import displacement
@@ -207,10 +207,10 @@ class TransitPlanner:
 
         Less what the base may save by turns about its axis at both ends [m].
         """
-        robot, seed = self.scene.robot, self.driver.seed
+        robot = self.scene.robot
         a, b = (axis_of(robot, pose.base) for pose in (here, there))
         try:
-            way = drive_point(self.scene.ground.outer.free, a, b, step=FAR, seed=seed).points
+            way = drive_point(self.scene.ground.outer.free, a, b, step=FAR).points
         except NoPathError:  # an end is off it by rounding
             way = np.array([a, b])
         turned = 2 * np.hypot(*robot.mount[:2])
@@ -286,7 +286,7 @@ class TransitPlanner:
 def lifted(robot: Robot, at: Pose) -> Pose:
     """Carry posture with the pivot left where it is, so that the arm folds in its own plane."""
     q = np.array(robot.carry)
-    if with_pivot(robot.chain) is robot.chain:
+    if has_pivot(robot.chain):
         q[pivot_index(robot.chain)] = at.joints[pivot_index(robot.chain)]
     return Pose(at.base, q)
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from regionik.moving.path_search import JoinedMotion
 from regionik.scene import Scene
-from regionik.worlds.arms import pivot_index, with_pivot
+from regionik.worlds.arms import has_pivot, pivot_index
 from regionik.worlds.arrays import Array
 from regionik.worlds.robot import with_joint_margin
 
@@ -31,7 +31,7 @@ def whole_turns(scene: Scene, joints: Array) -> Array:
     """Turns (dof,) that bring each joint's values (n, dof), all together, nearest to its middle [rad]."""
     chain = with_joint_margin(scene.robot, scene.rules.criteria).chain
     some, low, high = chain.winding, joints.min(axis=0), joints.max(axis=0)
-    if scene.rules.heading == "face_target" and with_pivot(chain) is chain:
+    if scene.rules.heading == "face_target" and has_pivot(chain):
         some = some & (np.arange(chain.dof) != pivot_index(chain))
     turns = np.zeros(chain.dof)
     away = (chain.lower[some] + chain.upper[some] - low[some] - high[some]) / 2

@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.parking.parking_areas import ParkingAreas, StopGroup, reordered
 from regionik.planners.coverage.tours import VisitingOrder, short_tour, shortest_order
-from regionik.planners.geometry.shortest_paths import route
+from regionik.planners.geometry.shortest_paths import shortest_path
 from regionik.postures.poses import axis_of
 from regionik.scene import Scene
 from regionik.worlds.arrays import Array
@@ -116,7 +116,7 @@ def _drive(floor: BaseGeometry, here: Array, there: Array) -> float:
     ends = shapely.points([here, there])
     if floor.covers(straight) or not floor.covers(shapely.multipoints(ends)):
         return float(straight.length)
-    way = route(floor, here, there)
+    way = shortest_path(floor, here, there)
     return float(straight.length if way is None else np.hypot(*np.diff(way, axis=0).T).sum())
 
 

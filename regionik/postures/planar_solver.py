@@ -15,7 +15,7 @@ from regionik.planners.geometry.polygons import FlatPolygon
 from regionik.planners.reach.rings import FREE
 from regionik.planners.solvers.base_placement import FIXED, BaseArea, Turning, move_to_area
 from regionik.planners.solvers.fabrik import Pair
-from regionik.planners.solvers.mfabrik_planar import least_change, solve_planar
+from regionik.planners.solvers.mfabrik_planar import PlanarSetup, least_change, links_of, solve_planar
 from regionik.planners.solvers.planar_kinematics import (
     TILT,
     PlanarLinkage,
@@ -24,7 +24,6 @@ from regionik.planners.solvers.planar_kinematics import (
     nearest_of,
     self_motion,
 )
-from regionik.planners.solvers.planar_setup import PlanarSetup, links_of
 from regionik.planners.solvers.posture_criteria import (
     COMFORT,
     Thresholds,

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from regionik.values import Configuration, Motion
-from regionik.worlds.arms import pivot_index, with_pivot
+from regionik.worlds.arms import has_pivot, pivot_index
 from regionik.worlds.arrays import Array
 from regionik.worlds.drives import BaseDrive
 from regionik.worlds.robot import Robot
@@ -139,7 +139,7 @@ def facing(robot: Robot, at: Pose) -> Pose:
 
     The same pose where the arm has no pivot of its own.
     """
-    if with_pivot(robot.chain) is not robot.chain:
+    if not has_pivot(robot.chain):
         return at
     pivot = pivot_index(robot.chain)
     ahead = np.clip(0.0, robot.chain.lower[pivot], robot.chain.upper[pivot])

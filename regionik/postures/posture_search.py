@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from regionik.planners.avoidance.neighboring_postures import NeighboringTargets, neighboring_postures
+from regionik.planners.avoidance.clear_posture import NeighboringTargets, neighboring_postures
 from regionik.planners.reach.serial_criteria import SerialThresholds, demand_of, serial_thresholds
 from regionik.planners.solvers.aims import in_columns
 from regionik.planners.solvers.damped_least_squares import POSITION, Aims
@@ -19,6 +19,7 @@ from regionik.postures.poses import axis_of
 from regionik.postures.serial_solver import SerialSolver, serial_solver
 from regionik.worlds.arms import pivot_index, pivot_joints
 from regionik.worlds.arrays import Array, Index
+from regionik.worlds.joints import nearest_turn
 from regionik.worlds.robot import with_joint_margin
 from regionik.worlds.scene import Target, World
 
@@ -71,7 +72,7 @@ class PostureSearch:
         turned = postures[:, self._pivot] + turn
         if np.isfinite(pivot.upper - pivot.lower):
             middle = (pivot.lower + pivot.upper) / 2
-            within = middle + np.remainder(turned - middle + np.pi, 2 * np.pi) - np.pi
+            within = nearest_turn(turned, middle)
             turned = np.clip(within, pivot.lower, pivot.upper)
             turn = turn + turned - within
         c, s = np.cos(turn), np.sin(turn)

@@ -17,12 +17,13 @@ from regionik.planners.solvers.closed_form import decomposition, postures_at
 from regionik.planners.solvers.damped_least_squares import ORIENTATION, Aim, polish, polish_each, tool_error
 from regionik.planners.solvers.mfabrik_serial import ArmStand, in_arm_frame, solve_serial
 from regionik.planners.solvers.multistart_ik import Effort, solve_ik
-from regionik.planners.solvers.rigid_bodies import RigidBodies, pointing_bodies, posing_bodies, span
+from regionik.planners.solvers.rigid_bodies import RigidBodies, arm_model, span
 from regionik.planners.solvers.serial_chain import SerialArm, serial_arm
 from regionik.postures.arm import CONE_SHARE, MOST_PASSES, Reached, aim_of
 from regionik.worlds.arms import pivot_index, reach_bound, sliding_chain, with_pivot, with_pivot_limits
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, spread_postures, within_half_turns
+from regionik.worlds.joints import nearest_turn
 from regionik.worlds.scene import Target
 
 RESTARTS = 10
@@ -222,7 +223,7 @@ class SerialSolver:
             q = np.array(known.postures[k])
             q[pivot_index(self.chain)] += known.yaws[k] - yaw
             endless = np.isinf(self.chain.upper - self.chain.lower)
-            q = np.where(endless, joints + np.remainder(q - joints + np.pi, 2 * np.pi) - np.pi, q)
+            q = np.where(endless, nearest_turn(q, joints), q)
             found = self._polished(goal, np.array(place), yaw, q)
             if found is not None and (led := self._led(goal, found, yaw)) is not None:
                 return replace(led, iterations=missed.iterations)
@@ -243,7 +244,7 @@ class SerialSolver:
         """Return a target as the kernels take it, and the effort to make."""
         if target.direction is None:
             starts = np.ascontiguousarray(self.starts[:, : len(self.pointing.arm.lower)])
-            sliding = pointing_bodies(sliding_chain(self.endless)).arm
+            sliding = arm_model(sliding_chain(self.endless)).pointing.arm
             return SerialGoal(self.pointing, sliding, starts, self.effort, aim_of(target), 0.0)
         sliding = serial_arm(sliding_chain(self.endless))
         effort = self.effort._replace(angle_tolerance=ANGLE_SHARE * target.cone)
@@ -286,7 +287,7 @@ def serial_solver(
     reach_bound(chain)
     chain = with_pivot(chain)
     endless = with_pivot_limits(chain, -np.inf, np.inf) if turns else chain
-    pointing, posing = pointing_bodies(endless), posing_bodies(endless)
+    pointing, posing = arm_model(endless).pointing, arm_model(endless).posing
     effort = Effort(tolerance, 1.0, 0 if chain.has_mimics else MOST_PASSES, span(pointing.arm), True)
     starts = spread_postures(endless, effort.reach, RESTARTS, 0)
     return SerialSolver(chain, endless, pointing, posing, starts, effort, height, demand)

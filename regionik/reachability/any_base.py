@@ -12,9 +12,8 @@ from shapely.geometry import MultiPolygon, Point, Polygon
 from regionik.areas.ground import Side
 from regionik.areas.layers import GUARD
 from regionik.areas.reachable import planar_reach, reach_model
-from regionik.planners.avoidance.posture_proof import solid_at_target
 from regionik.planners.collision.distances import obstacles_from
-from regionik.planners.collision.robot_scene import RobotScene
+from regionik.planners.collision.robot_bodies import RobotScene
 from regionik.planners.collision.upright_solids import Uprights, inradii, uprights_from
 from regionik.planners.geometry.polygons import FlatPolygon
 from regionik.planners.reach.any_base import (
@@ -29,6 +28,7 @@ from regionik.planners.reach.planar_capsules import NearObstacles, PlaneCapsules
 from regionik.planners.reach.planar_cells import ArmMount, cell_for
 from regionik.planners.reach.rings import reach_intervals
 from regionik.planners.search.box_search import Verdict
+from regionik.planners.search.fixed_base import solid_at_target
 from regionik.postures.arm_guard import SPARE, contact_for
 from regionik.postures.poses import Pose, axis_of
 from regionik.scene import Scene

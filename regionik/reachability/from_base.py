@@ -18,18 +18,18 @@ from shapely.geometry.base import BaseGeometry
 from regionik.explain.constraints import no_way_to
 from regionik.mfabrik import solver_for
 from regionik.planners.avoidance.clear_posture import clear_posture_at_pose
-from regionik.planners.avoidance.posture_proof import (
+from regionik.planners.collision.proximity import describe, nearest, room_of
+from regionik.planners.collision.robot_bodies import bodies_from
+from regionik.planners.geometry.angles import wrap
+from regionik.planners.geometry.offsets import farthest_outside
+from regionik.planners.search.box_search import Verdict
+from regionik.planners.search.fixed_base import (
     MOST_REDUNDANT,
     PostureTask,
     redundant_joints,
     search_postures,
     solid_at_target,
 )
-from regionik.planners.collision.proximity import describe, nearest, room_of
-from regionik.planners.collision.robot_bodies import bodies_from
-from regionik.planners.geometry.angles import wrap
-from regionik.planners.geometry.depths import farthest_outside
-from regionik.planners.search.box_search import Verdict
 from regionik.postures.arm import aim_of
 from regionik.postures.arm_guard import SPARE
 from regionik.postures.families import BACK, FRONT
@@ -40,7 +40,7 @@ from regionik.reach_rows import reach_rows
 from regionik.reachability.any_base import can_search, rules_out_posture
 from regionik.reachability.target_search import TargetResult, TargetSearch
 from regionik.scene import Scene
-from regionik.worlds.arms import pivot_index, with_pivot, with_pivot_limits
+from regionik.worlds.arms import has_pivot, pivot_index, with_pivot_limits
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.obstacles import Shadow
 from regionik.worlds.scene import Target
@@ -164,7 +164,7 @@ def _facing_ahead(scene: Scene) -> Scene:
     if scene.rules.heading != "face_target":
         return scene
     rules = replace(scene.rules, heading="free")
-    if with_pivot(chain) is not chain:  # one that stands still
+    if not has_pivot(chain):  # one that stands still
         return scene.changed(rules=rules)
     pivot = chain.active_joints[pivot_index(chain)]
     ahead = float(np.clip(0.0, pivot.lower, pivot.upper))

@@ -18,9 +18,9 @@ from regionik.executors import Pool, map_unordered
 from regionik.explain.constraints import no_way_to, places_open
 from regionik.explain.failures import no_place
 from regionik.mfabrik import Solver, solver_for
-from regionik.planners.avoidance.posture_proof import solid_at_target
 from regionik.planners.progress import Progress, listening, tell, track
 from regionik.planners.search.box_search import Verdict
+from regionik.planners.search.fixed_base import solid_at_target
 from regionik.postures.families import Family
 from regionik.postures.poses import Pose, axis_of, pose_of
 from regionik.reachability.any_base import can_search, search_any_base

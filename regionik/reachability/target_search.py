@@ -15,9 +15,9 @@ from regionik.areas.standing import LEAST_AREA, into_span, spread
 from regionik.explain.constraints import spot
 from regionik.mfabrik import Solver, solver_for
 from regionik.planners.avoidance.clear_posture import sampled_clear_posture
-from regionik.planners.avoidance.posture_proof import PostureTask
 from regionik.planners.collision.proximity import Touch
 from regionik.planners.driving.footprint import fits
+from regionik.planners.search.fixed_base import PostureTask
 from regionik.postures.arm import goal_error
 from regionik.postures.arm_guard import SPARE, Guard
 from regionik.postures.families import Family

@@ -11,6 +11,7 @@ import numpy as np
 from regionik.simulation.reference import Reference
 from regionik.values import Plan
 from regionik.worlds.arrays import Array
+from regionik.worlds.joints import nearest_turn
 from regionik.worlds.limits import Execution, Speeds
 
 ROWS = 1000  # looked at together
@@ -121,7 +122,7 @@ class SimulatedRun:
     def execution(self) -> Execution:
         """Errors of this run as ``rules.execution`` takes them, rounded up."""
         turned = self.base[:, 2] - self.reference.base[:, 2]
-        heading = np.abs(np.remainder(turned + np.pi, 2 * np.pi) - np.pi).max()
+        heading = np.abs(nearest_turn(turned)).max()
         tool, figures = self.tool_error[self.reference.on_path].max(initial=0.0), self.figures
         errors = figures["base_error"], heading, tool, max(float(self.arm_error.max()), float(tool))
         return Execution(*(round(float(np.ceil(error / GRID)) * GRID, 9) for error in errors))

@@ -22,7 +22,7 @@ from regionik.postures.arm import aim_of, goal_between
 from regionik.postures.poses import axis_of, transits
 from regionik.scene import Scene
 from regionik.values import Plan
-from regionik.worlds.arms import pivot_index, with_pivot
+from regionik.worlds.arms import has_pivot, pivot_index
 from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.drives import displacement, unwrapped
 from regionik.worlds.limits import Speeds
@@ -237,7 +237,7 @@ class _Layout:
         fixed = np.zeros(states.shape, dtype=bool)
         fixed[:, :3] = not scene.robot.drive.turns_on_the_spot  # a car's steering has to stay as it is
         fixed[:, 2] |= scene.rules.heading == "fixed"
-        if scene.rules.heading == "face_target" and with_pivot(chain) is chain:
+        if scene.rules.heading == "face_target" and has_pivot(chain):
             fixed[:, 3 + pivot_index(chain)] = True
         fixed[0], fixed[-1] = fixed[0] | held[0], fixed[-1] | held[1]
         return np.where(fixed, states, lower), np.where(fixed, states, upper)

@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from regionik.planners.geometry.depths import deepest_inside, farthest_outside
+from regionik.planners.geometry.offsets import deepest_inside, farthest_outside
 from regionik.values import Violation
 from regionik.verification.motion import Indices, Mask, MotionSegments, chord_deviation
 from regionik.verification.proofs import (

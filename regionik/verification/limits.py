@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from regionik.values import Violation
 from regionik.verification.motion import MotionSegments, wrap_angle
 from regionik.verification.proofs import Finding, StateNames, finding
-from regionik.worlds.arms import pivot_index, with_pivot
+from regionik.worlds.arms import has_pivot, pivot_index
 from regionik.worlds.arrays import Array
 from regionik.worlds.limits import Criteria
 from regionik.worlds.robot import GRAVITY, Robot
@@ -60,7 +60,7 @@ def verify_heading(world: World, segments: MotionSegments, names: StateNames) ->
     if rules.heading == "fixed":
         off = np.abs(wrap_angle(motion.base[:, 2] - motion.base[0, 2]))
         text = "the base is turned by {:.4g} rad {}; its heading is fixed"
-    elif rules.heading == "face_target" and with_pivot(chain) is chain:
+    elif rules.heading == "face_target" and has_pivot(chain):
         pivot = pivot_index(chain)
         ahead = np.clip(0.0, chain.lower[pivot], chain.upper[pivot])
         off = np.abs(wrap_angle(motion.joints[:, pivot] - ahead)) * (motion.kind == "setpoint")

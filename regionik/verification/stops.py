@@ -9,7 +9,7 @@ import shapely
 from numpy.typing import NDArray
 from scipy.special import bdtr
 
-from regionik.planners.geometry.depths import farthest_outside
+from regionik.planners.geometry.offsets import farthest_outside
 from regionik.values import Plan, Stop, Violation
 from regionik.verification.base_clearance import base_shadows, footprint_hulls
 from regionik.verification.led_postures import postures_led_to
