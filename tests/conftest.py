@@ -1,4 +1,4 @@
-"""Profiles of hypothesis: three in ten of the examples, or with ``--hypothesis-profile=long`` all of them.
+"""Profiles of hypothesis: one in six of the examples, or with ``--hypothesis-profile=long`` all of them.
 
 With ``planted``, for `tests.mutations`, the first that fails ends a test: to make it small takes minutes.
 
@@ -42,7 +42,7 @@ def compiled_kernels() -> Iterator[None]:
         yield
 
 
-settings.register_profile("quick", deadline=None, max_examples=30)
+settings.register_profile("quick", deadline=None, max_examples=16)
 settings.register_profile("long", deadline=None, max_examples=100)
 FOUND = (Phase.explicit, Phase.generate)
 settings.register_profile("planted", deadline=None, max_examples=100, phases=FOUND)
