@@ -1,7 +1,7 @@
 # make demo    plan a bundled world, verify the plan, write a page to look at
 # make test    the tests of daily work, with the same random cases each time; pytest alone draws new ones
 # make test-slow  the slow tests, which make test leaves out
-# make test-random  tests of random cases with three times as many of them
+# make test-random  tests of random cases with six times as many of them, and those that take minutes
 # make coverage  the lines that the suite runs, every kernel as plain Python too; fails under 95 in a hundred
 # make soak    all bundled worlds and WORLDS=500 random ones, half of them round a motion known to be free,
 #              judged by other libraries
@@ -41,10 +41,10 @@ test: .venv/installed-test,compare,distributed,geotiff,second,simulate
 	$(PYTEST) -m "not slow"
 
 test-slow: .venv/installed-test,compare,distributed,geotiff,second,simulate
-	$(PYTEST) --hypothesis-profile=long -m slow
+	$(PYTEST) --hypothesis-profile=long -m "slow and not long"
 
 test-random: .venv/installed-test,compare,distributed,geotiff,second,simulate
-	$(PYTEST) --hypothesis-profile=long -m hypothesis
+	$(PYTEST) --hypothesis-profile=long -m "hypothesis or long"
 
 # What compiled kernels run cannot be counted line by line: tests.twice calls them as plain Python as well, and
 # a test fails where the two differ.
@@ -52,7 +52,8 @@ COVERED := COVERAGE_FILE=$(CURDIR)/.coverage $(BIN)/coverage
 
 coverage: .venv/installed-test,compare,distributed,geotiff,second,simulate
 	rm -f .coverage .coverage.*
-	$(COVERED) run -m pytest -q -n 2 --dist loadfile --hypothesis-seed=0 --hypothesis-profile=long -p tests.twice
+	$(COVERED) run -m pytest -q -n 2 --dist loadfile --hypothesis-seed=0 --hypothesis-profile=long -m "not long" \
+		-p tests.twice
 	$(COVERED) combine -q
 	$(COVERED) report --skip-covered
 
@@ -79,7 +80,8 @@ bench-history: .venv/installed-test,bench
 
 bench-all: .venv/installed-simulate
 	$(BIN)/regionik warm-up
-	@for script in benchmarks/bench_*.py; do echo "$$script"; $(BIN)/python $$script || exit 1; done
+	@for script in benchmarks/bench_*.py; do echo "$$script"; \
+		$(BIN)/python -m benchmarks.$$(basename $$script .py) || exit 1; done
 
 tables: .venv/installed
 	$(BIN)/python -m benchmarks.tables -o docs/tables.md

@@ -1,6 +1,6 @@
 """Areas of many set-points among many obstacles, against a loop over targets, in one run.
 
-Prints seconds, the ratio and the peak memory. Run: python benchmarks/bench_areas.py [set-points] [obstacles]
+Prints seconds, the ratio and the peak memory. Run: python -m benchmarks.bench_areas [set-points] [obstacles]
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ avoidance solve alone, with one run of random turns a scene and with more, and w
 then what the search behind the two steps makes of the scenes. Other code confirms every
 answer: a posture found by the distances of its links from the circles, a proof by a dense sweep of postures
 that must not find one. Exits 1 where an answer is missing or refuted.
-Run: python benchmarks/bench_avoidance.py [scenes a target]
+Run: python -m benchmarks.bench_avoidance [scenes a target]
 """
 
 from __future__ import annotations

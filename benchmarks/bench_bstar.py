@@ -7,7 +7,7 @@ proves nothing between two poses. Links that its files let touch may touch here.
 paths: DATA/robots and DATA/ARM.npz, converted from its repository. Times are seconds of the processor, the
 first path of an arm left out, linear algebra on one thread: another's waiting would count.
 
-Run: python benchmarks/bench_bstar.py DATA [--paths N] [--levels 4 16 64] [--arms ARM ...]
+Run: python -m benchmarks.bench_bstar DATA [--paths N] [--levels 4 16 64] [--arms ARM ...]
 """
 
 from __future__ import annotations

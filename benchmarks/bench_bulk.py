@@ -4,7 +4,7 @@ A map of 1674 x 1006 cells of 3 cm is drawn from a seed: outer walls, racks, pal
 drawn evenly over it, 0.1 to 1.3 m high, and answered by `reach` in this process; the first few fill what is
 kept for a world and are timed apart. With ``--map`` another map is taken, with ``--urdf`` an arm from a file,
 on an omni base of 0.8 by 0.6 m.
-Run: python benchmarks/bench_bulk.py [--counts N ...] [--robot NAME] [--urdf FILE] [--map FILE]
+Run: python -m benchmarks.bench_bulk [--counts N ...] [--robot NAME] [--urdf FILE] [--map FILE]
 """
 
 from __future__ import annotations

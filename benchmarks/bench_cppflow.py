@@ -7,7 +7,7 @@ the problem has it, within a millimetre; in mode free it goes about a floor of 8
 DATA, from CppFlow's repository; robots: folder ROBOTS, as the package jrl has them. Times are seconds of the
 processor.
 
-Run: python benchmarks/bench_cppflow.py DATA ROBOTS [--modes fixed free] [--only NAME ...]
+Run: python -m benchmarks.bench_cppflow DATA ROBOTS [--modes fixed free] [--only NAME ...]
 """
 
 from __future__ import annotations

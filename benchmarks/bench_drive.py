@@ -1,6 +1,6 @@
 """Base drives over random maps: time per query and length against the exact shortest path.
 
-Run: python benchmarks/bench_drive.py
+Run: python -m benchmarks.bench_drive
 """
 
 from __future__ import annotations

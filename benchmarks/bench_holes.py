@@ -1,6 +1,6 @@
 """Hundreds of holes in a wing on edge, by an arm on a differential base: stops, tour and processor seconds.
 
-Run: python benchmarks/bench_holes.py robot.urdf tip_link [holes]
+Run: python -m benchmarks.bench_holes robot.urdf tip_link [holes]
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ kinematics. One core; each solver is warm; times hold for all targets, solved or
 Absent robots and solvers are named. Needs: pip install example-robot-data pytracik pin-pink daqp
 roboticstoolbox-python
 
-Run: python benchmarks/bench_ik.py [targets] [robot]...
+Run: python -m benchmarks.bench_ik [targets] [robot]...
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 
 import numpy as np
-from bench_urdf import ARMS, installed
-from ik_peers import Ask, bounds, pink, toolbox, trac_ik
 from scipy.spatial.transform import Rotation
 
 import regionik as rik
+from benchmarks.bench_urdf import ARMS, installed
+from benchmarks.ik_peers import Ask, bounds, pink, toolbox, trac_ik
 from benchmarks.tables.goals import aim_at, solve_goal
 from regionik.planners.solvers.multistart_ik import ArmSolver, solve_ik
 from regionik.worlds.arrays import Array

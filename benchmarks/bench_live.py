@@ -1,6 +1,6 @@
 """How long a saved change takes to be seen: 100 set-points among 100 obstacles, some of which move.
 
-Run: python benchmarks/bench_live.py
+Run: python -m benchmarks.bench_live
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ every set-point, in their order: on a way at least as long as the distances betw
 them, one after the other, that a base takes at full speed, from rest to rest. And the tool's point has to
 go the length of its path, no faster than base, heading and all joints together can move it.
 
-Run: python benchmarks/bench_motion.py [WORLD ...]
+Run: python -m benchmarks.bench_motion [WORLD ...]
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 Rows of x, y, z and direction are those of RoboTSP (Suarez-Ruiz, Lembono and Pham 2018), a CSV file: 245
 holes, which took it 22 s to plan and a Denso VS060 78.6 s to do, by the speeds and accelerations below.
-Run: python benchmarks/bench_panel.py robot.urdf tip_link holes.csv
+Run: python -m benchmarks.bench_panel robot.urdf tip_link holes.csv
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Probability of stops after parking: bounds against counted parkings in random worlds, and their time.
 
 Each parking is judged by the tests' second opinion, which has no code of the library.
-Run: python benchmarks/bench_parking.py [worlds] [parkings]
+Run: python -m benchmarks.bench_parking [worlds] [parkings]
 """
 
 from __future__ import annotations

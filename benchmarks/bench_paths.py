@@ -10,7 +10,7 @@ process so far [GiB], lift-offs, and those within a row; with the tool asked for
 the path at which it has that speed (to 2 in 100), and the same away from the path's ends and sharp corners.
 URDF files are found below FOLDER, as those of bench_robots.
 
-Run: python benchmarks/bench_paths.py [FOLDER ...] [--only NAME ...] [--untimed]
+Run: python -m benchmarks.bench_paths [FOLDER ...] [--only NAME ...] [--untimed]
 """
 
 from __future__ import annotations

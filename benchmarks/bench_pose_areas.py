@@ -5,7 +5,7 @@ those of random postures. From points drawn from the inner area damped least squ
 should always come to the pose; from points outside the outer one, half of them within centimetres, never. The
 gap is told as a share of the outer area, and as the width of a rim of that size along the outer one's
 edge. Exits 1 where a point refutes an area.
-Run: python benchmarks/bench_pose_areas.py FILE... [--poses N] [--points N] [--starts N]
+Run: python -m benchmarks.bench_pose_areas FILE... [--poses N] [--points N] [--starts N]
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from pathlib import Path
 
 import numpy as np
 import shapely
-from bench_reach import NEAR
-from pivoted import ANGLE, EXACT, STEPS, points_in
 
+from benchmarks.bench_reach import NEAR
+from benchmarks.pivoted import ANGLE, EXACT, STEPS, points_in
 from regionik.planners.solvers.damped_least_squares import Aim, polish
 from regionik.planners.solvers.rigid_bodies import span
 from regionik.planners.solvers.serial_chain import serial_arm

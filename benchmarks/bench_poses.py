@@ -3,7 +3,7 @@
 Poses of the whole tool lie along a rising wave of 2 m, each of another height and turn, so that no two share
 what is known of a pose; the arm of a URDF file stands on a free floor, on a base of 0.8 by 0.6 m that drives
 every way. What costs the same for each set-point shows the same figure in every row.
-Run: python benchmarks/bench_poses.py FILE [--counts N ...] [--plans N ...]
+Run: python -m benchmarks.bench_poses FILE [--counts N ...] [--plans N ...]
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ Prints, for each arm, how many of the seeded scenes (1 to 50 boxes, cylinders, b
 a posture, are proven to hold none, or stay undecided, and which stage told. Every posture found is checked by
 closed-form distances; of the proofs for arms that a dense sweep can cover, a sample is swept for a posture
 that meets no obstacle. Exits 1 where an answer is refuted.
-Run: python benchmarks/bench_postures.py [--scenes N] [--sample N] [--first N]
+Run: python -m benchmarks.bench_postures [--scenes N] [--sample N] [--first N]
 """
 
 from __future__ import annotations
@@ -14,9 +14,8 @@ import sys
 import time
 from collections import Counter, defaultdict
 
-from clutter import ARMS, faults, free_posture, scene
-from sweeps import SWEEPS
-
+from benchmarks.clutter import ARMS, faults, free_posture, scene
+from benchmarks.sweeps import SWEEPS
 from regionik.planners.avoidance.clear_posture import ClearPosture, clear_posture
 from regionik.planners.collision.robot_bodies import bodies_from
 from regionik.planners.search.box_search import Verdict

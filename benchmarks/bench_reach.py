@@ -5,7 +5,7 @@ not, with a tool direction or without) and a target height: points drawn evenly 
 by M-FABRIK's solver with its base held there; points outside the outer area are searched by damped least
 squares from random postures, some of them within centimetres of the area. Prints the counts, the gap between
 the two areas as part of the outer one, and the seconds that each took. Exits 1 where a point refutes them.
-Run: python benchmarks/bench_reach.py [--pairs N] [--points N] [--starts N]
+Run: python -m benchmarks.bench_reach [--pairs N] [--points N] [--starts N]
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from collections import defaultdict
 
 import numpy as np
 import shapely
-from pivoted import EXACT, KINDS, Case, case, points_in, searched, solved
 
+from benchmarks.pivoted import EXACT, KINDS, Case, case, points_in, searched, solved
 from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import Array
 

@@ -4,7 +4,7 @@ A floor of 20 by 20 m holds boxes, posts and balls drawn at random; the points a
 0.9 m high. With ``--hall`` the floor is a map of 1674 x 1006 cells of 3 cm drawn from a seed, with walls,
 racks, pallets and posts 1 m high, and points are up to 1.3 m high; with ``--urdf`` the arm is a file's, on an
 omni base of 0.8 by 0.6 m. One core, or as many as there are ``--workers``.
-Run: python benchmarks/bench_reach_bulk.py [--points N] [--alone N] [--hall] [--urdf FILE] [--workers N]
+Run: python -m benchmarks.bench_reach_bulk [--points N] [--alone N] [--hall] [--urdf FILE] [--workers N]
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ raster  32 set-points in four rows on a wall, the tool square to it
 The wall stands as far behind the set-points as the last link sticks out beyond the tool point, and 2 cm more.
 Files of several arms are named with their refusal, which lists the tips: name one behind a colon.
 
-Run: python benchmarks/bench_robots.py FILE[:TIP]|FOLDER... [--tasks point seam circle raster]
+Run: python -m benchmarks.bench_robots FILE[:TIP]|FOLDER... [--tasks point seam circle raster]
 """
 
 from __future__ import annotations

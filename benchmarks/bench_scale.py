@@ -4,7 +4,7 @@
 memory of all its processes together are measured from outside. `reach` is asked target by target for some.
 Then as many runs of a smaller table are killed at random moments and called again, and the bytes are compared
 with those of an unbroken run. Exits 1 where they differ or a process is left behind.
-Run: python benchmarks/bench_scale.py [--count N] [--workers N] [--kills N] [--kill-count N] [--scalar N]
+Run: python -m benchmarks.bench_scale [--count N] [--workers N] [--kills N] [--kill-count N] [--scalar N]
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Fewest stops: against all ways to cut 100 random paths, a grid, covers from sampled places, and on depot.
 
 Tours of twelve holes and fewer are compared with every order. Every number is counted in this run.
-Run: python benchmarks/bench_stops.py [picture.png]
+Run: python -m benchmarks.bench_stops [picture.png]
 """
 
 from __future__ import annotations

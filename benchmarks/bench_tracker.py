@@ -5,7 +5,7 @@ wheel over a step and its time at 0.5 m/s, the time of the whole path, the sidew
 between states, the slip a step of the paper's own heading rule on the same poses, and the seconds to plan.
 Ends with an error where a figure is not what it must be.
 
-Run: python benchmarks/bench_tracker.py
+Run: python -m benchmarks.bench_tracker
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ Printed for each world, of both: travel of all joints [rad] and of the base's ax
 of planning once more [s], in turns in one process; lift-offs; the ratio of the arms' travel; and what
 RoboPlan's motion leaves of each distance [m]. The package `roboplan` is wanted.
 
-Run: python benchmarks/bench_travel.py [WORLD ...]
+Run: python -m benchmarks.bench_travel [WORLD ...]
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ Prints a line a robot: joints, solids, what was said while loading, seconds to l
 difference between our tool frame and pinocchio's over 1000 random postures within limits. Robots and programs
 that are not installed are named as absent. Needs: pip install pin example-robot-data rtb-data
 
-Run: python benchmarks/bench_urdf.py [postures]
+Run: python -m benchmarks.bench_urdf [postures]
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ Each robot draws a seam of 60 set-points, 2 m long, on an open floor and in fron
 size that drives every way, on a differential drive and as a car. Robots are the bundled youbot-real and
 pioneer-parm, and those of URDF files that are named.
 
-Run: python benchmarks/bench_wheels.py [URDF ...] [--tip NAME] [--height METRES]
+Run: python -m benchmarks.bench_wheels [URDF ...] [--tip NAME] [--height METRES]
 """
 
 from __future__ import annotations

@@ -1,6 +1,10 @@
 """The tests."""
 
+import pytest
 from hypothesis import settings
+
+# Marks of a test that takes minutes; a smaller form of it runs with every change.
+MINUTES = (pytest.mark.slow, pytest.mark.long)
 
 
 def examples(count: int) -> int:

@@ -1,11 +1,12 @@
-"""Profiles of hypothesis: three in ten of the examples, or with ``--hypothesis-profile=long`` all of them.
+"""Profiles of hypothesis: one in six of the examples, or with ``--hypothesis-profile=long`` all of them.
 
 With ``planted``, for `tests.mutations`, the first that fails ends a test: to make it small takes minutes.
 
-No law holds only on a fast machine: neither sets deadlines. The longest files come first, so that two workers
-end together. Kernels are compiled before they run, as tests run them for long.
+No law holds only on a fast machine: neither sets deadlines. Long files come first, so that two workers end
+together. Kernels are compiled before they run, as tests run them for long.
 """
 
+import os
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
@@ -16,10 +17,15 @@ from hypothesis import Phase, settings
 
 import regionik
 from regionik.planners.kernels import compiled_at_once
+from tests import planned
 
-LONGEST = """cut_off random_worlds repairs doors wheeled_plans colors shown_solver opinion doctests proximity
-    stops cli rivals clear_posture motion bulk footprint retime wheels arms criteria"""
-_FIRST = {f"test_{name}": k for k, name in enumerate(LONGEST.split())}
+# While one of two workers compiles kernels for the first file, the other runs files that need hardly any.
+FIRST = """cut_off
+    view hostile world_file urdf urdf_collision urdf_versions faults examples docs cli occupancy_map visuals
+    planfile files ros2_folder plot gcode srdf
+    random_worlds repairs doors wheeled_plans colors shown_solver opinion doctests proximity stops rivals
+    clear_posture motion bulk footprint retime wheels arms criteria"""
+_FIRST = {f"test_{name}": k for k, name in enumerate(FIRST.split())}
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -42,7 +48,13 @@ def compiled_kernels() -> Iterator[None]:
         yield
 
 
-settings.register_profile("quick", deadline=None, max_examples=30)
+@pytest.fixture(scope="session", autouse=True)
+def shared_plans(tmp_path_factory: pytest.TempPathFactory) -> None:
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        planned.share(tmp_path_factory.getbasetemp().parent / "plans")
+
+
+settings.register_profile("quick", deadline=None, max_examples=16)
 settings.register_profile("long", deadline=None, max_examples=100)
 FOUND = (Phase.explicit, Phase.generate)
 settings.register_profile("planted", deadline=None, max_examples=100, phases=FOUND)

@@ -21,7 +21,7 @@ from tests.opinion.body import Body
 from tests.retold import machine_of
 
 DAILY = range(4)
-ALL = 60  # `make soak` goes through more of them
+ALL = 16  # `make soak` goes through more of them
 
 
 def under_a_table() -> World:

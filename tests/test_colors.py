@@ -30,7 +30,7 @@ from regionik.worlds.bundled import robot_named, world_names
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import NoPlanFound
 from regionik.worlds.scene import World
-from tests import examples
+from tests import MINUTES, examples
 from tests.planned import planned
 from tests.test_random_worlds import random_world
 from tests.test_whatif import crowded
@@ -107,15 +107,21 @@ def test_no_set_point_of_a_world_that_is_planned_is_red(name: str) -> None:
     assert assert_live(load_world(name)).explanation is None
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", sorted(set(world_names()) - {"pillar", "wall", "door"}))
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=MINUTES if name in ("circle", "depot") else pytest.mark.slow)
+        for name in sorted(set(world_names()) - {"pillar", "wall", "door"})
+    ],
+)
 def test_nor_one_of_any_bundled_world_that_areas_decide(name: str) -> None:
     world = load_world(name)
     assert (assert_live(world).explanation is None) or can_track(scene_of(world))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(100))
+@pytest.mark.parametrize(
+    "seed", [pytest.param(seed, marks=pytest.mark.slow if seed < 25 else MINUTES) for seed in range(100)]
+)
 def test_colours_and_verdicts_agree_on_random_worlds(seed: int) -> None:
     world = random_world(seed)
     areas = assert_live(world)

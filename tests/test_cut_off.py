@@ -19,6 +19,7 @@ from regionik.worlds.links import capsules_along
 from regionik.worlds.obstacles import Box, Solid
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Mode, Rules, Start, Target, World
+from tests import MINUTES
 
 POINTED, LONG = robot_named("youbot"), robot_named("youbot-real")
 TURNS = np.arange(12) * np.pi / 6
@@ -69,8 +70,8 @@ def named(found: Explanation) -> set[str]:
     ("robot", "size"),
     [
         (POINTED, 1.2),
-        pytest.param(POINTED, 0.6, marks=pytest.mark.slow),
-        pytest.param(ROUND, 1.2, marks=pytest.mark.slow),
+        pytest.param(POINTED, 0.6, marks=MINUTES),
+        pytest.param(ROUND, 1.2, marks=MINUTES),
     ],
 )
 def test_the_boards_of_a_closed_cupboard_are_named_and_nothing_else(robot: Robot, size: float) -> None:

@@ -12,8 +12,8 @@ import pytest
 
 from tests.determinism import NEAR, apart
 
-NAMES = ["transits", "stops", "reach", "why"]
-SALTS = ["0", "1", "random"]
+NAMES = ["transits", "avoidance", "stops", "reach", "why"]
+SALTS = ["0", "random"]
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, object]]:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_another_process_gives_the_same(name: str, made: list[dict[str, object]]) -> None:
-    assert made[0][name] == made[1][name] == made[2][name]
+    assert made[0][name] == made[1][name]
 
 
 def test_the_comparison_sees_what_differs() -> None:

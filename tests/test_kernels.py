@@ -20,6 +20,7 @@ import regionik as rik
 from regionik.planners import kernels
 from regionik.planners.kernels import CountedFunctions, compiled, compiled_at_once
 from regionik.worlds.arrays import Array
+from tests import MINUTES
 
 ROOT = Path(__file__).parent.parent
 # What numpy or Python rounds otherwise than the machine code of numba, and what to use in its place.
@@ -273,7 +274,11 @@ def test_the_work_of_earlier_processes_counts(tmp_path: Path) -> None:
     assert compiled_after(5_000)
 
 
-WORLDS = ["pillar", *(pytest.param(name, marks=pytest.mark.slow) for name in ("shelf", "pipe", "circle"))]
+WORLDS = [
+    "free",
+    pytest.param("pillar", marks=pytest.mark.slow),
+    *(pytest.param(name, marks=MINUTES) for name in ("shelf", "pipe", "circle")),
+]
 
 
 @pytest.mark.parametrize("name", WORLDS)

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +12,6 @@ from regionik.moving import transit
 from regionik.pipeline import plan
 from regionik.planners.geometry.angles import wrap
 from regionik.postures.poses import LARGEST_BEND
-from regionik.storage.plan_document import plan_to_text
 from regionik.values import Plan
 from regionik.verification.verifier import verify
 from regionik.worlds.arms import planar_arm
@@ -118,24 +114,6 @@ def test_the_elbow_does_not_flip_on_the_path(name: str) -> None:
     flips = (np.sign(before) != np.sign(after)) & (np.abs(after - before) > 0.1) & unbroken
     assert unbroken.sum() >= len(spots) - 2
     assert not flips.any()
-
-
-@pytest.mark.slow
-def test_the_same_bytes_again_and_in_another_process() -> None:
-    script = (
-        "import sys\n"
-        "from regionik.pipeline import plan\n"
-        "from regionik.storage.plan_document import plan_to_text\n"
-        "from regionik.worlds.documents.world_file import load_world\n"
-        "for name in ('shelf', 'pipe'):\n"
-        "    sys.stdout.write(plan_to_text(plan(load_world(name))))\n"
-    )
-    other = "1" if os.environ.get("PYTHONHASHSEED") != "1" else "2"
-    env = {**os.environ, "PYTHONHASHSEED": other}
-    ran = subprocess.run([sys.executable, "-c", script], env=env, capture_output=True, text=True, check=True)
-    here = [plan_to_text(planned(name)) for name in ("shelf", "pipe")]
-    assert [plan_to_text(plan(load_world(name))) for name in ("shelf", "pipe")] == here
-    assert ran.stdout == "".join(here)
 
 
 def boards(middle: Array, inside: float, low: float, high: float, sides: str) -> tuple[Box, ...]:

@@ -45,7 +45,9 @@ def refusal(world: World) -> str:
     return no.value.explanation.reason
 
 
-@pytest.mark.parametrize("width", [0.7, 0.6, 0.5, 0.45, 0.3801])
+@pytest.mark.parametrize(
+    "width", [0.6, 0.3801, *(pytest.param(width, marks=pytest.mark.slow) for width in (0.7, 0.5, 0.45))]
+)
 def test_a_line_along_a_strip_of_floor_is_planned_at_every_width_above_the_footprints(width: float) -> None:
     made = plan(strip(width))
     assert made.lift_offs == 0
@@ -56,7 +58,9 @@ def test_a_line_along_a_strip_of_floor_is_planned_at_every_width_above_the_footp
     "world",
     [
         strip(0.5, yaw=None),
-        strip(0.6, yaw=np.pi / 2),  # it stands across, and has no room to turn
+        pytest.param(
+            strip(0.6, yaw=np.pi / 2), marks=pytest.mark.slow, id="no room to turn"
+        ),  # it stands across
         strip(0.5, walls=True),
         strip(0.5, "differential"),
         strip(0.3801, "car"),

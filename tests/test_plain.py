@@ -17,6 +17,7 @@ from regionik.mfabrik import Solver
 from regionik.planners.geometry import polygons
 from regionik.planners.solvers.multistart_ik import ArmSolver
 from regionik.worlds.bundled import robot_named
+from tests import MINUTES
 from tests.twice import kernels_called_twice
 
 
@@ -45,14 +46,16 @@ def test_plain_python_gives_the_same_numbers() -> None:
         np.testing.assert_allclose(mine, other, rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("name", [pytest.param("pipe", marks=pytest.mark.slow), "tao1"])
+@pytest.mark.parametrize(
+    "name", [pytest.param("pipe", marks=MINUTES), pytest.param("tao1", marks=pytest.mark.slow)]
+)
 def test_each_kernel_of_a_plan_says_the_same_as_plain_python(name: str) -> None:
     with kernels_called_twice():
         plan = rik.plan(rik.load_world(name))
     assert rik.verify(plan).ok
 
 
-@pytest.mark.parametrize("name", ["l_shape", pytest.param("shelf", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["l_shape", pytest.param("shelf", marks=MINUTES)])
 def test_each_kernel_of_bulk_answers_says_the_same_as_plain_python(name: str) -> None:
     world = rik.load_world(name)
     targets = np.random.default_rng(0).uniform([-1, -1, 0], [3, 3, 1], (50, 3))

@@ -125,6 +125,7 @@ def test_in_a_window_is_proven_what_is_without_and_little_around_it() -> None:
     assert 4 * shapely.get_num_coordinates(some) < shapely.get_num_coordinates(every)
 
 
+@pytest.mark.slow
 def test_headings_and_the_pivots_limits_bound_what_is_proven() -> None:
     """At one heading, with a pivot that turns a little, each place has a posture within its limits."""
     first, *others = ARMS["ur"].joints

@@ -33,7 +33,12 @@ def refused(world: World) -> Explanation:
     """Return why a world is not planned, by both doors."""
     with pytest.raises(NoPlanFound) as no:
         plan(world)
-    found, told = no.value.explanation, why(world)
+    return told_by_why(world, no.value.explanation)
+
+
+def told_by_why(world: World, found: Explanation) -> Explanation:
+    """Return why a world is not planned, which `why` says too."""
+    told = why(world)
     assert told is not None
     assert (told.verdict, told.setpoint, told.causes) == (found.verdict, found.setpoint, found.causes)
     assert found.causes
@@ -71,15 +76,15 @@ def test_too_little_room_to_park_is_mended_by_a_smaller_circle() -> None:
 
 
 @pytest.mark.parametrize(
-    "seeds", [(8, 17), pytest.param(range(60), marks=pytest.mark.slow)], ids=["few", "many"]
+    "seeds", [(8, 17), pytest.param(range(30), marks=pytest.mark.slow)], ids=["few", "many"]
 )
 def test_both_doors_say_the_same(seeds: range) -> None:
     verdicts = set()
     for seed in seeds:
         try:
             plan(random_world(seed))
-        except NoPlanFound:
-            verdicts.add(refused(random_world(seed)).verdict)
+        except NoPlanFound as no:
+            verdicts.add(told_by_why(random_world(seed), no.explanation).verdict)
     assert {"unreachable", "start-blocked"} <= verdicts
 
 

@@ -16,6 +16,7 @@ from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import Explanation, Repair
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Floor, Rules, Target, World
+from tests import MINUTES
 from tests.why_cases import as_small_as_brute_force, cases, part_of, smaller
 
 SHOULDER, REACH = 0.147, 0.033 + 0.155 + 0.135 + 0.2175  # of the youbot, stretched level [m]
@@ -68,7 +69,7 @@ NEARLY = replace(UNBROKEN, rules=replace(UNBROKEN.rules, clearance=0.108))
         ("lift-off", UNBROKEN),
         pytest.param("move-obstacle", UNBROKEN, marks=pytest.mark.slow),
         pytest.param("clearance", UNBROKEN, marks=pytest.mark.slow),
-        pytest.param("raise", NEARLY, marks=pytest.mark.slow),
+        pytest.param("raise", NEARLY, marks=MINUTES),
     ],
 )
 def test_a_path_is_mended_by_as_little_as_brute_force_finds(kind: str, world: World) -> None:
@@ -89,7 +90,7 @@ def test_a_path_is_mended_by_as_little_as_brute_force_finds(kind: str, world: Wo
             716,
             0.11,
             id="along the shortest way of the base the arm touches a box until 0.168 m",
-            marks=pytest.mark.slow,
+            marks=MINUTES,
         ),
     ],
 )

@@ -36,6 +36,7 @@ from regionik.worlds.errors import NoPlanFound
 from regionik.worlds.limits import Criteria
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Mode, Rules, Target, World
+from tests import MINUTES
 from tests.mimics import ARMS as MIMICS
 from tests.mimics import arm as mimic_robot
 from tests.random_arms import ARMS, random_robot
@@ -197,7 +198,7 @@ def has_posture(robot: Robot, asked: Criteria, target: Target, place: Array) -> 
     [
         ("offsets", 4),
         ("slides", 7),
-        pytest.param("wrists", 1, marks=pytest.mark.slow),
+        pytest.param("wrists", 1, marks=MINUTES),
         pytest.param("tilted", 5, marks=pytest.mark.slow),
     ],
 )

@@ -141,7 +141,8 @@ def test_wheels_keep_their_way(base: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "seed", "most"), [("overhead", 404, 1.1), ("made", 132, 1.1), ("ground", 817, 1.3)]
+    ("kind", "seed", "most"),
+    [("overhead", 404, 1.1), ("made", 132, 1.1), pytest.param("ground", 817, 1.3, marks=pytest.mark.slow)],
 )
 def test_where_shortcuts_do_not_help_other_ways_are_looked_for(kind: str, seed: int, most: float) -> None:
     """The base drew back as the arm could not fold, went round as its circle, or had to turn its arm by."""

@@ -411,6 +411,7 @@ def test_what_is_missing_of_a_constraint_costs(cost: float, least: float, upper:
     assert found[0] == pytest.approx(min(max(least, 0.0), cost, upper), abs=3e-4)
 
 
+@pytest.mark.slow
 def test_states_far_from_one_that_failed_stay() -> None:
     found, _ = both("depot")
     run = next(

@@ -1,10 +1,12 @@
-"""What was shown once stays shown: figures of motion, and a small form of a benchmark that judges answers."""
+"""What was shown once stays shown: figures of motion, and small forms of benchmarks that judge answers."""
 
 from __future__ import annotations
 
+from itertools import count
+
 import pytest
 
-from benchmarks import bench_decided
+from benchmarks import bench_avoidance, bench_decided, bench_postures, bench_reach, bench_tracker, bench_why
 from benchmarks.bench_motion import SMOOTH, passed, turns
 from benchmarks.bench_simulate import SPEEDS, faults
 from regionik.simulation.simulate import simulate
@@ -27,8 +29,23 @@ def test_the_base_turns_little_in_the_depot_and_the_tool_keeps_its_speed() -> No
     assert tool["held_elsewhere"] > 0.88
 
 
-def test_few_targets_stay_undecided_and_brute_force_refutes_none() -> None:
-    assert bench_decided.main(worlds=4, targets=60, drawn=20, starts=2000) == 0
+PROGRAMS = {
+    "four links among circles": lambda: bench_avoidance.main(scenes=2),
+    "few targets are undecided": lambda: bench_decided.main(worlds=4, targets=60, drawn=20, starts=2000),
+    "postures in clutter": lambda: bench_postures.main(scenes=20, sample=1, first=200),
+    "points in areas and outside": lambda: bench_reach.main(pairs=6, points=10, starts=200),
+    "causes and smallest repairs": lambda: bench_why.main(3, count(55)),
+}
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_a_benchmark_that_judges_answers_refutes_none(name: str) -> None:
+    assert PROGRAMS[name]() == 0
+
+
+@pytest.mark.parametrize("name", [pytest.param("circle", marks=pytest.mark.long), "door"])
+def test_poses_are_met_to_rounding_without_slip(name: str) -> None:
+    assert bench_tracker.measure(name)
 
 
 @pytest.mark.parametrize("name", [name for name in world_names() if name != "depot"])

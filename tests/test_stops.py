@@ -36,6 +36,7 @@ from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.obstacles import Box, Cylinder, Sphere
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
+from tests import MINUTES
 from tests.soaked import soaked_world
 from tests.witnesses import witness
 
@@ -134,9 +135,7 @@ def narrow(world: World, half: float) -> World:
 
 
 @pytest.mark.parametrize("order", ["given", "any"])
-@pytest.mark.parametrize(
-    "seed", [pytest.param(0, marks=pytest.mark.slow), pytest.param(1, marks=pytest.mark.slow), 2]
-)
+@pytest.mark.parametrize("seed", [pytest.param(0, marks=MINUTES), pytest.param(1, marks=pytest.mark.slow), 2])
 def test_the_criterion_chooses_among_fewest_stops(order: str, seed: int) -> None:
     """A pivot that hardly turns once split stops by one criterion and not by another."""
     world = narrow(wave(seed, count=10), 1.0)

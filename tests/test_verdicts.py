@@ -113,7 +113,7 @@ def small_world(seed: int) -> World:
     return World("small", replace(arm, chain=chain, footprint=corners), room, solids, (target,), rules)
 
 
-@settings(max_examples=examples(12), deadline=None)
+@settings(max_examples=examples(6), deadline=None)
 @given(st.integers(0, 10_000))
 def test_no_answer_contradicts_another(seed: int) -> None:
     """What `reach` finds nobody rules out, and what a plan rules out `reach` does not find."""

@@ -16,6 +16,7 @@ from regionik.worlds.drives import BaseKind
 from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
+from tests import MINUTES
 from tests.random_arms import random_robot
 
 RADIUS = 0.6  # of the car's turns [m]
@@ -25,7 +26,7 @@ def corridor(width: float, base: BaseKind = "omni") -> World:
     """Two rooms and a corridor between them, 2 m long; the tool goes through it."""
     shape = shapely.box(0, 0, 2, 2) | shapely.box(1.9, 0.7, 4, 0.7 + width) | shapely.box(3.9, 0, 6, 2)
     robot = replace(robot_named("youbot-real"), base=base, turning_radius=RADIUS if base == "car" else 0.0)
-    path = [Target(np.array([x, 0.7 + width / 2, 0.25])) for x in np.linspace(1.0, 5, 41)]
+    path = [Target(np.array([x, 0.7 + width / 2, 0.25])) for x in np.linspace(1.0, 5, 21)]
     start = Start(np.array([0.7, 1.0, 1.57]), robot.carry)
     return World("corridor", robot, Floor(shape), (), tuple(path), Rules(clearance=0.0), start)
 
@@ -70,8 +71,8 @@ def footprints(made: Plan, shares: int) -> list[shapely.Polygon]:
 @pytest.mark.parametrize(
     ("width", "base"),
     [
-        pytest.param(0.5, "omni", marks=pytest.mark.slow),
-        (0.3801, "omni"),
+        pytest.param(0.5, "omni", marks=MINUTES),
+        pytest.param(0.3801, "omni", marks=pytest.mark.slow),
         pytest.param(0.6, "differential", marks=pytest.mark.slow),
     ],
 )
@@ -132,6 +133,7 @@ def test_a_circle_is_done_in_one_run_that_begins_far_from_joint_limits() -> None
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_car_is_told_where_it_does_not_get_through() -> None:
     bend = shapely.box(0, 0, 0.62, 6) | shapely.box(0, 5.38, 6, 6)
     robot = replace(robot_named("youbot-real"), base="car", turning_radius=3.0)

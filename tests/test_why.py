@@ -113,8 +113,8 @@ def test_a_base_beside_the_tools_direction_wants_a_wider_cone() -> None:
     cone = of_kind(found, "cone")
     assert (cone.unit, cone.vector) == ("rad", ())
     assert np.arctan2(0.3, 0.05) <= cone.amount < np.arctan2(0.5, 0.05)  # from the corners of the floor
-    assert why(world, replace(target, cone=cone.amount)) is None
-    assert why(world, replace(target, cone=0.95 * cone.amount)) is not None
+    ends = [replace(target, cone=share * cone.amount) for share in (1.0, 0.95)]
+    assert reach(world, ends).reachable.tolist() == [True, False]
 
 
 def test_a_path_with_too_many_lift_offs() -> None:
@@ -144,9 +144,9 @@ def test_bad_targets_are_refused() -> None:
         why(hall(), [0.0, 1.0])
 
 
-@pytest.mark.parametrize("seeds", [range(52, 55), pytest.param(range(55, 64), marks=pytest.mark.slow)])
-def test_random_cases_are_irreducible_and_mended(seeds: range) -> None:
-    found = cases(seeds)
+def test_random_cases_are_irreducible_and_mended() -> None:
+    """`benchmarks/bench_why.py` asks more of them, some by `tests/test_still_shown.py`."""
+    found = cases(range(52, 55))
     assert found
     for case in found:
         is_mended(case)
