@@ -1,4 +1,4 @@
-"""Paths of a point in a polygon: straight, or the shortest of all."""
+"""Paths of a point in a polygon: straight, else by Algorithm 2 of M-FABRIK, else the shortest of all."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import shapely
 from numpy.typing import ArrayLike
 from shapely.geometry import MultiPolygon, Polygon
 
+from regionik.planners.driving.greedy_steps import greedy_points
 from regionik.planners.geometry.polygons import (
     DEPTH,
     FlatPolygon,
@@ -21,7 +22,7 @@ from regionik.planners.geometry.shortest_paths import shortest_path
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import RegionikError
 
-Method = Literal["straight", "shortest"]
+Method = Literal["straight", "steps", "shortest"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +49,7 @@ def drive_point(free: Polygon | MultiPolygon, start: ArrayLike, goal: ArrayLike,
     start, goal : (2,) array_like
         [m]; moved onto the boundary when rounding put them outside by at most 1e-9 m.
     step : float
-        Longest leg [m].
+        Longest leg (rho of Algorithm 2) [m].
 
     Raises
     ------
@@ -76,11 +77,16 @@ def drive_point_inside(
     ends = clamp_each(flat.vertices, flat.starts, np.array([start, goal]))
     if (ends[0] == ends[1]).all():
         return PointPath(frozen(ends[:1], (None, 2), "path"), "straight")
-    straight = flat.sees(*ends)
-    path = ends if straight else shortest_path(part, *ends)
+    if flat.sees(*ends):
+        return PointPath(frozen(cut(ends, step), (None, 2), "path"), "straight")
+    (ax, ay), (bx, by) = ends.tolist()
+    points, arrived = greedy_points(flat.vertices, flat.starts, ax, ay, bx, by, step)
+    if arrived:
+        return PointPath(frozen(points, (None, 2), "path"), "steps")
+    path = shortest_path(part, *ends)
     if path is None:
         raise NoPathError(f"no way through the free area from {_at(ends[0])} to {_at(ends[1])}")
-    return PointPath(frozen(cut(path, step), (None, 2), "path"), "straight" if straight else "shortest")
+    return PointPath(frozen(cut(path, step), (None, 2), "path"), "shortest")
 
 
 def _common_part(free: Polygon | MultiPolygon, start: Array, goal: Array) -> Polygon:
