@@ -10,14 +10,13 @@ import shapely
 from shapely.geometry import Point
 
 from regionik.areas.surroundings import about_path
-from regionik.pipeline import check_world
+from regionik.pipeline import areas_follow_motion, check_world
 from regionik.planners.geometry.offsets import shrunk
 from regionik.postures.poses import axis_of
 from regionik.pruning import whole_path
 from regionik.reachability.reach import reach
 from regionik.regions import outer_areas, planned_areas
 from regionik.storage.plan_document import PARTS, kept_areas
-from regionik.tracker import can_track
 from regionik.values import Plan, PlannedArea, Report, Violation
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import NoPlanFound
@@ -50,8 +49,8 @@ def verify_areas(plan: Plan) -> Report:
     """
     violations = tuple(_reachable(plan))
     if plan.areas:
-        depends_on_motion = plan.world.rules.mode == "stops" or can_track(plan.world)
-        violations += tuple(_bases_outside(plan) if depends_on_motion else _differences(plan))
+        found = _bases_outside(plan) if areas_follow_motion(plan.world) else _differences(plan)
+        violations += tuple(found)
     return Report(not violations, {}, violations)
 
 

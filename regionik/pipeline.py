@@ -20,6 +20,7 @@ from regionik.explain.why import Say, explained, explained_target, target_name, 
 from regionik.motion import connect_setpoints
 from regionik.moving.path_search import JoinedMotion
 from regionik.moving.whole_turns import brought_to_the_middle
+from regionik.papers.tracker import can_track, plan_tracked
 from regionik.parking.fewest_stops import park
 from regionik.parking.standing_runs import standing_runs
 from regionik.parking.stop_motion import connect_stops
@@ -35,7 +36,6 @@ from regionik.reachability.target_search import TargetSearch
 from regionik.reachability.unreached import unreached
 from regionik.regions import has_no_known_place, planned_areas
 from regionik.smoothing.smooth_motion import smooth_motion
-from regionik.tracker import can_track, plan_tracked
 from regionik.values import Plan, PlannedArea, Stop
 from regionik.verification.verifier import verify
 from regionik.worlds.arms import reach_bound
@@ -378,6 +378,11 @@ def check_world(world: World) -> None:
     if world.rules.mode == "stops" or not can_track(world):
         reach_bound(world.robot.chain)  # refuses robots that areas do not cover
     _refuse(failures.blocked_start(world))
+
+
+def areas_follow_motion(world: World) -> bool:
+    """Return True where areas depend on the search for motion: those of stops and of Xu's tracker."""
+    return world.rules.mode == "stops" or can_track(world)
 
 
 def _finished(
