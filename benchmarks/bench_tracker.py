@@ -17,7 +17,7 @@ import numpy as np
 
 import regionik as rik
 from benchmarks.tables.xu import chord_heading_slip
-from regionik.tracker import tracking_robot
+from regionik.papers.tracker import tracking_robot
 from regionik.worlds.arrays import Array
 from regionik.worlds.drives import wheel_travel
 

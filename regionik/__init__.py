@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from regionik.area_verification import verify_areas
-    from regionik.comparison import compare
     from regionik.mfabrik import Solver
     from regionik.output.export import export, write_field
     from regionik.output.plan_file import load_plan
+    from regionik.papers.comparison import compare
     from regionik.parking.replanning import replan_stop
     from regionik.parking.stops import stops
     from regionik.pipeline import plan, why

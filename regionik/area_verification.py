@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 from shapely.geometry import Point
 
-from regionik.pipeline import check_world
+from regionik.pipeline import areas_follow_motion, check_world
 from regionik.planners.geometry.offsets import shrunk
 from regionik.postures.poses import axis_of
 from regionik.pruning import whole_path
@@ -16,7 +16,6 @@ from regionik.reachability.reach import reached
 from regionik.regions import outer_areas, planned_areas
 from regionik.scene import Scene, scene_of
 from regionik.storage.plan_document import PARTS, kept_areas
-from regionik.tracker import can_track
 from regionik.values import Plan, PlannedArea, Report, Violation
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import NoPlanFound
@@ -49,8 +48,8 @@ def verify_areas(plan: Plan) -> Report:
     violations = tuple(_reachable(plan))
     if plan.areas:
         scene = scene_of(plan.world)
-        depends_on_motion = scene.rules.mode == "stops" or can_track(scene)
-        violations += tuple(_bases_outside(plan) if depends_on_motion else _differences(plan, scene))
+        found = _bases_outside(plan) if areas_follow_motion(scene) else _differences(plan, scene)
+        violations += tuple(found)
     return Report(not violations, {}, violations)
 
 

@@ -19,6 +19,7 @@ from regionik.explain.why import Say, explained, explained_target, target_name, 
 from regionik.motion import connect_setpoints
 from regionik.moving.path_search import JoinedMotion
 from regionik.moving.whole_turns import brought_to_the_middle
+from regionik.papers.tracker import can_track, plan_tracked
 from regionik.parking.fewest_stops import park
 from regionik.parking.standing_runs import standing_runs
 from regionik.parking.stop_motion import connect_stops
@@ -35,7 +36,6 @@ from regionik.reachability.unreached import unreached
 from regionik.regions import has_no_known_place, planned_areas
 from regionik.scene import Scene, scene_of
 from regionik.smoothing.smooth_motion import smooth_motion
-from regionik.tracker import can_track, plan_tracked
 from regionik.values import Plan, PlannedArea, Stop
 from regionik.verification.verifier import verify
 from regionik.worlds.arms import reach_bound
@@ -382,6 +382,11 @@ def check_world(scene: Scene) -> None:
     if scene.rules.mode == "stops" or not can_track(scene):
         reach_bound(scene.robot.chain)  # refuses robots that areas do not cover
     _refuse(failures.blocked_start(scene))
+
+
+def areas_follow_motion(scene: Scene) -> bool:
+    """Return True where areas depend on the search for motion: those of stops and of Xu's tracker."""
+    return scene.rules.mode == "stops" or can_track(scene)
 
 
 def _finished(

@@ -11,13 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.geometry.base import BaseGeometry
 
+from regionik.papers.tracker import can_track
 from regionik.pipeline import search
 from regionik.planners.collision.proximity import nearest
 from regionik.postures.poses import axis_of
 from regionik.reachability.field import reach_field, reach_slice
 from regionik.regions import outer_areas
 from regionik.scene import scene_of
-from regionik.tracker import can_track
 from regionik.values import Plan
 from regionik.view.figures import field_image
 from regionik.view.floor_view import DETAIL, floor_view, shown_floor

@@ -12,7 +12,7 @@ import pytest
 
 import regionik as rik
 from regionik.cli import app
-from regionik.comparison import (
+from regionik.papers.comparison import (
     DEFAULT,
     METHODS,
     Comparison,

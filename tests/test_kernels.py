@@ -35,7 +35,7 @@ SUMMED = {"counts", "parts", "pieces"}  # of whole numbers
 
 
 def kernel_definitions() -> Iterator[tuple[str, ast.FunctionDef]]:
-    for path in sorted((ROOT / "planners").rglob("*.py")):
+    for path in sorted([*(ROOT / "planners").rglob("*.py"), *(ROOT / "regionik/papers").rglob("*.py")]):
         for node in ast.parse(path.read_text(encoding="utf-8")).body:
             if isinstance(node, ast.FunctionDef):
                 decorators = " ".join(map(ast.unparse, node.decorator_list))

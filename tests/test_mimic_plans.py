@@ -14,9 +14,9 @@ import shapely
 from scipy.spatial import cKDTree
 
 from regionik.cli.plan import EXPORT_FORMATS
-from regionik.comparison import prepare_methods
 from regionik.output.export import export
 from regionik.output.plan_file import load_plan
+from regionik.papers.comparison import prepare_methods
 from regionik.pipeline import plan
 from regionik.planners.collision.distances import obstacles_from
 from regionik.planners.reach.level_reach import inner_reach, outer_reach, posture_at

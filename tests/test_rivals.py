@@ -9,16 +9,16 @@ import pytest
 
 from benchmarks.tables.batch import solve_batch
 from benchmarks.tables.goals import aim_at, confirm, solve_goal
-from regionik.planners.rivals.genetic import Genetic
-from regionik.planners.rivals.iterative import (
+from regionik.papers.rivals.genetic import Genetic
+from regionik.papers.rivals.iterative import (
     CyclicDescent,
     DampedLeastSquares,
     IterativeMethod,
     PseudoInverse,
     Transpose,
 )
-from regionik.planners.rivals.method import ArmMethod, Fabrik, FabrikPolished
-from regionik.planners.rivals.network import Network
+from regionik.papers.rivals.method import ArmMethod, Fabrik, FabrikPolished
+from regionik.papers.rivals.network import Network
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, POSITION, Aim
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named

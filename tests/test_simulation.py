@@ -18,17 +18,17 @@ from rosbags.typesys import Stores, get_typestore
 
 import regionik as rik
 from regionik.cli import app
-from regionik.output.run_file import run_to_csv, run_to_mcap
 from regionik.planners.solvers.serial_chain import chain_frames, serial_arm
 from regionik.simulation.noise import Noise, PoseEstimate, typical_noise
 from regionik.simulation.physics import STEP, Physics
 from regionik.simulation.reference import PERIOD, Reference, reference
 from regionik.simulation.run import Contact
+from regionik.simulation.run_file import run_to_csv, run_to_mcap
+from regionik.simulation.run_picture import picture_of_run
 from regionik.simulation.simulate import SUBSTEPS, BaseDrives, simulate
 from regionik.simulation.tracking import MOST_ADDED, TrackingController
 from regionik.timing.retime import retime
 from regionik.values import Motion, Plan
-from regionik.view.run_picture import picture_of_run
 from regionik.worlds.drives import BaseKind
 from regionik.worlds.errors import EngineError, InputError
 from regionik.worlds.limits import Speeds

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from shapely.geometry import Point
 
+from regionik.papers.pitch_arm import arm_share
+from regionik.papers.pose_tracking import track_runs
+from regionik.papers.tracker import DRAWN, can_track, tracking_robot
 from regionik.pipeline import check_world, plan
-from regionik.planners.driving.pitch_arm import arm_share
-from regionik.planners.driving.pose_tracking import track_runs
 from regionik.postures.poses import axis_of
 from regionik.scene import scene_of
-from regionik.tracker import DRAWN, can_track, tracking_robot
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named

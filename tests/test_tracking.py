@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.tables.xu import circle
+from regionik.papers.pitch_arm import HeightError, PitchArm, heights
+from regionik.papers.pose_tracking import TrackedRun, TrackingRobot, track_runs
 from regionik.planners.driving.arcs import arc_end
-from regionik.planners.driving.pitch_arm import HeightError, PitchArm, heights
-from regionik.planners.driving.pose_tracking import TrackedRun, TrackingRobot, track_runs
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, planar_pose, rot_y, rot_z, translation
 

@@ -10,7 +10,7 @@ import pytest
 import shapely
 import trimesh
 
-from regionik.comparison import Comparison, Score
+from regionik.papers.comparison import Comparison, Score
 from regionik.reachability.field import Field
 from regionik.values import Answer, Report, Stop, Violation
 from regionik.worlds.bundled import robot_named

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from regionik.papers.rivals.iterative import DescentLimits, IterativeMethod, descend
 from regionik.planners.kernels import compiled
-from regionik.planners.rivals.iterative import DescentLimits, IterativeMethod, descend
 from regionik.planners.solvers.damped_least_squares import POSITION, Aim
 from regionik.planners.solvers.multistart_ik import ArmSolver, Effort, solve_ik
 from regionik.planners.solvers.rigid_bodies import RigidBodies

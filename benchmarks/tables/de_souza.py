@@ -12,10 +12,10 @@ import numpy as np
 from benchmarks.tables.planar3r import Planar3R
 from benchmarks.tables.polynomial import polynomial
 from benchmarks.tables.table import Table
-from regionik.planners.rivals.genetic import Genetic
-from regionik.planners.rivals.iterative import DampedLeastSquares
-from regionik.planners.rivals.method import ArmMethod
-from regionik.planners.rivals.network import Network
+from regionik.papers.rivals.genetic import Genetic
+from regionik.papers.rivals.iterative import DampedLeastSquares
+from regionik.papers.rivals.method import ArmMethod
+from regionik.papers.rivals.network import Network
 from regionik.planners.solvers.damped_least_squares import POSITION, Aim
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain

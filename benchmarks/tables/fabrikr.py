@@ -16,7 +16,7 @@ from benchmarks.tables import fabrikr_printed as printed
 from benchmarks.tables.batch import ArmPostures, solve_batch
 from benchmarks.tables.clock import seconds
 from benchmarks.tables.table import Table, ahead
-from regionik.planners.rivals.iterative import CyclicDescent, DampedLeastSquares, IterativeMethod, Transpose
+from regionik.papers.rivals.iterative import CyclicDescent, DampedLeastSquares, IterativeMethod, Transpose
 from regionik.planners.solvers.multistart_ik import ArmSolver
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regionik.planners.rivals.method import ArmMethod
+from regionik.papers.rivals.method import ArmMethod
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, POSITION, Aim
 from regionik.planners.solvers.multistart_ik import ArmSolver
 from regionik.worlds.arrays import Array, frozen, unit_vector

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from regionik.planners.rivals.method import ArmMethod, SearchResult, arm_length, position_error
+from regionik.papers.rivals.method import ArmMethod, SearchResult, arm_length, position_error
 from regionik.planners.solvers.damped_least_squares import POSITION, Aim
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from benchmarks.tables.batch import solve_batch
-from regionik.comparison import BASE_JOINTS, by_sliding_base
 from regionik.mfabrik import Batch
-from regionik.planners.rivals.iterative import IterativeMethod
+from regionik.papers.comparison import BASE_JOINTS, by_sliding_base
+from regionik.papers.rivals.iterative import IterativeMethod
 from regionik.values import Configuration
 from regionik.worlds.arms import sliding_chain
 from regionik.worlds.arrays import Array

@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchmarks.tables.table import Table
-from regionik.planners.driving.pitch_arm import arm_share, heights
-from regionik.planners.driving.pose_tracking import TrackingRobot, track_runs
+from regionik.papers.pitch_arm import arm_share, heights
+from regionik.papers.pose_tracking import TrackingRobot, track_runs
+from regionik.papers.tracker import tracking_robot
 from regionik.planners.geometry.angles import wrap
-from regionik.tracker import tracking_robot
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, planar_pose

@@ -22,7 +22,7 @@ from regionik.cli.console import (
 from regionik.storage.files import csv_text, json_text, json_values, write_atomic
 
 if TYPE_CHECKING:
-    from regionik.comparison import Comparison, Score
+    from regionik.papers.comparison import Comparison, Score
 
 _HEADER = ("method", "success", "iterations", "time", "us", "median mm", "worst mm", "limits", "arm", "base")
 
@@ -47,7 +47,7 @@ def compare_methods(
     check_output(output, (".csv", ".json"), [world])
     with DelayedProgress("compare", "nothing is written") as progress, explain_no_plan(as_json, progress):
         scene = read_world(world, progress)
-        from regionik.comparison import DEFAULT, compare
+        from regionik.papers.comparison import DEFAULT, compare
 
         names = DEFAULT if methods is None else [name.strip() for name in methods.split(",") if name.strip()]
         comparison = compare(scene, names)

@@ -94,12 +94,12 @@ def _write_run(run: SimulatedRun, output: Path | None, html: Path | None) -> lis
 
     written: dict[Path, str | bytes] = {}
     if output is not None:
-        from regionik.output.run_file import run_to_csv, run_to_mcap
+        from regionik.simulation.run_file import run_to_csv, run_to_mcap
 
         written[output] = run_to_mcap(run) if output.suffix.lower() == ".mcap" else run_to_csv(run)
     if html is not None:
+        from regionik.simulation.run_picture import picture_of_run
         from regionik.view.page import html_page
-        from regionik.view.run_picture import picture_of_run
 
         written[html] = html_page(picture_of_run(run))
     for path, content in written.items():

@@ -16,8 +16,8 @@ from itertools import takewhile
 
 import numpy as np
 
+from regionik.papers.pitch_arm import ArmShare, PitchArm, arm_share
 from regionik.planners.driving.arcs import arc_end
-from regionik.planners.driving.pitch_arm import ArmShare, PitchArm, arm_share
 from regionik.planners.geometry.angles import wrap
 from regionik.worlds.arrays import Array
 

@@ -13,9 +13,9 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
+from regionik.papers.rivals.method import RESTARTS, ArmMethod, SearchResult, arm_length
 from regionik.planners.geometry.vectors import Vector, cross, dot, minus, plus, rotated, squared, turned
 from regionik.planners.kernels import compiled
-from regionik.planners.rivals.method import RESTARTS, ArmMethod, SearchResult, arm_length
 from regionik.planners.solvers.damped_least_squares import (
     DIRECTION,
     POSITION,

@@ -6,8 +6,8 @@ import warnings
 
 import numpy as np
 
-from regionik.planners.rivals.iterative import DampedLeastSquares
-from regionik.planners.rivals.method import ArmMethod, SearchResult, arm_length, position_error
+from regionik.papers.rivals.iterative import DampedLeastSquares
+from regionik.papers.rivals.method import ArmMethod, SearchResult, arm_length, position_error
 from regionik.planners.solvers.damped_least_squares import POSITION, Aim
 from regionik.planners.solvers.fabrikr import held
 from regionik.worlds.arrays import Array

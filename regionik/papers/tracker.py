@@ -19,10 +19,10 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.explain.constraints import no_way_to, setpoint_at
 from regionik.explain.failures import invalid_plan
-from regionik.planners.driving.pitch_arm import HeightError, arm_share, pitch_arm
+from regionik.papers.pitch_arm import HeightError, arm_share, pitch_arm
+from regionik.papers.pose_tracking import TrackedRun, TrackingRobot, start_headings, track_runs
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.driving.pose_planner import drive_wheeled
-from regionik.planners.driving.pose_tracking import TrackedRun, TrackingRobot, start_headings, track_runs
 from regionik.planners.progress import tell
 from regionik.postures.arm import goals_between
 from regionik.postures.poses import (

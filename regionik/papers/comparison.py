@@ -16,12 +16,12 @@ from functools import partial
 import numpy as np
 
 from regionik.mfabrik import Method, Solver, configurations
+from regionik.papers.rivals.genetic import Genetic
+from regionik.papers.rivals.iterative import CyclicDescent, DampedLeastSquares, PseudoInverse, Transpose
+from regionik.papers.rivals.method import ArmMethod, Fabrik, FabrikPolished, SearchResult
+from regionik.papers.rivals.network import Network
 from regionik.planners.driving.footprint import fits
 from regionik.planners.progress import Progress, listening, track
-from regionik.planners.rivals.genetic import Genetic
-from regionik.planners.rivals.iterative import CyclicDescent, DampedLeastSquares, PseudoInverse, Transpose
-from regionik.planners.rivals.method import ArmMethod, Fabrik, FabrikPolished, SearchResult
-from regionik.planners.rivals.network import Network
 from regionik.planners.solvers.damped_least_squares import Aim
 from regionik.planners.solvers.mfabrik_serial import in_arm_frame
 from regionik.postures.arm import aim_of, goal_error
@@ -227,7 +227,7 @@ def compare(
     ----------
     world : World
     methods : sequence of str
-        Of `regionik.comparison.METHODS`.
+        Of `regionik.papers.comparison.METHODS`.
     progress : callable, optional
         Called with stage, done, total.
 
