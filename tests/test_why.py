@@ -1,6 +1,7 @@
 """Why not: exact cases by hand, and laws on random ones, by the functions of the benchmark."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from hypothesis import strategies as st
 
 from regionik.cli.app import run
 from regionik.explain.arm_failures import target_in_solid
-from regionik.explain.causes import irreducible
+from regionik.explain.causes import deletion_filter, irreducible
 from regionik.explain.changes import move_obstacle, repaired, share
 from regionik.explain.constraints import Constraint, constraints_of
 from regionik.explain.minimal_change import (
@@ -297,6 +298,27 @@ def test_the_filter_leaves_one_minimal_set(conflicts: set[frozenset[int]]) -> No
     kept = {one.name for one in irreducible(scene_of(world), constraints_of(scene_of(world)), ruled_out)}
     assert any(one == kept for one in closed)
     assert not any(one < kept for one in closed)
+
+
+@given(st.sets(st.frozensets(st.integers(0, 8)), max_size=40))
+def test_the_filter_leaves_nothing_that_can_be_left_out_though_more_need_not_hold(
+    some: set[frozenset[int]],
+) -> None:
+    holding = some | {frozenset(range(9))}
+    left = frozenset(deletion_filter(range(9), lambda kept: frozenset(kept) in holding))
+    assert left in holding
+    assert not any(left - {one} in holding for one in left)
+
+
+def test_the_filter_leaves_out_many_at_once() -> None:
+    asked = list[int]()
+
+    def holds(kept: Sequence[int]) -> bool:
+        asked.append(len(kept))
+        return {3, 60} <= set(kept)
+
+    assert deletion_filter(range(1000), holds) == (3, 60)
+    assert len(asked) < 50
 
 
 def test_a_step_aside_where_the_shortest_is_barred() -> None:

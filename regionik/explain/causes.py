@@ -2,34 +2,66 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from functools import cache
+from typing import TypeVar
 
 from regionik.explain.constraints import Constraint
-from regionik.planners.progress import track
+from regionik.planners.progress import tell
 from regionik.scene import Scene
 
 Closed = Callable[[Scene], bool]
+Item = TypeVar("Item")
 
 
 def irreducible(scene: Scene, constraints: Iterable[Constraint], closed: Closed) -> tuple[Constraint, ...]:
     """Constraints that rule a world's task out, and of which none can be left out; none where all can be.
 
-    A deletion filter: constraints are dropped one by one, in their order, where the rest still rules the task
-    out (``closed`` is True), all obstacles at once first. It is repeated until nothing more is dropped, as
-    areas are rounded.
+    A task is ruled out where ``closed`` is True. All obstacles are left out at once first, where that goes.
     """
     every = tuple(constraints)
-    kept = tuple(one for one in every if one.kind != "obstacle")
-    if not closed(relaxed(scene, every, kept)):
-        kept = every
-    before = None
+    bare = tuple(one for one in every if one.kind != "obstacle")
+
+    def rules_out(kept: Sequence[Constraint]) -> bool:
+        return closed(relaxed(scene, every, kept))
+
+    return deletion_filter(bare if rules_out(bare) else every, rules_out)
+
+
+def deletion_filter(items: Sequence[Item], holds: Callable[[Sequence[Item]], bool]) -> tuple[Item, ...]:
+    """Items of which still holds what does of all, and of no part that lacks one of them.
+
+    A deletion filter: items are left out in their order, many at once where that goes, by halves. Then one by
+    one until nothing more is left out, as areas are rounded: what holds of few items need not of more.
+
+    Examples
+    --------
+    >>> deletion_filter(range(100), lambda left: 7 in left and 40 in left)
+    (7, 40)
+    """
+
+    @cache
+    def held(places: tuple[int, ...]) -> bool:
+        return holds([items[k] for k in places])
+
+    def left(kept: tuple[int, ...], some: tuple[int, ...]) -> tuple[int, ...]:
+        """What is kept when as many of some of it as can be are left out."""
+        rest = tuple(k for k in kept if k not in some)
+        if held(rest):
+            kept = rest
+        elif len(some) > 1:
+            half = len(some) // 2
+            return left(left(kept, some[:half]), some[half:])
+        tell("causes", some[-1] + 1, len(items))
+        return kept
+
+    every, before = tuple(range(len(items))), None
+    kept = left(every, every) if every else every
     while kept != before:
         before = kept
-        for one in track("causes", before):
-            rest = tuple(other for other in kept if other is not one)
-            if closed(relaxed(scene, every, rest)):
-                kept = rest
-    return kept
+        for k in before:
+            kept = left(kept, (k,))
+    return tuple(items[k] for k in kept)
 
 
 def relaxed(scene: Scene, constraints: Iterable[Constraint], kept: Iterable[Constraint]) -> Scene:

@@ -13,6 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.layers import Geometries, grow
 from regionik.areas.standing import Index, Standing, into_span
+from regionik.explain.causes import deletion_filter
 from regionik.explain.constraints import CELLS, EDGE, join, no_way_to, setpoint_at, spot
 from regionik.planners.driving.footprint_planner import passage_width
 from regionik.planners.driving.footprint_scene import footprint_width
@@ -96,25 +97,15 @@ def _parted(standing: Standing, here: Array, there: Array) -> bool:
 def _together(scene: Scene, parts: Callable[[Scene], bool], way: LineString) -> tuple[str, ...]:
     """Names of obstacles that together part a world, none of which can be left out.
 
-    Those far from the straight way are dropped first, many at once where that goes.
+    Those far from the straight way are left out first.
     """
-    if parts(_keeping(scene, ())):
-        return ()
     off = {solid.name: np.inf for solid in scene.world.obstacles}
     ground = scene.ground
     for name, shadow in zip(ground.names, ground.shadows, strict=True):
         if name in off:
             off[name] = min(off[name], float(shadow.core.distance(way)))
-    kept = sorted(off, key=lambda name: -off[name]) + ([CELLS] if scene.floor.cells else [])
-    size = len(kept) // 2 or 1
-    while size:
-        for k in range(0, len(kept), size):
-            some = kept[k : k + size]
-            rest = [name for name in kept if name not in some]
-            if parts(_keeping(scene, rest)):
-                kept = [*kept[:k], *[""] * len(some), *kept[k + size :]]
-        kept = [name for name in kept if name]
-        size = min(size, len(kept)) // 2
+    every = sorted(off, key=lambda name: -off[name]) + ([CELLS] if scene.floor.cells else [])
+    kept = deletion_filter(every, lambda names: parts(_keeping(scene, names)))
     given = [solid.name for solid in scene.world.obstacles]
     return tuple(sorted(kept, key=lambda name: given.index(name) if name in given else len(given)))
 
