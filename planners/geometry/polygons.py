@@ -21,6 +21,7 @@ from regionik.worlds.errors import InputError
 
 ON_EDGE = 1e-12  # a point this near to the boundary counts as inside [m]
 DEPTH = 1e-9  # a segment may leave the polygon this far, which is rounding and not motion [m]
+EVERYWHERE = -np.inf, -np.inf, np.inf, np.inf  # least x and y, and most, of all places [m]
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from shapely.geometry.base import BaseGeometry
 
+from regionik.planners.geometry.polygons import EVERYWHERE
 from regionik.planners.kernels import compiled
 from regionik.planners.reach.inverse_reachability import aim_at
 from regionik.planners.reach.level_reach import Intervals, merged
@@ -38,7 +39,6 @@ AMPLE = 0.3  # share of a threshold, by which postures are to meet it
 CENTRED = 0.3  # of the way to the middles of the joints' limits that the arm's self-motion goes
 
 EVERY = -np.inf, np.inf
-EVERYWHERE = -np.inf, -np.inf, np.inf, np.inf
 ASKED = {POSITION: 3, DIRECTION: 5, ORIENTATION: 6}  # numbers that an aim fixes
 CORNERS = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
 

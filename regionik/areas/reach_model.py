@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from regionik.areas.ground import EVERY
 from regionik.areas.layers import GUARD, Geometries
-from regionik.planners.reach.proven_poses import EVERYWHERE
+from regionik.planners.geometry.polygons import EVERYWHERE
 from regionik.planners.solvers.planar_kinematics import LIMIT_SLACK
 from regionik.postures.arm import Arm
 from regionik.postures.families import BACK, FRONT, Family
