@@ -22,13 +22,15 @@ from regionik.worlds.robot import Robot
 Corners = tuple[tuple[float, float], ...]
 Band = tuple[float, float]
 
-SIDES = 16  # of the polygons that stand for round outlines
-BULGES = (-0.8, 0.0, 0.8)  # heights of the discs that stand for a ball from within, in radii
-ALIKE = 0.7  # share of the outer outline that the inner one takes where a band is left whole
-INSET = 0.02  # share of a band's height that an inner prism may leave out at either end, of what leans
-SHORTEST = 0.05  # band that is not cut [m]
-HALVINGS = 2  # of a solid's height, at most
-LEAST_AREA = 1e-6  # of an outline that is worth looking at [m2]
+ROUND_SIDES = 16  # of the polygons that stand for round outlines
+DISC_HEIGHTS = (-0.8, 0.0, 0.8)  # heights of the discs that stand for a ball from within, in radii
+MIN_INNER_SHARE = 0.7  # share of the outer outline that the inner one takes where a band is left whole
+MAX_INSET_SHARE = (
+    0.02  # share of a band's height that an inner prism may leave out at either end, of what leans
+)
+MIN_BAND = 0.05  # band that is not cut [m]
+MAX_HALVINGS = 2  # of a solid's height, at most
+MIN_AREA = 1e-6  # of an outline that is worth looking at [m2]
 _UPRIGHT = 1e-9
 
 
@@ -46,11 +48,9 @@ class BodyPrism:
         return replace(self, low=self.low + low, high=self.high + high)
 
 
-@lru_cache(maxsize=64)
 def fixed_prisms(robot: Robot, *, inside: bool) -> tuple[BodyPrism, ...]:
     """Return prisms around the solids that are fixed to the base, or inside them."""
-    found = (_prisms(solid, np.eye(4), inside=inside) for solid in robot.base_solids)
-    return tuple(prism for some in found for prism in some)
+    return _body_prisms(robot, inside=inside)[0]
 
 
 def lifted_prisms(robot: Robot, lift: tuple[float, float], *, inside: bool) -> tuple[BodyPrism, ...]:
@@ -65,7 +65,7 @@ def lifted_prisms(robot: Robot, lift: tuple[float, float], *, inside: bool) -> t
     """
     found = []
     least, most = lift_range(robot)
-    for prism, (low, high) in _on_lifts(robot, inside=inside):
+    for prism, (low, high) in _body_prisms(robot, inside=inside)[1]:
         # What the other lifts add is within their own limits.
         low, high = max(low, lift[0] - (most - high)), min(high, lift[1] - (least - low))
         moved = prism.lifted(high, low) if inside else prism.lifted(low, high)
@@ -73,7 +73,6 @@ def lifted_prisms(robot: Robot, lift: tuple[float, float], *, inside: bool) -> t
     return tuple(found)
 
 
-@lru_cache(maxsize=64)
 def lift_range(robot: Robot) -> tuple[float, float]:
     """Return how far the lifts raise the arm, at least and at most; (0, 0) where there are none [m]."""
     return [(0.0, 0.0), *(span for _, span in _lifts(robot))][-1]
@@ -115,18 +114,24 @@ def _lifts(robot: Robot) -> Iterator[tuple[Array, tuple[float, float]]]:
 
 
 @lru_cache(maxsize=64)
-def _on_lifts(robot: Robot, *, inside: bool) -> tuple[tuple[BodyPrism, tuple[float, float]], ...]:
-    """Prisms of the solids on lifts, these at zero, and how far each is raised, at least and at most."""
+def _body_prisms(
+    robot: Robot, *, inside: bool
+) -> tuple[tuple[BodyPrism, ...], tuple[tuple[BodyPrism, Band], ...]]:
+    """Prisms of the solids that are fixed to the base; and of those on lifts, these at zero.
+
+    The latter with how far each is raised, at least and at most.
+    """
+    fixed = (_prisms(solid, np.eye(4), inside=inside) for solid in robot.base_solids)
     lifts = list(_lifts(robot))
     moving = [solid for solid in robot.solids if solid.link < len(lifts)]
-    return tuple(
+    lifted = (
         (prism, lifts[solid.link][1])
         for solid in moving
         for prism in _prisms(solid, lifts[solid.link][0], inside=inside)
     )
+    return tuple(prism for some in fixed for prism in some), tuple(lifted)
 
 
-@lru_cache(maxsize=64)
 def _rise(robot: Robot) -> tuple[float, float]:
     """How high the tool is at least and at most where the lifts are at zero [m].
 
@@ -157,34 +162,34 @@ def _prisms(solid: LinkSolid, T: Array, *, inside: bool) -> tuple[BodyPrism, ...
     points = transform_points(T, solid.corners)
     if isinstance(solid, LinkCapsule):
         points = (points[:, None] + solid.radius * _ball(inside=inside)).reshape(-1, 3)
-    bands = _bands(points, float(points[:, 2].min()), float(points[:, 2].max()), HALVINGS, inside=inside)
+    bands = _bands(points, float(points[:, 2].min()), float(points[:, 2].max()), MAX_HALVINGS, inside=inside)
     shapes = ((_held(points, *band) if inside else _taken(points, *band), band) for band in bands)
     return tuple(
         BodyPrism(solid.name, tuple(map(tuple, shapely.get_coordinates(shape.exterior)[:-1].tolist())), *band)
         for shape, band in shapes
-        if isinstance(shape, Polygon) and shape.area > LEAST_AREA
+        if isinstance(shape, Polygon) and shape.area > MIN_AREA
     )
 
 
 def _ball(*, inside: bool) -> Array:
     """Corners of a polytope inside the unit ball, or around it: a prism, as caps matter little."""
-    turns = 2 * np.pi * np.arange(SIDES) / SIDES
+    turns = 2 * np.pi * np.arange(ROUND_SIDES) / ROUND_SIDES
     ring = np.column_stack([np.cos(turns), np.sin(turns)])
     levels = (
-        [(z, np.sqrt(1 - z * z)) for z in BULGES]
+        [(z, np.sqrt(1 - z * z)) for z in DISC_HEIGHTS]
         if inside
-        else [(z, 1 / np.cos(np.pi / SIDES)) for z in (-1, 1)]
+        else [(z, 1 / np.cos(np.pi / ROUND_SIDES)) for z in (-1, 1)]
     )
-    return np.concatenate([np.column_stack([far * ring, np.full(SIDES, z)]) for z, far in levels])
+    return np.concatenate([np.column_stack([far * ring, np.full(ROUND_SIDES, z)]) for z, far in levels])
 
 
 def _bands(points: Array, low: float, high: float, halvings: int, *, inside: bool) -> list[Band]:
     """Heights between which the outlines of a hull of points (n, 3) differ little."""
-    taken, off = _taken(points, low, high).area, INSET * (high - low)
+    taken, off = _taken(points, low, high).area, MAX_INSET_SHARE * (high - low)
     for band in ((low, high), (low + off, high - off)):
-        if _held(points, *band).area >= ALIKE * taken:
+        if _held(points, *band).area >= MIN_INNER_SHARE * taken:
             return [band if inside else (low, high)]
-    if not halvings or high - low < SHORTEST:
+    if not halvings or high - low < MIN_BAND:
         return [(low, high)]
     middle = (low + high) / 2
     halves = ((low, middle), (middle, high))

@@ -18,7 +18,7 @@ from regionik.worlds.joints import Joint
 
 JOINT_SPARE = np.radians(2)  # that joints keep of their limits where they can [rad] or [m]
 SPARE_SHARE = 0.1  # of a joint's range, where that is less
-_RIGID = 1e-6  # of a rotation matrix that a file gives
+_ROTATION_TOLERANCE = 1e-6  # of a rotation matrix that a file gives
 
 
 @dataclass(frozen=True, eq=False)
@@ -391,6 +391,6 @@ def within_half_turns(lower: Array, upper: Array) -> tuple[Array, Array]:
 
 def check_rotation(matrix: Array) -> Array:
     """Return a matrix (3, 3) itself, once it is known to be a rotation."""
-    if np.abs(matrix @ matrix.T - np.eye(3)).max() > _RIGID or np.linalg.det(matrix) < 0:
+    if np.abs(matrix @ matrix.T - np.eye(3)).max() > _ROTATION_TOLERANCE or np.linalg.det(matrix) < 0:
         raise InputError("expected a rotation matrix (right-handed, unit rows at right angles)")
     return matrix

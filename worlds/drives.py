@@ -17,7 +17,7 @@ from regionik.worlds.arrays import Array
 
 BaseKind = Literal["omni", "differential", "car"]
 
-BULGE = 5e-4  # that a line through points of a drawn way may cut off an arc [m]
+MAX_CHORD_ERROR = 5e-4  # that a line through points of a drawn way may cut off an arc [m]
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class BaseDrive(ABC):
         In poses: 2.5 is halfway from the third to the fourth. All poses are among them.
         """
         slide, length = self.parts(base[:-1], base[1:])
-        pieces = np.ceil(np.sqrt(np.abs(length * slide[:, 2]) / (8 * BULGE))).astype(int)
+        pieces = np.ceil(np.sqrt(np.abs(length * slide[:, 2]) / (8 * MAX_CHORD_ERROR))).astype(int)
         shares = [k + np.arange(max(n, 1)) / max(n, 1) for k, n in enumerate(pieces.tolist())]
         return np.concatenate([*shares, [len(base) - 1.0]])
 

@@ -98,7 +98,7 @@ class Explanation:
         return f"Explanation({self.verdict}: {' '.join(self.reason.split())} [{counts}])"
 
 
-MESSAGE_LIMIT = 1000  # [characters]
+MAX_MESSAGE_LENGTH = 1000  # [characters]
 
 
 class RegionikError(Exception):
@@ -120,8 +120,8 @@ class InputError(RegionikError):
     """
 
     def __init__(self, message: str) -> None:
-        half = MESSAGE_LIMIT // 2
-        if len(message) > MESSAGE_LIMIT:
+        half = MAX_MESSAGE_LENGTH // 2
+        if len(message) > MAX_MESSAGE_LENGTH:
             message = f"{message[:half]} ... {message[-half:]}"
         super().__init__(message)
 

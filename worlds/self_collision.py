@@ -23,10 +23,10 @@ from regionik.worlds.obstacles import Prism
 from regionik.worlds.robot import Robot
 
 BODY = -1  # the base's own body, among indices of solids
-STEPS = 60  # bodies some hundredths of their size apart need a few; after all, they count as touching
+MAX_STEPS = 60  # bodies some hundredths of their size apart need a few; after all, they count as touching
 POSTURES, MANY_POSTURES = 64, 2000  # sampled: to find pairs, and to disable some
-OFTEN, MOSTLY, NEARLY_ALWAYS = 0.1, 0.75, 0.95  # of the postures
-SLIDE = 2.0  # travel of a joint without limits in these postures [m]
+MIN_TOUCHING_SHARE, MAX_MEETING_SHARE, MAX_TOUCHING_SHARE = 0.1, 0.75, 0.95  # of the postures
+UNLIMITED_SLIDE = 2.0  # travel of a joint without limits in these postures [m]
 _PARALLEL = 1e-6
 _TOUCHING = 1e-6  # apart by no more, by rounding [m]
 _SUM_WEIGHT = 1e3  # of the sums of weights, which are 1, against lengths [m]
@@ -54,7 +54,7 @@ def separated(one: ConvexBody, T_one: Array, other: ConvexBody, T_other: Array) 
     found = np.zeros(len(T_one), dtype=bool)
     left = np.arange(len(T_one))
     v = _transformed(one.corners.mean(0), T_one) - _transformed(other.corners.mean(0), T_other)
-    for _ in range(STEPS):
+    for _ in range(MAX_STEPS):
         w = one.support(T_one[left], -v) - other.support(T_other[left], v)
         beyond = (v * w).sum(1) > (one.radius + other.radius) * np.linalg.norm(v, axis=1)
         found[left[beyond]] = True
@@ -115,7 +115,7 @@ def self_collision_pairs(robot: Robot) -> tuple[tuple[int, int], ...]:
     first link that carries any; pairs that touch in every one of `POSTURES` postures within the limits; and
     those that ``robot.unchecked`` names.
     """
-    frames = solid_frames(robot, spread_postures(robot.chain, SLIDE, POSTURES, 0))
+    frames = solid_frames(robot, spread_postures(robot.chain, UNLIMITED_SLIDE, POSTURES, 0))
     links = [solid.link for solid in robot.all_solids]
     first = min((link for link in links if link > BASE), default=BASE)  # it stands on the base
     pairs = [(BODY, k) for k, link in enumerate(links) if link > first] if base_body(robot) else []
@@ -138,7 +138,7 @@ def off_floor(robot: Robot) -> tuple[bool, ...]:
     Left out are those that no joint raises or lowers, fixed to the base or on its pivot, and those that reach
     into the floor in every one of `POSTURES` postures.
     """
-    heights = _heights(robot, spread_postures(robot.chain, SLIDE, POSTURES, 0))
+    heights = _heights(robot, spread_postures(robot.chain, UNLIMITED_SLIDE, POSTURES, 0))
     return tuple(bool(np.ptp(one, axis=0).max() > _LEVEL and one.min(axis=1).max() > 0.0) for one in heights)
 
 
@@ -192,7 +192,7 @@ def disabled_pairs(
     ``points`` (n, 3) are, of each of ``robot.all_solids``, corners of the hull of the body inside it, in its
     link's frame [m]; ``rest`` (dof,) is a posture that the robot is known to take.
     """
-    postures = _SolidPairs(robot, points, spread_postures(robot.chain, SLIDE, MANY_POSTURES, 0))
+    postures = _SolidPairs(robot, points, spread_postures(robot.chain, UNLIMITED_SLIDE, MANY_POSTURES, 0))
     at_rest = _SolidPairs(robot, points, np.zeros((0, robot.chain.dof)) if rest is None else rest[None])
     pairs: list[tuple[str, str]] = []
     notes: list[str] = []
@@ -204,10 +204,10 @@ def disabled_pairs(
             continue
         touching = postures.touching(i, k)
         nested = touching.any() and _slides_along_one_line(robot.chain, *postures.links(i, k))
-        if touching.mean() < OFTEN and not nested:
+        if touching.mean() < MIN_TOUCHING_SHARE and not nested:
             continue
         real = 0 if nested else int((postures.meeting(i, k) & touching).sum())
-        if real and touching.mean() < NEARLY_ALWAYS and real < MOSTLY * MANY_POSTURES:
+        if real and touching.mean() < MAX_TOUCHING_SHARE and real < MAX_MEETING_SHARE * MANY_POSTURES:
             continue
         pairs.append((name, other))
         if real:
@@ -289,11 +289,11 @@ def _solid_of(robot: Robot, index: int, margin: float = 0.0) -> tuple[ConvexBody
     return ConvexBody(solid.corners, solid.radius + margin), solid.link
 
 
-CLEAR = (0.01, 0.003, 0.0)  # kept between solids, the first that can be had [m]
-NEAR_ENOUGH = 0.02  # by which zeros may be worse than the best posture that was found [m]
-_POSTURES, _TRIED = 2000, 40  # drawn at first; the best of a draw that are checked
-_SPREADS = (0.5, 0.25, 0.1, 0.05, 0.02)  # of draws about the best posture [rad] or [m]
-_ROUND = 150  # postures in each of them
+REST_MARGINS = (0.01, 0.003, 0.0)  # kept between solids, the first that can be had [m]
+MAX_ZEROS_EXCESS = 0.02  # by which zeros may be worse than the best posture that was found [m]
+_REST_POSTURES, _CHECKED_POSTURES = 2000, 40  # drawn at first; the best of a draw that are checked
+_DRAW_SPREADS = (0.5, 0.25, 0.1, 0.05, 0.02)  # of draws about the best posture [rad] or [m]
+_DRAW_POSTURES = 150  # postures in each of them
 _DECIMALS = 2  # of joint values
 _SEED = 0
 
@@ -307,19 +307,19 @@ def rest_posture(robot: Robot) -> Array | None:
     """
     dof = robot.chain.dof
     zeros = np.clip(np.zeros((1, dof)), robot.chain.lower, robot.chain.upper)
-    for margin in CLEAR:
-        drawn = spread_postures(robot.chain, SLIDE, _POSTURES, _SEED)
+    for margin in REST_MARGINS:
+        drawn = spread_postures(robot.chain, UNLIMITED_SLIDE, _REST_POSTURES, _SEED)
         found = _best(robot, np.concatenate([zeros, drawn]), margin)
         if found is None:
             continue
         rng = np.random.default_rng(_SEED)
-        for spread in _SPREADS:
-            found = _better(robot, found, found + spread * rng.uniform(-1, 1, (_ROUND, dof)), margin)
+        for spread in _DRAW_SPREADS:
+            found = _better(robot, found, found + spread * rng.uniform(-1, 1, (_DRAW_POSTURES, dof)), margin)
         for k in range(dof):
             found = _better(robot, found, np.where(np.arange(dof) == k, zeros, found), margin)
         plain = _clear(robot, zeros, margin)[0]
         worse = overhang(robot, np.stack([zeros[0], found]))
-        return zeros[0] if plain and worse[0] <= worse[1] + NEAR_ENOUGH else found
+        return zeros[0] if plain and worse[0] <= worse[1] + MAX_ZEROS_EXCESS else found
     return None
 
 
@@ -367,7 +367,7 @@ def _best(robot: Robot, joints: Array, margin: float) -> Array | None:
     """
     rounded = np.clip(np.round(joints, _DECIMALS), robot.chain.lower, robot.chain.upper)
     order = np.lexsort([np.abs(rounded).sum(1), np.round(overhang(robot, rounded), 2)])
-    for rows in np.array_split(order, max(1, len(order) // _TRIED)):
+    for rows in np.array_split(order, max(1, len(order) // _CHECKED_POSTURES)):
         clear = _clear(robot, rounded[rows], margin)
         if clear.any():
             best: Array = rounded[rows[np.argmax(clear)]]

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from shapely.geometry import Point, mapping
 
-from regionik.executors import AHEAD, Pool, map_unordered
+from regionik.executors import CHUNKS_AHEAD, Pool, map_unordered
 from regionik.planners.progress import tell, track
 from regionik.reachability.reach import CHUNK, reach
 from regionik.storage.files import csv_text, json_text, json_values, open_partial, write_atomic
@@ -30,7 +30,7 @@ from regionik.worlds.scene import Target, World
 from regionik.worlds.toolpath import rotation_from_quaternion, targets_along
 
 FORMATS = (".csv", ".json", ".geojson")
-MEMORY_LIMIT = 100_000  # targets whose answers are held in memory, as documents are
+MAX_IN_MEMORY = 100_000  # targets whose answers are held in memory, as documents are
 BasePose = tuple[float, float, float]  # x, y [m], yaw [rad]
 _AXES, _BASE = ("x", "y", "z"), ("base_x", "base_y", "base_yaw")
 _DEPENDENCIES = ("regionik", "numpy", "scipy", "shapely", "numba", "llvmlite")  # answers may vary with them
@@ -44,9 +44,9 @@ def parse_targets(world: World, positions: Sequence[str], table: Path | None) ->
     targets = [_target(text) for text in positions]
     if table is not None:
         path = read_csv(table)
-        if len(path.points) > MEMORY_LIMIT:
+        if len(path.points) > MAX_IN_MEMORY:
             raise InputError(
-                f"{table}: {len(path.points)} targets are more than the {MEMORY_LIMIT} that are answered at "
+                f"{table}: {len(path.points)} targets are more than the {MAX_IN_MEMORY} that are answered at "
                 "once; -o with a .csv file takes any number, without --target and --json"
             )
         targets += targets_along(path, Target.cone)
@@ -156,7 +156,7 @@ def stream_answers(
     table: Path,
     output: Path,
     executor: Pool | None = None,
-    ahead: int = AHEAD,
+    ahead: int = CHUNKS_AHEAD,
     base: BasePose | None = None,
 ) -> tuple[int, int]:
     """Write the answers to all targets of a CSV file to another; return how many are reachable, and all.

@@ -19,7 +19,7 @@ TrackKind = Literal["position", "turn", "color", "faces"]
 VIEW_ANGLE = np.radians(42.0)  # from bottom to top of the window
 _ASPECT = 1.45  # narrower than common windows, which leaves room for the legend
 _MARGIN = 0.8  # about set-points and base [m]
-_LOW = 0.3  # obstacles below this height hide little [m]
+_MIN_HIDING_HEIGHT = 0.3  # obstacles below this height hide little [m]
 # From the south first, as on a drawing with north up; others, and steeper ones, only where they see more.
 _AZIMUTHS = np.radians([-100.0, -60.0, -140.0, 80.0, 120.0, 40.0, 0.0, 180.0])
 _ELEVATIONS = np.radians([48.0, 62.0, 76.0])
@@ -168,7 +168,7 @@ def camera_axes(back: Array) -> tuple[Array, Array, Array]:
 def _boxes(world: World) -> Array:
     """Bounding boxes (n, 2, 3) of obstacles [m]; map cells hide the same from everywhere."""
     boxes = []
-    for solid in (obstacle for obstacle in world.obstacles if obstacle.z_range[1] > _LOW):
+    for solid in (obstacle for obstacle in world.obstacles if obstacle.z_range[1] > _MIN_HIDING_HEIGHT):
         x_low, y_low, x_high, y_high = shadow_polygon(solid).bounds
         boxes.append([[x_low, y_low, solid.z_range[0]], [x_high, y_high, solid.z_range[1]]])
     return np.array(boxes).reshape(-1, 2, 3)

@@ -36,13 +36,13 @@ from regionik.worlds.urdf.elements import CollisionShape, Inertial, UrdfModel
 from regionik.worlds.urdf.kinematic_tree import PlacedLink
 from regionik.worlds.urdf.meshes import MeshFiles
 
-MOST_SOLIDS = 6
-SPARED = 0.7  # of the one block's volume, below which it is cut
-WIDE = 0.9  # of the floor area of the whole base, that the footprint keeps
+MAX_BASE_SOLIDS = 6
+MAX_CUT_VOLUME = 0.7  # of the one block's volume, below which it is cut
+MIN_CUT_AREA = 0.9  # of the floor area of the whole base, that the footprint keeps
 _CORNERS = 32  # of a footprint, and of a prism around a cylinder
 _HEIGHTS, _TOPS = 14, 24  # tried: evenly spread ones, and tops of parts
-_LEAST = 0.02  # height of a base, and of what stands on it [m]
-HUGE, HUGE_SHARE = 3.0, 5.0  # sizes of meshes that are told: at least [m], and of the arm's length
+_MIN_HEIGHT = 0.02  # height of a base, and of what stands on it [m]
+HUGE_MESH, HUGE_MESH_SHARE = 3.0, 5.0  # sizes of meshes that are told: at least [m], and of the arm's length
 _UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -115,7 +115,7 @@ def collision_model(
 def _huge(sizes: dict[str, float], chain: Chain) -> tuple[str, ...]:
     """Return a note on links whose meshes are far larger than the arm is long."""
     arm = float(np.linalg.norm(chain.link_vectors, axis=1).sum())
-    huge = [(name, size) for name, size in sizes.items() if size > max(HUGE, HUGE_SHARE * arm)]
+    huge = [(name, size) for name, size in sizes.items() if size > max(HUGE_MESH, HUGE_MESH_SHARE * arm)]
     if not huge:
         return ()
     told = join_names((f"link {name} is {size:.3g} m in size" for name, size in huge), 8)
@@ -194,11 +194,11 @@ def base_shape(
         return BaseShape(np.empty((0, 2)), 0.0)
     body = [part for part in parts if not part.sources <= loose]
     cut = _best_height(body or parts, _surface(body or parts)) if height is None else height
-    tall = [_upper(part, cut) for part in parts if part.points[:, 2].max() > cut + _LEAST / 2]
+    tall = [_upper(part, cut) for part in parts if part.points[:, 2].max() > cut + _MIN_HEIGHT / 2]
     solids = (
         solid
         for rests in (False, True)
-        for solid in decompose([part for part in tall if (part.sources <= loose) is rests], MOST_SOLIDS)
+        for solid in decompose([part for part in tall if (part.sources <= loose) is rests], MAX_BASE_SOLIDS)
     )
     sources = frozenset().union(*(part.sources for part in parts))
     return BaseShape(convex_outline(_lower(_surface(parts), cut)), cut, tuple(solids), sources)
@@ -229,10 +229,12 @@ def _best_height(parts: Sequence[CollisionPart], surface: Array) -> float:
     top = float(tops[-1])
     tried = {*tops[:: 1 + len(tops) // _TOPS].tolist(), *np.linspace(0.0, top, _HEIGHTS)[1:-1].tolist()}
     block = {h: _ground(surface, h) for h in {*tried, top}}
-    heights = sorted(h for h in tried if _LEAST <= h <= top - _LEAST and block[h] >= WIDE * block[top])
+    heights = sorted(
+        h for h in tried if _MIN_HEIGHT <= h <= top - _MIN_HEIGHT and block[h] >= MIN_CUT_AREA * block[top]
+    )
     room = {h: block[h] * h + _boxes(parts, h) for h in heights}
     best = min(heights, key=lambda h: room[h], default=top)
-    return best if best in room and room[best] < SPARED * block[top] * top else top
+    return best if best in room and room[best] < MAX_CUT_VOLUME * block[top] * top else top
 
 
 def _ground(surface: Array, cut: float) -> float:
@@ -274,7 +276,7 @@ def _ring(hull: Polygon) -> Array:
 
 # The solid box of a mass and inertia is smaller than the link, which is hollow, or heavy in its middle. Made
 # wider so, it holds 88 in a hundred of 350 links of published robots.
-WIDER, MORE = 1.5, 0.05  # times, and then to each side, if it is not smaller itself [m]
+INERTIA_SCALE, INERTIA_MARGIN = 1.5, 0.05  # times, and then to each side, if it is not smaller itself [m]
 
 
 def arm_stand_in(chain: Chain, owner: int) -> LinkCapsule:
@@ -304,7 +306,7 @@ def _inertia_box(inertial: Inertial) -> Array:
     moments, axes = np.linalg.eigh(inertial.tensor)
     spread = np.clip(moments.sum() - 2 * moments, 0.0, None) / (2 * inertial.mass)  # variance along each axis
     half = np.sqrt(3 * spread)
-    corners = (WIDER * half + min(MORE, float(half.max()))) * CUBE_CORNERS
+    corners = (INERTIA_SCALE * half + min(INERTIA_MARGIN, float(half.max()))) * CUBE_CORNERS
     return transform_points(inertial.T_link_inertial, corners @ axes.T)
 
 
