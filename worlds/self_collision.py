@@ -115,7 +115,7 @@ def self_collision_pairs(robot: Robot) -> tuple[tuple[int, int], ...]:
     first link that carries any; pairs that touch in every one of `POSTURES` postures within the limits; and
     those that ``robot.unchecked`` names.
     """
-    frames = solid_frames(robot, spread_postures(robot.chain, UNLIMITED_SLIDE, POSTURES, 0))
+    frames = _solid_frames(robot, spread_postures(robot.chain, UNLIMITED_SLIDE, POSTURES, 0))
     links = [solid.link for solid in robot.all_solids]
     first = min((link for link in links if link > BASE), default=BASE)  # it stands on the base
     pairs = [(BODY, k) for k, link in enumerate(links) if link > first] if base_body(robot) else []
@@ -152,7 +152,7 @@ def postures_off_floor(robot: Robot, joints: Array, margin: float) -> Mask:
 
 def _heights(robot: Robot, joints: Array) -> list[Array]:
     """Return, of each solid, heights of its corners less its radius in postures (n, dof), (n, k) [m]."""
-    frames = solid_frames(robot, joints)
+    frames = _solid_frames(robot, joints)
     return [
         frames[:, solid.link, 2, :3] @ solid.corners.T + frames[:, solid.link, 2, 3:] - solid.radius
         for solid in robot.all_solids
@@ -161,7 +161,7 @@ def _heights(robot: Robot, joints: Array) -> list[Array]:
 
 def postures_clear(robot: Robot, joints: Array, margin: float) -> Mask:
     """Return True for postures (n, dof) in which all pairs are seen to be apart, by a margin [m], (n,)."""
-    frames, clear = solid_frames(robot, joints), np.ones(len(joints), dtype=bool)
+    frames, clear = _solid_frames(robot, joints), np.ones(len(joints), dtype=bool)
     for i, k in self_collision_pairs(robot):
         (one, on), (other, at) = _solid_of(robot, i, margin), _solid_of(robot, k)
         left = np.flatnonzero(clear)
@@ -228,7 +228,7 @@ class _SolidPairs:
 
     @cached_property
     def frames(self) -> Array:
-        return solid_frames(self.robot, self.joints)
+        return _solid_frames(self.robot, self.joints)
 
     def links(self, i: int, k: int) -> tuple[int, int]:
         """Return the links of two solids."""
@@ -264,7 +264,7 @@ def _transformed(points: Array, T: Array) -> Array:
     return moved
 
 
-def solid_frames(robot: Robot, joints: Array) -> Array:
+def _solid_frames(robot: Robot, joints: Array) -> Array:
     """Return link frames in the base frame in postures (n, dof), (n, links + 1, 4, 4).
 
     The last is the base frame itself, instead of the tool's, which carries no solid: index `BASE` finds it.
@@ -328,7 +328,7 @@ def overhang(robot: Robot, joints: Array) -> Array:
 
     (n,) for postures (n, dof); 0 where all of the arm is within.
     """
-    frames, total = solid_frames(robot, joints), np.zeros(len(joints))
+    frames, total = _solid_frames(robot, joints), np.zeros(len(joints))
     for solid in robot.solids:
         T = frames[:, solid.link]
         corners = solid.corners @ T[:, :3, :3].swapaxes(1, 2) + T[:, None, :3, 3]

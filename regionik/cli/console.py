@@ -338,11 +338,7 @@ def plan_summary(plan: Plan, seconds: float, written: Iterable[Path]) -> str:
 
 
 def percent_text(probability: float) -> str:
-    """Return a lower bound of a probability in percent, rounded down.
-
-    >>> percent_text(0.99999)
-    '99.99 %'
-    """
+    """Return a lower bound of a probability in percent, rounded down: 99.99 % of 0.99999."""
     return f"{math.floor(probability * 1e4) / 100:.2f} %"
 
 

@@ -74,7 +74,7 @@ def _target(text: str) -> Target:
 def answers_document(answer: Answer) -> dict[str, Any]:
     """The JSON document of answers; ``ok`` only where every target is reachable."""
     if answer.reachable.all():
-        return {"ok": True, "answers": answer_records(answer)}
+        return {"ok": True, "answers": _answer_records(answer)}
     first = int((~answer.reachable).argmax())
     return {
         "ok": False,
@@ -83,11 +83,11 @@ def answers_document(answer: Answer) -> dict[str, Any]:
         "reason": answer.reason[first],
         "causes": [],
         "repairs": [],
-        "answers": answer_records(answer),
+        "answers": _answer_records(answer),
     }
 
 
-def answer_records(answer: Answer) -> list[dict[str, Any]]:
+def _answer_records(answer: Answer) -> list[dict[str, Any]]:
     """One dict a target: position, verdict, base, joints, reason; base and joints None where unreachable."""
     return [
         {
@@ -112,7 +112,7 @@ def write_answers(answer: Answer, names: Sequence[str], path: Path) -> None:
         case ".csv":
             text = csv_header(names) + csv_rows(answer, names)
         case ".json":
-            text = json_text({"joint_names": names, "answers": answer_records(answer)})
+            text = json_text({"joint_names": names, "answers": _answer_records(answer)})
         case ".geojson":
             columns = _columns(answer, names)
             rows = [dict(zip(columns, cells, strict=True)) for cells in zip(*columns.values(), strict=True)]

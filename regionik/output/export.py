@@ -103,7 +103,7 @@ def check_options(
         raise InputError(f"frame: format {format} has none; expected one of {framed}")
 
 
-def plan_to_csv(plan: Plan, rate: float | None = None) -> str:
+def _plan_to_csv(plan: Plan, rate: float | None = None) -> str:
     """One row a state, in order; indices count from 0, cells of what a state does not have are empty.
 
     Rows of a timed plan end with velocities and accelerations of base and joints, and the tool's speed.
@@ -171,7 +171,7 @@ def _ros2(message: Callable[[Plan, float | None, str], dict[str, Any]]) -> Forma
 
 
 FORMATS = {
-    "csv": Format(lambda plan, options: plan_to_csv(plan, options.rate), sampled=True),
+    "csv": Format(lambda plan, options: _plan_to_csv(plan, options.rate), sampled=True),
     "ros2": _ros2(both_messages),
     "joint-trajectory": _ros2(joint_trajectory),
     "path": _ros2(path_message),

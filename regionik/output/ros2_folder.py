@@ -78,7 +78,7 @@ def ros2_files(plan: Plan, rate: float | None = None, frame: str = FRAME) -> dic
             "base_frame": plan.world.frames.base_link,
             "base_velocity": float(speeds.base_velocity),
             "turn_velocity": float(speeds.turn_velocity),
-            "tool_on": tool_spans(plan.motion),
+            "tool_on": _tool_spans(plan.motion),
         },
     }
     texts = {f"{name}.yaml": message_text(document, ".yaml") for name, document in documents.items()}
@@ -93,7 +93,7 @@ def ros2_files(plan: Plan, rate: float | None = None, frame: str = FRAME) -> dic
     return {**texts, SCRIPT: _SCRIPT_TEXT.read_text("utf-8"), "README.txt": about, **bag}
 
 
-def tool_spans(motion: Motion) -> list[Message]:
+def _tool_spans(motion: Motion) -> list[Message]:
     """Times from when to when the tool of a timed motion is on its path, one after the other [s]."""
     working = np.concatenate([[False], motion.kind != "transit", [False]])
     first, end = np.flatnonzero(np.diff(working)).reshape(-1, 2).T

@@ -157,7 +157,7 @@ def _members(plan: Plan) -> Iterator[tuple[str, Any]]:
     yield "states", _states(plan)
     yield "areas", _areas(plan)
     yield "lift_offs", int(plan.lift_offs)
-    yield "stops", [stop_document(stop) for stop in plan.stops]
+    yield "stops", [_stop_document(stop) for stop in plan.stops]
     yield "stats", json_values(kept_figures(plan.stats))
     yield "skipped", skipped_document(plan.skipped)
 
@@ -178,7 +178,7 @@ def skipped_document(skipped: Iterable[Skipped]) -> list[dict[str, Any]]:
     ]
 
 
-def stop_document(stop: Stop) -> dict[str, Any]:
+def _stop_document(stop: Stop) -> dict[str, Any]:
     """A stop of a plan, all of whose set-points are verified."""
     document: dict[str, Any] = json_values(stop)
     del document["unconfirmed"]

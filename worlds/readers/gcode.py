@@ -88,7 +88,7 @@ class Block:
     passed_over: tuple[str, ...] = ()
 
 
-def read_block(line: str) -> Block:
+def _read_block(line: str) -> Block:
     """Return the block of a line; what cannot be read, or is not followed, is an `InputError`."""
     plain = _COMMENT.sub(" ", line)
     if plain.lstrip().startswith("/"):
@@ -219,7 +219,7 @@ def _run(lines: list[str], chord: float, path: Path) -> _Program:
     program = _Program(chord)
     for number, line in enumerate(lines, start=1):
         try:
-            if program.run(read_block(line), number):
+            if program.run(_read_block(line), number):
                 if "M99" in program.passed_over:
                     _check_last(lines[number:])
                 break

@@ -84,7 +84,7 @@ def collision_model(
             if isinstance(surface, str):
                 missing.setdefault((surface, link.owner == BASE), []).append((shape, link))
                 if link.owner == BASE and link.name not in lacking.setdefault(BASE, set()):
-                    stand_in = solid_part(base_stand_in(model, link))
+                    stand_in = solid_part(_base_stand_in(model, link))
                     fixed.append(replace(stand_in, sources=frozenset((link.name,))))
                 lacking.setdefault(link.owner, set()).add(link.name)
                 continue
@@ -96,11 +96,11 @@ def collision_model(
             part = _part(link, name, shape, transform_points(T, surface), T)
             (fixed if link.owner == BASE else parts).append(part)
     stand_ins = [
-        replace(solid_part(arm_stand_in(chain, owner)), sources=frozenset(names))
+        replace(solid_part(_arm_stand_in(chain, owner)), sources=frozenset(names))
         for owner, names in sorted(lacking.items())
         if owner != BASE
     ]
-    notes = [missing_note(why, some, chain) for (why, _), some in missing.items()]
+    notes = [_missing_note(why, some, chain) for (why, _), some in missing.items()]
     pieces = [*decompose(parts), *stand_ins]
     if not pieces:
         notes.append(
@@ -201,7 +201,7 @@ def base_shape(
         for solid in decompose([part for part in tall if (part.sources <= loose) is rests], MAX_BASE_SOLIDS)
     )
     sources = frozenset().union(*(part.sources for part in parts))
-    return BaseShape(convex_outline(_lower(_surface(parts), cut)), cut, tuple(solids), sources)
+    return BaseShape(_convex_outline(_lower(_surface(parts), cut)), cut, tuple(solids), sources)
 
 
 def _surface(parts: Sequence[CollisionPart]) -> Array:
@@ -248,7 +248,7 @@ def _boxes(parts: Sequence[CollisionPart], cut: float) -> float:
     return sum(float(np.prod(np.ptp(points, axis=0))) for points in high)
 
 
-def convex_outline(points: Array) -> Array:
+def _convex_outline(points: Array) -> Array:
     """Return a convex outline around points (n, 2), in order: their hull, or `_CORNERS` tangents to it."""
     hull = shapely.convex_hull(shapely.multipoints(points))
     if not len(points) or hull.geom_type != "Polygon" or hull.area < 1e-8:
@@ -279,7 +279,7 @@ def _ring(hull: Polygon) -> Array:
 INERTIA_SCALE, INERTIA_MARGIN = 1.5, 0.05  # times, and then to each side, if it is not smaller itself [m]
 
 
-def arm_stand_in(chain: Chain, owner: int) -> LinkCapsule:
+def _arm_stand_in(chain: Chain, owner: int) -> LinkCapsule:
     """Return a capsule from a joint of the arm to the next one, or to the tool."""
     name, end = f"{chain.joints[owner].name} stand-in", chain.link_vectors[owner]
     if np.linalg.norm(end) < LINK_RADIUS:
@@ -287,7 +287,7 @@ def arm_stand_in(chain: Chain, owner: int) -> LinkCapsule:
     return LinkCapsule(owner, name, np.zeros(3), end, LINK_RADIUS)
 
 
-def base_stand_in(model: UrdfModel, link: PlacedLink) -> LinkBox:
+def _base_stand_in(model: UrdfModel, link: PlacedLink) -> LinkBox:
     """Return a box round a link of the base: its frame, the joints on it, and how its mass is spread."""
     spots = [np.zeros(3), *(one.T_parent_joint[:3, 3] for one in model.joints if one.parent == link.name)]
     inertial = model.inertials.get(link.name)
@@ -310,7 +310,7 @@ def _inertia_box(inertial: Inertial) -> Array:
     return transform_points(inertial.T_link_inertial, corners @ axes.T)
 
 
-def missing_note(why: str, meshes: Sequence[tuple[CollisionShape, PlacedLink]], chain: Chain) -> str:
+def _missing_note(why: str, meshes: Sequence[tuple[CollisionShape, PlacedLink]], chain: Chain) -> str:
     """Return the note of all meshes that are missing for one reason, of the base or of the arm."""
     (shape, link), *others = meshes
     if link.owner == BASE:

@@ -215,7 +215,7 @@ def _from_urdf(
     notes = [*body.notes, *_notes(placement, measured, kinematic)]
     with located(model.where, ""):
         robot = _robot(model, mount, chain, body, given)
-    seen = visual_surfaces(model, placement.links, (*body.parts, *body.base.parts))
+    seen = _visual_surfaces(model, placement.links, (*body.parts, *body.base.parts))
     robot = replace(robot, masses=link_masses(model, placement), visuals=seen)
     if given.tool is not None:
         robot = with_tool(robot, given.tool)
@@ -336,7 +336,7 @@ def _numbers(values: ArrayLike, shape: tuple[int | None, ...], what: str) -> Arr
     return array
 
 
-def visual_surfaces(
+def _visual_surfaces(
     model: UrdfModel, links: Iterable[PlacedLink], parts: Iterable[CollisionPart]
 ) -> tuple[VisualSurface, ...]:
     """Return what is seen of links, one surface for each colour of what moves together.
