@@ -133,7 +133,7 @@ def _body_prisms(
 
 
 def _rise(robot: Robot) -> tuple[float, float]:
-    """How high the tool is at least and at most where the lifts are at zero [m].
+    """Return the least and the greatest height of the tool where the lifts are at zero [m].
 
     Heights are known up to the first joint that is not upright; from there links count with their lengths.
     """
@@ -197,7 +197,7 @@ def _bands(points: Array, low: float, high: float, halvings: int, *, inside: boo
 
 
 def _taken(points: Array, low: float, high: float) -> Polygon:
-    """Outline of a hull of points (n, 3) between two heights, seen from above."""
+    """Return the outline, from above, of the part of a hull of points (n, 3) between two heights."""
     between = points[(points[:, 2] > low) & (points[:, 2] < high), :2]
     return shapely.convex_hull(
         shapely.multipoints(np.vstack([_section(points, low), between, _section(points, high)]))
@@ -205,7 +205,7 @@ def _taken(points: Array, low: float, high: float) -> Polygon:
 
 
 def _held(points: Array, low: float, high: float) -> Polygon:
-    """What the sections of a hull of points (n, 3) at all heights between two share, from within."""
+    """Return an area that every section of a hull of points (n, 3) between two heights contains."""
     return shapely.intersection(
         *(shapely.convex_hull(shapely.multipoints(_section(points, z))) for z in (low, high))
     )

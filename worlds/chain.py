@@ -199,7 +199,7 @@ class Chain:
 
     @property
     def unbounded(self) -> str | None:
-        """Why the postures cannot be searched through, as a joint has no limits; None where they can."""
+        """Name the joint whose missing limits keep postures from being searched; None if there is none."""
         for joint, leader in zip(self.joints, self.leaders, strict=True):
             led = joint.mimic is not None
             if (joint.kind == "prismatic" or led) and not np.isfinite([joint.lower, joint.upper]).all():

@@ -59,7 +59,7 @@ class BaseDrive(ABC):
         return pose
 
     def slip(self, base: Array) -> tuple[Array, Array]:
-        """What wheels cannot roll of each hop through base poses (n, 3), and its derivatives by both poses.
+        """Return the part of each hop through base poses (n, 3) that wheels cannot roll, and its derivatives.
 
         That is the way across the heading halfway [m]: (k,) and (k, 2, 3) of k = n - 1 hops, or of none
         where a base goes every way.
@@ -97,7 +97,7 @@ class BaseDrive(ABC):
 
 @dataclass(frozen=True)
 class OmnidirectionalDrive(BaseDrive):
-    """It moves straight in any direction and turns evenly."""
+    """A holonomic base: it moves straight in any direction and turns evenly."""
 
     kind = "omni"
     rolls = False
@@ -112,7 +112,7 @@ class OmnidirectionalDrive(BaseDrive):
 
 @dataclass(frozen=True)
 class _RollingDrive(BaseDrive):
-    """It rolls along the arc whose chord has the heading in the middle of the turn."""
+    """A base on wheels: it rolls along the arc whose chord has the heading in the middle of the turn."""
 
     rolls = True
 

@@ -214,7 +214,7 @@ class Rules:
 
     @property
     def planned_path_tolerance(self) -> float:
-        """What the tool's tracking error leaves of ``path_tolerance`` to the plan [m]."""
+        """Tolerance of the path that remains for the plan, less the tool's tracking error [m]."""
         return self.path_tolerance - self.errors.tool_error
 
 

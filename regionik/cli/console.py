@@ -186,7 +186,7 @@ class DelayedProgress:
         return self._bars is not None
 
     def _stopped(self) -> str:
-        """Where the work was, and what is kept of it."""
+        """Say where the work was stopped, and what is kept of it."""
         at = [
             f"{stage} {done} of {total}" if total else stage
             for stage, (done, total) in self._at.copy().items()
@@ -377,7 +377,7 @@ def spare_text(margins: Mapping[str, float], world: World) -> str:
 
 
 def _asked(world: World) -> dict[str, tuple[str, float]]:
-    """What a world allows at most ("of") and demands at least ("over"), where that is one number above 0."""
+    """Return what a world allows at most ("of") or demands at least ("over"), if it is one number above 0."""
     rules, criteria = world.rules, world.rules.criteria
     cones = {target.cone for target in world.task if target.direction is not None}
     cone = next(iter(cones)) if len(cones) == 1 else 0.0

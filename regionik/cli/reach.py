@@ -223,7 +223,7 @@ def map_reach(
 
 
 def _checked_text(scene: World, found: Field, targets: Sequence[Target]) -> str:
-    """How many targets have a clear posture from the best place of a field."""
+    """Say how many targets have a clear posture from the best place of a field."""
     from regionik.reachability.reach import reach
 
     answers = [(int(reach(scene, targets, base=pose).reachable.sum()), pose) for pose in found.best]
@@ -327,7 +327,7 @@ def _unconfirmed(found: tuple[Stop, ...]) -> list[int]:
 
 
 def _confirmed_text(found: tuple[Stop, ...]) -> str:
-    """What is known of the arm at the stops, which areas do not look at."""
+    """Say for how many set-points a clear posture is known, which areas do not look at."""
     every, doubts = sum(len(stop.setpoints) for stop in found), _unconfirmed(found)
     if not doubts:
         return f"  confirmed: from its stop each of the {every} set-points has a posture that is clear"
@@ -338,7 +338,7 @@ def _confirmed_text(found: tuple[Stop, ...]) -> str:
 
 
 def _as_counted(setpoints: Sequence[int]) -> str:
-    """Set-points as people count them."""
+    """Return the numbers of set-points as people count them, from 1."""
     return ", ".join(str(i + 1) for i in setpoints)
 
 

@@ -37,7 +37,7 @@ _DEPENDENCIES = ("regionik", "numpy", "scipy", "shapely", "numba", "llvmlite")  
 
 
 def parse_targets(world: World, positions: Sequence[str], table: Path | None) -> list[Target]:
-    """Targets written as numbers, then those of a CSV file; the world's own where neither is given.
+    """Return targets written as numbers, then those of a CSV file; without either, the world's own.
 
     Numbers are x, y, z, or with a tool axis dx, dy, dz behind them, or with an orientation qx, qy, qz, qw.
     """
@@ -72,7 +72,7 @@ def _target(text: str) -> Target:
 
 
 def answers_document(answer: Answer) -> dict[str, Any]:
-    """The JSON document of answers; ``ok`` only where every target is reachable."""
+    """Return the JSON document of answers; ``ok`` is true only if every target is reachable."""
     if answer.reachable.all():
         return {"ok": True, "answers": _answer_records(answer)}
     first = int((~answer.reachable).argmax())
@@ -88,7 +88,7 @@ def answers_document(answer: Answer) -> dict[str, Any]:
 
 
 def _answer_records(answer: Answer) -> list[dict[str, Any]]:
-    """One dict a target: position, verdict, base, joints, reason; base and joints None where unreachable."""
+    """Return a dict for each target; base and joints are None where it is unreachable."""
     return [
         {
             **dict(zip(_AXES, target.tolist(), strict=True)),
@@ -124,17 +124,17 @@ def write_answers(answer: Answer, names: Sequence[str], path: Path) -> None:
 
 
 def csv_header(names: Sequence[str]) -> str:
-    """The first line of a table of answers."""
+    """Return the first line of a table of answers."""
     return csv_text([(*_AXES, "verdict", *_BASE, *names, "reason")])
 
 
 def csv_rows(answer: Answer, names: Sequence[str]) -> str:
-    """Answers as lines of a table, without its header."""
+    """Return answers as lines of a table, without its header."""
     return csv_text(zip(*_columns(answer, names).values(), strict=True))
 
 
 def _columns(answer: Answer, names: Sequence[str]) -> dict[str, list[Any]]:
-    """Each column by its name, None where a target has no base."""
+    """Return each column of the table by its name; cells are None where a target has no base."""
     found = np.column_stack([answer.base, answer.joints]).astype(object)
     found[~answer.reachable] = None
     return {
@@ -146,7 +146,7 @@ def _columns(answer: Answer, names: Sequence[str]) -> dict[str, list[Any]]:
 
 
 def stops_geojson(stops: Sequence[Stop]) -> dict[str, Any]:
-    """Circles to park in, one feature a stop."""
+    """Return the circles to park in as GeoJSON, one feature for each stop."""
     circles = (mapping(Point(stop.base[:2]).buffer(stop.tolerance)) for stop in stops)
     return feature_collection(map(feature, circles, map(json_values, stops)))
 

@@ -166,7 +166,7 @@ def _stamp(path: Path) -> tuple[int, int, int] | None:
 
 
 def verdict(areas: LiveAreas) -> str:
-    """One line: whether the path can be done, or why not."""
+    """Return one line that says if the path can be done, or why not."""
     if areas.explanation is not None:
         return areas.explanation.reason
     assert areas.pruned is not None

@@ -39,7 +39,7 @@ class Color:
 
 @dataclass(frozen=True, eq=False)
 class SceneMesh:
-    """One mesh of one colour, or of one colour a face."""
+    """A mesh of one colour, or with a colour for each face."""
 
     path: str  # its node in the scene
     mesh: TriangleMesh
@@ -87,7 +87,7 @@ class Camera:
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """All that a viewer needs: meshes, poses of nodes, motion, camera and the text beside them."""
+    """A picture for any viewer: meshes, poses of nodes, motion, camera and the text beside them."""
 
     title: str
     facts: tuple[str, ...]  # a few words each
@@ -100,7 +100,7 @@ class Picture:
 
     @property
     def legend(self) -> tuple[LegendEntry, ...]:
-        """What is drawn and has a label, in the order of the bodies."""
+        """Entries for all that is drawn and has a label, in the order of the bodies."""
         found: dict[str, list[SceneMesh]] = {}
         for body in self.bodies:
             if body.label and len(body.mesh.faces):
@@ -112,7 +112,7 @@ class Picture:
 
 
 def count_noun(count: int, noun: str) -> str:
-    """A number and its noun, in the plural where there is not one."""
+    """Return a number and its noun, in the plural unless the number is one."""
     return f"{count} {noun}" + ("" if count == 1 else "s")
 
 

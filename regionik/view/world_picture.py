@@ -142,7 +142,7 @@ def robot_meshes(
 
 
 def _link_meshes(path: str, robot: Robot, link: int, color: int, name: str) -> Iterator[SceneMesh]:
-    """What is seen of a link: its visual surfaces, and the solids that these do not stand for."""
+    """Yield the visual surfaces of a link, and its solids that these do not stand for."""
     visuals = [one for one in robot.visuals if one.link == link]
     hidden = {name for one in visuals for name in one.stands_for}
     for k, one in enumerate(visuals):

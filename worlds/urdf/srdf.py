@@ -29,7 +29,7 @@ NamePair = tuple[str, str]
 
 @dataclass(frozen=True)
 class SemanticModel:
-    """What regionik uses of an SRDF file."""
+    """The parts of an SRDF file that regionik uses."""
 
     # joint values by the names of ``group_state`` elements and of joints [rad] or [m], in the file's order
     postures: Mapping[str, Mapping[str, float]]
