@@ -22,15 +22,25 @@ from regionik.worlds.robot import Robot
 Corners = tuple[tuple[float, float], ...]
 Band = tuple[float, float]
 
-ROUND_SIDES = 16  # of the polygons that stand for round outlines
-DISC_HEIGHTS = (-0.8, 0.0, 0.8)  # heights of the discs that stand for a ball from within, in radii
-MIN_INNER_SHARE = 0.7  # share of the outer outline that the inner one takes where a band is left whole
-MAX_INSET_SHARE = (
-    0.02  # share of a band's height that an inner prism may leave out at either end, of what leans
-)
-MIN_BAND = 0.05  # band that is not cut [m]
-MAX_HALVINGS = 2  # of a solid's height, at most
-MIN_AREA = 1e-6  # of an outline that is worth looking at [m2]
+
+@dataclass(frozen=True)
+class _PrismOptions:
+    """How finely solids are cut into prisms."""
+
+    round_sides: int = 16  # of polygons that stand for round outlines
+    disc_heights: tuple[float, ...] = (
+        -0.8,
+        0.0,
+        0.8,
+    )  # of the discs that stand for a ball from within, in radii
+    min_inner_share: float = 0.7  # of the outer outline, from which a band is left whole
+    max_inset_share: float = 0.02  # of the height of a leaning band, left out at either end
+    min_band: float = 0.05  # height of a band that is cut [m]
+    max_halvings: int = 2  # of a solid's height
+    min_area: float = 1e-6  # of an outline [m2]
+
+
+_PRISMS = _PrismOptions()
 _UPRIGHT = 1e-9
 
 
@@ -162,34 +172,36 @@ def _prisms(solid: LinkSolid, T: Array, *, inside: bool) -> tuple[BodyPrism, ...
     points = transform_points(T, solid.corners)
     if isinstance(solid, LinkCapsule):
         points = (points[:, None] + solid.radius * _ball(inside=inside)).reshape(-1, 3)
-    bands = _bands(points, float(points[:, 2].min()), float(points[:, 2].max()), MAX_HALVINGS, inside=inside)
+    low, high = float(points[:, 2].min()), float(points[:, 2].max())
+    bands = _bands(points, low, high, _PRISMS.max_halvings, inside=inside)
     shapes = ((_held(points, *band) if inside else _taken(points, *band), band) for band in bands)
     return tuple(
         BodyPrism(solid.name, tuple(map(tuple, shapely.get_coordinates(shape.exterior)[:-1].tolist())), *band)
         for shape, band in shapes
-        if isinstance(shape, Polygon) and shape.area > MIN_AREA
+        if isinstance(shape, Polygon) and shape.area > _PRISMS.min_area
     )
 
 
 def _ball(*, inside: bool) -> Array:
     """Corners of a polytope inside the unit ball, or around it: a prism, as caps matter little."""
-    turns = 2 * np.pi * np.arange(ROUND_SIDES) / ROUND_SIDES
+    sides = _PRISMS.round_sides
+    turns = 2 * np.pi * np.arange(sides) / sides
     ring = np.column_stack([np.cos(turns), np.sin(turns)])
     levels = (
-        [(z, np.sqrt(1 - z * z)) for z in DISC_HEIGHTS]
+        [(z, np.sqrt(1 - z * z)) for z in _PRISMS.disc_heights]
         if inside
-        else [(z, 1 / np.cos(np.pi / ROUND_SIDES)) for z in (-1, 1)]
+        else [(z, 1 / np.cos(np.pi / sides)) for z in (-1, 1)]
     )
-    return np.concatenate([np.column_stack([far * ring, np.full(ROUND_SIDES, z)]) for z, far in levels])
+    return np.concatenate([np.column_stack([far * ring, np.full(sides, z)]) for z, far in levels])
 
 
 def _bands(points: Array, low: float, high: float, halvings: int, *, inside: bool) -> list[Band]:
     """Heights between which the outlines of a hull of points (n, 3) differ little."""
-    taken, off = _taken(points, low, high).area, MAX_INSET_SHARE * (high - low)
+    taken, off = _taken(points, low, high).area, _PRISMS.max_inset_share * (high - low)
     for band in ((low, high), (low + off, high - off)):
-        if _held(points, *band).area >= MIN_INNER_SHARE * taken:
+        if _held(points, *band).area >= _PRISMS.min_inner_share * taken:
             return [band if inside else (low, high)]
-    if not halvings or high - low < MIN_BAND:
+    if not halvings or high - low < _PRISMS.min_band:
         return [(low, high)]
     middle = (low + high) / 2
     halves = ((low, middle), (middle, high))

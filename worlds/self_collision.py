@@ -289,13 +289,27 @@ def _solid_of(robot: Robot, index: int, margin: float = 0.0) -> tuple[ConvexBody
     return ConvexBody(solid.corners, solid.radius + margin), solid.link
 
 
-REST_MARGINS = (0.01, 0.003, 0.0)  # kept between solids, the first that can be had [m]
-MAX_ZEROS_EXCESS = 0.02  # by which zeros may be worse than the best posture that was found [m]
-_REST_POSTURES, _CHECKED_POSTURES = 2000, 40  # drawn at first; the best of a draw that are checked
-_DRAW_SPREADS = (0.5, 0.25, 0.1, 0.05, 0.02)  # of draws about the best posture [rad] or [m]
-_DRAW_POSTURES = 150  # postures in each of them
-_DECIMALS = 2  # of joint values
-_SEED = 0
+@dataclass(frozen=True)
+class _RestSearch:
+    """Numbers of the search for a posture at rest."""
+
+    margins: tuple[float, ...] = (0.01, 0.003, 0.0)  # between solids, the first that can be had [m]
+    max_zeros_excess: float = 0.02  # overhang of zeros over that of the best posture found [m]
+    postures: int = 2000  # drawn at first
+    checked: int = 40  # of the best of a draw, at a time
+    spreads: tuple[float, ...] = (
+        0.5,
+        0.25,
+        0.1,
+        0.05,
+        0.02,
+    )  # of draws about the best [rad] or [m]
+    redrawn: int = 150  # postures in each further draw
+    decimals: int = 2  # of joint values
+    seed: int = 0  # of all draws
+
+
+_REST = _RestSearch()
 
 
 def rest_posture(robot: Robot) -> Array | None:
@@ -307,19 +321,19 @@ def rest_posture(robot: Robot) -> Array | None:
     """
     dof = robot.chain.dof
     zeros = np.clip(np.zeros((1, dof)), robot.chain.lower, robot.chain.upper)
-    for margin in REST_MARGINS:
-        drawn = spread_postures(robot.chain, UNLIMITED_SLIDE, _REST_POSTURES, _SEED)
+    for margin in _REST.margins:
+        drawn = spread_postures(robot.chain, UNLIMITED_SLIDE, _REST.postures, _REST.seed)
         found = _best(robot, np.concatenate([zeros, drawn]), margin)
         if found is None:
             continue
-        rng = np.random.default_rng(_SEED)
-        for spread in _DRAW_SPREADS:
-            found = _better(robot, found, found + spread * rng.uniform(-1, 1, (_DRAW_POSTURES, dof)), margin)
+        rng = np.random.default_rng(_REST.seed)
+        for spread in _REST.spreads:
+            found = _better(robot, found, found + spread * rng.uniform(-1, 1, (_REST.redrawn, dof)), margin)
         for k in range(dof):
             found = _better(robot, found, np.where(np.arange(dof) == k, zeros, found), margin)
         plain = _clear(robot, zeros, margin)[0]
         worse = overhang(robot, np.stack([zeros[0], found]))
-        return zeros[0] if plain and worse[0] <= worse[1] + MAX_ZEROS_EXCESS else found
+        return zeros[0] if plain and worse[0] <= worse[1] + _REST.max_zeros_excess else found
     return None
 
 
@@ -365,9 +379,9 @@ def _best(robot: Robot, joints: Array, margin: float) -> Array | None:
 
     Of postures with the same overhang, but for a centimetre, the one nearest to zeros.
     """
-    rounded = np.clip(np.round(joints, _DECIMALS), robot.chain.lower, robot.chain.upper)
+    rounded = np.clip(np.round(joints, _REST.decimals), robot.chain.lower, robot.chain.upper)
     order = np.lexsort([np.abs(rounded).sum(1), np.round(overhang(robot, rounded), 2)])
-    for rows in np.array_split(order, max(1, len(order) // _CHECKED_POSTURES)):
+    for rows in np.array_split(order, max(1, len(order) // _REST.checked)):
         clear = _clear(robot, rounded[rows], margin)
         if clear.any():
             best: Array = rounded[rows[np.argmax(clear)]]

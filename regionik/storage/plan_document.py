@@ -28,9 +28,7 @@ if TYPE_CHECKING:
 VERSIONS = (1, 2)  # that are read; the last is written. In 1 all features have three parts.
 DECIMALS = 7  # of corners of areas [m]
 COMPACT = (",", ":")  # separators within entries of long lists
-MAX_CORNER_HEIGHT = (
-    1e-8  # from the line through its neighbours, up to which a corner does not bend an outline [m]
-)
+MAX_CORNER_HEIGHT = 1e-8  # of one that does not bend an outline, over the line through its neighbours [m]
 _AROUND = 3  # characters beside each member
 PARTS = ("admissible", "pruned", "rejected")
 FIGURES: Mapping[str, tuple[str, ...]] = {  # of ``Plan.stats`` that files keep, and which parts, () for all

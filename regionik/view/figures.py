@@ -41,9 +41,7 @@ from regionik.worlds.scene import World
 
 SUFFIXES = (".svg", ".png")
 LIMIT_OPACITY, LIFTED_OPACITY = 0.45, 0.13  # opacity beyond limits, and of intervals with the tool lifted
-MIN_CURVE_ROOM = (
-    0.01  # room about a curve, so that rounding is not drawn as motion [m] or [rad], and a second
-)
+MIN_CURVE_ROOM = 0.01  # so that rounding is not drawn as motion [m] or [rad], and a second
 _LEFT, _RIGHT, _ROW = 4.2, 7.2, 1.9  # widths of a column of joints and of the floor, height of curves [in]
 _HEAD: dict[str, Any] = {"fontsize": 13, "fontweight": "bold"}
 _STYLE = {

@@ -36,12 +36,21 @@ from regionik.worlds.urdf.elements import CollisionShape, Inertial, UrdfModel
 from regionik.worlds.urdf.kinematic_tree import PlacedLink
 from regionik.worlds.urdf.meshes import MeshFiles
 
-MAX_BASE_SOLIDS = 6
-MAX_CUT_VOLUME = 0.7  # of the one block's volume, below which it is cut
-MIN_CUT_AREA = 0.9  # of the floor area of the whole base, that the footprint keeps
-_CORNERS = 32  # of a footprint, and of a prism around a cylinder
-_HEIGHTS, _TOPS = 14, 24  # tried: evenly spread ones, and tops of parts
-_MIN_HEIGHT = 0.02  # height of a base, and of what stands on it [m]
+
+@dataclass(frozen=True)
+class _BaseOptions:
+    """How a base is cut into a footprint and solids above it."""
+
+    max_solids: int = 6  # above the footprint
+    max_volume: float = 0.7  # share of the one block's volume, below which it is cut
+    min_area: float = 0.9  # share of the whole base's floor area that the footprint keeps
+    corners: int = 32  # of a footprint, and of a prism around a cylinder
+    heights: int = 14  # evenly spread ones that are tried
+    tops: int = 24  # of parts that are tried
+    min_height: float = 0.02  # of a base, and of what stands on it [m]
+
+
+_BASE = _BaseOptions()
 HUGE_MESH, HUGE_MESH_SHARE = 3.0, 5.0  # sizes of meshes that are told: at least [m], and of the arm's length
 _UP = np.array([0.0, 0.0, 1.0])
 
@@ -151,15 +160,15 @@ def _solid(owner: int, name: str, shape: CollisionShape, T: Array) -> LinkSolid:
 
 
 def _corners(shape: CollisionShape, T: Array) -> Array:
-    """Return points whose hull contains a shape, in its frame; of round ones a prism of `_CORNERS` sides."""
+    """Return points whose hull contains a shape, in its frame; those of round ones are of a prism."""
     if shape.kind == "box":
         box: Array = CUBE_CORNERS * np.array(shape.size) / 2
         return box
     radius = shape.size[0]
     half = shape.size[1] / 2 if shape.kind == "cylinder" else radius
-    angles = np.arange(_CORNERS) * 2 * pi / _CORNERS  # of a prism round a circle
-    ring = radius / np.cos(pi / _CORNERS) * np.column_stack([np.cos(angles), np.sin(angles)])
-    prism = np.concatenate([np.column_stack([ring, np.full(_CORNERS, z)]) for z in (-half, half)])
+    angles = np.arange(_BASE.corners) * 2 * pi / _BASE.corners  # of a prism round a circle
+    ring = radius / np.cos(pi / _BASE.corners) * np.column_stack([np.cos(angles), np.sin(angles)])
+    prism = np.concatenate([np.column_stack([ring, np.full(_BASE.corners, z)]) for z in (-half, half)])
     if shape.kind == "cylinder":
         return prism
     # The prism of a ball stands upright, so that its height is the ball's; a capsule is between two balls.
@@ -194,11 +203,11 @@ def base_shape(
         return BaseShape(np.empty((0, 2)), 0.0)
     body = [part for part in parts if not part.sources <= loose]
     cut = _best_height(body or parts, _surface(body or parts)) if height is None else height
-    tall = [_upper(part, cut) for part in parts if part.points[:, 2].max() > cut + _MIN_HEIGHT / 2]
+    tall = [_upper(part, cut) for part in parts if part.points[:, 2].max() > cut + _BASE.min_height / 2]
     solids = (
         solid
         for rests in (False, True)
-        for solid in decompose([part for part in tall if (part.sources <= loose) is rests], MAX_BASE_SOLIDS)
+        for solid in decompose([part for part in tall if (part.sources <= loose) is rests], _BASE.max_solids)
     )
     sources = frozenset().union(*(part.sources for part in parts))
     return BaseShape(_convex_outline(_lower(_surface(parts), cut)), cut, tuple(solids), sources)
@@ -227,14 +236,14 @@ def _best_height(parts: Sequence[CollisionPart], surface: Array) -> float:
     """Return the height of the cut; the top where a cut saves little [m]."""
     tops = np.unique([part.points[:, 2].max() for part in parts])
     top = float(tops[-1])
-    tried = {*tops[:: 1 + len(tops) // _TOPS].tolist(), *np.linspace(0.0, top, _HEIGHTS)[1:-1].tolist()}
+    even = np.linspace(0.0, top, _BASE.heights)[1:-1]
+    tried = {*tops[:: 1 + len(tops) // _BASE.tops].tolist(), *even.tolist()}
     block = {h: _ground(surface, h) for h in {*tried, top}}
-    heights = sorted(
-        h for h in tried if _MIN_HEIGHT <= h <= top - _MIN_HEIGHT and block[h] >= MIN_CUT_AREA * block[top]
-    )
+    low = _BASE.min_height
+    heights = sorted(h for h in tried if low <= h <= top - low and block[h] >= _BASE.min_area * block[top])
     room = {h: block[h] * h + _boxes(parts, h) for h in heights}
     best = min(heights, key=lambda h: room[h], default=top)
-    return best if best in room and room[best] < MAX_CUT_VOLUME * block[top] * top else top
+    return best if best in room and room[best] < _BASE.max_volume * block[top] * top else top
 
 
 def _ground(surface: Array, cut: float) -> float:
@@ -249,19 +258,19 @@ def _boxes(parts: Sequence[CollisionPart], cut: float) -> float:
 
 
 def _convex_outline(points: Array) -> Array:
-    """Return a convex outline around points (n, 2), in order: their hull, or `_CORNERS` tangents to it."""
+    """Return a convex outline around points (n, 2), in order: their hull, or tangents to it."""
     hull = shapely.convex_hull(shapely.multipoints(points))
     if not len(points) or hull.geom_type != "Polygon" or hull.area < 1e-8:
         return np.empty((0, 2))
     corners = _ring(hull)
-    if len(corners) <= _CORNERS:
+    if len(corners) <= _BASE.corners:
         return corners
     # Hundreds of corners would slow all that uses the outline; each tangent is at most a 200th of the radius
     # away from the hull.
-    angles = np.arange(_CORNERS) * 2 * pi / _CORNERS
+    angles = np.arange(_BASE.corners) * 2 * pi / _BASE.corners
     normals = np.column_stack([np.cos(angles), np.sin(angles)])
     reach = (corners @ normals.T).max(0)
-    step = 2 * pi / _CORNERS
+    step = 2 * pi / _BASE.corners
     sides = np.column_stack([-normals[:, 1], normals[:, 0]])
     along = (np.roll(reach, -1) - reach * np.cos(step)) / np.sin(step)
     outer = reach[:, None] * normals + along[:, None] * sides
