@@ -34,7 +34,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.chain import spread_postures
 from regionik.worlds.links import LinkHull
 from regionik.worlds.robot import Robot
-from regionik.worlds.self_collision import SLIDE, postures_clear
+from regionik.worlds.self_collision import UNLIMITED_SLIDE, postures_clear
 
 POSTURES = 500
 SOUGHT = 5000  # postures, of which those with the tool level say at which height tasks lie
@@ -57,7 +57,7 @@ def loaded(path: Path, tip: str | None) -> tuple[Robot, float, int]:
 
 def working_height(robot: Robot) -> float:
     """Height at which half of the clear postures that hold the tool level are lower [m]; NaN without any."""
-    joints = spread_postures(robot.chain, SLIDE, SOUGHT, 0)
+    joints = spread_postures(robot.chain, UNLIMITED_SLIDE, SOUGHT, 0)
     tools = robot.T_base_arm @ robot.chain.frames(joints)[:, -1]
     joints = joints[(np.abs(tools[:, 2, 2]) < np.sin(LEVEL)) & (tools[:, 2, 3] > 0.2)]
     clear = joints[postures_clear(robot, joints, 0.0)] if len(joints) else joints
@@ -119,7 +119,7 @@ def line(path: Path, tip: str | None) -> tuple[str, Robot | None]:
         return f"{path.name:32} {robot.chain.dof} joints: no arm", None
     hulls = sum(isinstance(solid, LinkHull) for solid in robot.all_solids)
     room = nearest(bodies_from(robot, ()), np.zeros(3), robot.carry).distance
-    clear = postures_clear(robot, spread_postures(robot.chain, SLIDE, POSTURES, 0), 0.0).mean()
+    clear = postures_clear(robot, spread_postures(robot.chain, UNLIMITED_SLIDE, POSTURES, 0), 0.0).mean()
     parts = [
         f"{robot.chain.dof:2} joints, {len(robot.all_solids):2} solids ({hulls:2} hulls)",
         f"{len(robot.unchecked):3} pairs unchecked, {said:2} warnings, {took:5.1f} s",

@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from distributed import Client
     from distributed import Future as DaskFuture
 
-AHEAD = 32  # chunks handed out before the first of them is back
-FRESH_POOLS = 3  # tried one after the other without a result
+CHUNKS_AHEAD = 32  # chunks handed out before the first of them is back
+MAX_FRESH_POOLS = 3  # tried one after the other without a result
 CHUNKS_PER_THREAD = 2  # of a cluster, handed out ahead
 CONNECT_TIMEOUT = 10  # [s]
 # When a run ends, the resource tracker frees what its pool leaves behind; it need not warn of that.
@@ -60,7 +60,7 @@ def map_unordered(
     work: Callable[[World, Item], Result],
     items: Iterable[tuple[int, Item]],
     executor: Pool | None = None,
-    ahead: int = AHEAD,
+    ahead: int = CHUNKS_AHEAD,
 ) -> Iterator[tuple[int, Result]]:
     """Return numbers and results of ``work(world, item)``, each once, as they are done.
 
@@ -132,8 +132,8 @@ class _ChunkQueue(Generic[Item, Result]):
         if self._renew is None:
             advice = "give a function that makes executors, and the chunks are handed out again"
             raise EngineError(f"the executor lost its workers: {error} ({advice})") from error
-        if self._failures == FRESH_POOLS:
-            raise EngineError(f"workers were lost {FRESH_POOLS + 1} times in a row: {error}") from error
+        if self._failures == MAX_FRESH_POOLS:
+            raise EngineError(f"workers were lost {MAX_FRESH_POOLS + 1} times in a row: {error}") from error
         self._failures += 1
         self._pool.shutdown(wait=False)
         self._pool = self._renew()
@@ -252,7 +252,7 @@ def dask_executor(address: str) -> Iterator[tuple[Executor, int]]:
     try:
         with client:
             threads = sum(client.nthreads().values())
-            yield _DaskExecutor(client), max(AHEAD, CHUNKS_PER_THREAD * threads)
+            yield _DaskExecutor(client), max(CHUNKS_AHEAD, CHUNKS_PER_THREAD * threads)
     except KilledWorker as error:
         raise EngineError(f"{address}: a chunk ended worker after worker: {error}") from None
     except (CancelledError, CommClosedError) as error:

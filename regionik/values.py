@@ -223,7 +223,7 @@ class Plan:
         All states, from the start (if any) to the last set-point; iterate over it for one `State` at a time.
     areas : tuple of PlannedArea
         One for each set-point. Files of very long paths have none, see
-        `regionik.storage.plan_document.VALUES_LIMIT`.
+        `regionik.worlds.readers.text.MAX_BYTES`.
     lift_offs : int
         Times that the tool leaves the path after the first set-point.
     stops : tuple of Stop

@@ -31,7 +31,7 @@ from regionik.storage.files import open_partial
 from regionik.worlds.documents.world_file import load_world, world_to_document
 from regionik.worlds.errors import InputError
 from regionik.worlds.readers.csv_path import index_csv, read_csv, read_csv_columns
-from regionik.worlds.readers.gcode_path import read_gcode
+from regionik.worlds.readers.gcode import read_gcode
 from regionik.worlds.readers.occupancy_map import load_map
 from regionik.worlds.urdf.loader import load_robot
 from tests.hostile import KINDS, MANIFEST, READ, Files, bombs, mutated, samples, write

@@ -35,7 +35,7 @@ FAULTS = (
     Fault(
         "obstacles: a sheet in a mesh has no shadow",
         "worlds/surfaces.py",
-        "[whole, *shapely.buffer(sheets, SHEET)]",
+        "[whole, *shapely.buffer(sheets, SHEET_WIDTH)]",
         "[whole]",
         ("tests/test_false_answers.py",),
     ),
@@ -287,7 +287,7 @@ FAULTS = (
     Fault(
         "worlds: places may lie anywhere",
         "worlds/arrays.py",
-        "if far > FARTHEST:",
+        "if far > MAX_COORDINATE:",
         "if far > np.inf:",
         ("tests/test_world_file.py",),
     ),
@@ -441,7 +441,7 @@ FAULTS = (
     Fault(
         "obstacles: a mesh's shadow loses faces",
         "worlds/surfaces.py",
-        "[*triangles[valid], *inside], grid_size=GRID",
+        "[*triangles[valid], *inside], grid_size=SHADOW_GRID",
         "[*triangles[valid], *inside]",
         ("tests/test_values.py",),
     ),

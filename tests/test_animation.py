@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from regionik.timing.trajectory import trajectory
 from regionik.values import Motion, Plan
 from regionik.view.plan_picture import (
-    LONGEST,
-    MOST_FRAMES,
-    REST,
-    SHORTEST,
+    END_PAUSE,
+    MAX_DURATION,
+    MAX_FRAMES,
+    MIN_DURATION,
     display_times,
     key_frames,
     turn_quaternions,
@@ -42,8 +42,8 @@ def test_setpoints_are_kept_and_time_runs_on(world: object) -> None:
     plan = synthetic_plan(world)  # type: ignore[arg-type]
     frames = key_frames(plan, display_times(plan))
     assert (np.diff(frames.times) > 0).all()
-    assert SHORTEST - 1e-9 <= frames.times[-1] <= LONGEST + 1e-9
-    assert frames.duration == pytest.approx(frames.times[-1] + REST)
+    assert MIN_DURATION - 1e-9 <= frames.times[-1] <= MAX_DURATION + 1e-9
+    assert frames.duration == pytest.approx(frames.times[-1] + END_PAUSE)
     assert np.isin(frames.passed, frames.times).all()
     at = np.searchsorted(frames.times, frames.passed)
     tools = world.robot.tool(frames.base[at], frames.joints[at])[:, :3, 3]  # type: ignore[attr-defined]
@@ -79,7 +79,7 @@ def test_the_figures_of_a_page_are_numbers_or_null(plan: Plan) -> None:
     assert len(document["areas"]) == len(plan.setpoints)
 
 
-@pytest.mark.parametrize(("length", "seconds"), [(0.01, SHORTEST), (5.0, 20.0), (1000.0, LONGEST)])
+@pytest.mark.parametrize(("length", "seconds"), [(0.01, MIN_DURATION), (5.0, 20.0), (1000.0, MAX_DURATION)])
 def test_speed_is_readable_whatever_the_size(plan: Plan, length: float, seconds: float) -> None:
     table = np.zeros((50, 8))
     table[:, 0] = np.linspace(0, length, 50)
@@ -97,7 +97,7 @@ def test_long_motions_are_thinned_but_keep_every_setpoint(plan: Plan) -> None:
     kinds[chosen] = "setpoint"
     shown = _with(plan, table, kinds.tolist())
     frames = key_frames(shown, display_times(shown))
-    assert len(frames.times) <= 1.1 * MOST_FRAMES
+    assert len(frames.times) <= 1.1 * MAX_FRAMES
     rows = np.column_stack([frames.base, frames.joints])
     unwrapped = table.copy()
     unwrapped[:, 2] = np.unwrap(table[:, 2])

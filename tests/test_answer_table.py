@@ -240,7 +240,7 @@ def test_a_folder_of_other_things_is_left_alone(tmp_path: Path) -> None:
 def test_too_many_for_memory_is_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("regionik.output.answers.MEMORY_LIMIT", 100)
+    monkeypatch.setattr("regionik.output.answers.MAX_IN_MEMORY", 100)
     table = table_of(tmp_path, 110)
     for more in (["-o", str(tmp_path / "answers.json")], ["--json"], []):
         assert app.run(["reach", "free", "--csv", str(table), *more]) == 2

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 import shapely
 
-from regionik.executors import FRESH_POOLS, map_unordered, process_pool
+from regionik.executors import MAX_FRESH_POOLS, map_unordered, process_pool
 from regionik.reachability.reach import reach
 from regionik.values import Answer
 from regionik.worlds.bundled import robot_named, world_names
@@ -213,7 +213,7 @@ def test_workers_that_are_always_lost_end_it() -> None:
 
     with pytest.raises(EngineError, match="lost"):
         list(map_unordered(load_world("free"), squared, enumerate(range(30)), another))
-    assert len(pools) == FRESH_POOLS + 1
+    assert len(pools) == MAX_FRESH_POOLS + 1
 
 
 def test_a_broken_executor_of_the_caller_is_not_replaced() -> None:

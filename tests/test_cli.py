@@ -545,7 +545,7 @@ def test_a_watched_file_is_shown_until_ctrl_c(tmp_path: Path) -> None:
 def test_other_signals_and_errors_that_nobody_catches_end_nothing() -> None:
     said = """
 import os, signal, time
-from regionik.cli.interrupts import GRACE, install_handlers
+from regionik.cli.interrupts import CLEANUP_TIME, install_handlers
 class Faulty:
     def __del__(self): raise ValueError("told")
 class Interrupted:
@@ -554,7 +554,7 @@ install_handlers()
 signal.signal(signal.SIGUSR1, lambda *_: None)
 os.kill(os.getpid(), signal.SIGUSR1)
 Faulty(), Interrupted()
-time.sleep(GRACE + 0.2)
+time.sleep(CLEANUP_TIME + 0.2)
 print("still at work")
 """
     done = subprocess.run(

@@ -16,7 +16,13 @@ from regionik.planners.driving.arcs import arc_end, arc_towards
 from regionik.verification import motion as verification_motion
 from regionik.verification.motion import MotionSegments
 from regionik.worlds.arrays import Array
-from regionik.worlds.drives import BULGE, BaseKind, DifferentialDrive, OmnidirectionalDrive, drive_of
+from regionik.worlds.drives import (
+    MAX_CHORD_ERROR,
+    BaseKind,
+    DifferentialDrive,
+    OmnidirectionalDrive,
+    drive_of,
+)
 from tests.bodies import motion_through
 from tests.plans import youbot
 
@@ -83,7 +89,7 @@ def test_lines_through_the_cuts_stay_near_the_way() -> None:
     fine = DifferentialDrive().between(base[0], base[1], np.linspace(0, 1, 500))[:, :2]
     line = DifferentialDrive().trace(base)[: int(np.searchsorted(index, 1.0)) + 1]
     off = [np.abs(np.hypot(*(point - [0, 1])) - 1) for point in (line[:-1] + line[1:]) / 2]
-    assert max(off) <= BULGE
+    assert max(off) <= MAX_CHORD_ERROR
     assert np.abs(np.hypot(*(fine - [0, 1]).T) - 1).max() < 1e-12
     assert len(index) < 40
     assert OmnidirectionalDrive().cuts(base).tolist() == [0, 1, 2, 3, 4]

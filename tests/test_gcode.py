@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import FileNote, InputError
-from regionik.worlds.readers.gcode_path import read_gcode
+from regionik.worlds.readers.gcode import read_gcode
 from tests import examples
 
 

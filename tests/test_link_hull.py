@@ -17,9 +17,9 @@ from regionik.verification.contact import shrunk_weights
 from regionik.worlds.chain import translation
 from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
 from regionik.worlds.errors import InputError
-from regionik.worlds.links import HULL_ROWS, LinkBox, LinkHull
+from regionik.worlds.links import MIN_HULL_ROWS, LinkBox, LinkHull
 from regionik.worlds.polytopes import polytope
-from regionik.worlds.urdf.bounding import MOST_CORNERS, TIGHT, bounding_solid, convex_hull
+from regionik.worlds.urdf.bounding import MAX_CORNERS, MAX_EXCESS, bounding_solid, convex_hull
 from tests import examples
 from tests.bodies import random_frame
 from tests.plans import every_solid
@@ -33,7 +33,7 @@ def hull_of(box: LinkBox) -> LinkHull:
 def test_a_hull_has_more_rows_than_a_box_and_says_how_deep_a_point_is() -> None:
     box = LinkBox(2, "box", translation(0.1, 0, 0), np.array([0.2, 0.4, 0.6]))
     hull = hull_of(box)
-    assert len(hull.corners) == HULL_ROWS
+    assert len(hull.corners) == MIN_HULL_ROWS
     assert len(hull.polytope.normals) == 6
     assert len(hull.polytope.edges) == 3
     for point in np.random.default_rng(0).uniform(-0.4, 0.4, (50, 3)):
@@ -94,7 +94,7 @@ def test_bounds_hold_all_points_and_are_tighter_than_boxes(seed: int, sizes: tup
     points = rng.normal(size=(60, 3)) * sizes @ random_frame(rng, 0.1)[:3, :3]
     bound = bounding_solid(0, "cloud", convex_hull(points))
     assert depth(bound, points).max() < 1e-8
-    assert len(bound.corners) <= max(MOST_CORNERS, HULL_ROWS)
+    assert len(bound.corners) <= max(MAX_CORNERS, MIN_HULL_ROWS)
 
 
 @pytest.mark.parametrize(
@@ -108,7 +108,7 @@ def test_a_tapered_link_is_bound_to_a_millimetre() -> None:
     wedge = np.array([[x, y * (1 + x), z] for x in (0, 1) for y in (-0.1, 0.1) for z in (-0.1, 0.1)]) * 0.3
     bound = bounding_solid(0, "wedge", wedge)
     assert isinstance(bound, LinkHull)
-    assert polytope(wedge).depth(bound.corners).min() > -TIGHT - 1e-6
+    assert polytope(wedge).depth(bound.corners).min() > -MAX_EXCESS - 1e-6
 
 
 def test_hulls_are_kept_in_world_files() -> None:

@@ -14,7 +14,7 @@ from shapely.geometry import Point, box
 
 from regionik.worlds.bundled import DATA
 from regionik.worlds.errors import FileNote, InputError
-from regionik.worlds.readers.occupancy_map import CELL_LIMIT, load_map
+from regionik.worlds.readers.occupancy_map import MAX_CELLS, load_map
 from regionik.worlds.scene import Floor
 from tests import examples
 
@@ -170,7 +170,7 @@ def test_images_cut_short_and_images_too_large(tmp_path: Path) -> None:
         load_map(path, 1.0)
     for side in (6_000, 12_000, 60_000):
         (tmp_path / "map.pgm").write_bytes(f"P5 {side} {side} 255\n".encode())
-        with pytest.raises(InputError, match=f"at most {CELL_LIMIT} cells"):
+        with pytest.raises(InputError, match=f"at most {MAX_CELLS} cells"):
             load_map(path, 1.0)
 
 

@@ -30,7 +30,7 @@ from regionik.view.figures import plot
 from regionik.view.page import to_html
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import FileNote, InputError
-from regionik.worlds.readers.text import count_values
+from regionik.worlds.readers.text import MAX_BYTES
 from tests.plans import every_solid, l_shape, plan_to_document, synthetic_plan
 
 SCHEMA = Path(__file__).parents[1] / "docs" / "plan.schema.json"
@@ -128,9 +128,9 @@ def test_parts_are_those_that_a_feature_names(document: dict[str, Any], tmp_path
 def test_areas_too_many_to_be_read_back_are_left_out(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     made = search(scene_of(load_world("slab")))
     made.save(tmp_path / "plan.json")
-    whole = count_values((tmp_path / "plan.json").read_bytes())
+    whole = (tmp_path / "plan.json").stat().st_size
     for module in (plan_document, plan_file):
-        monkeypatch.setattr(module, "VALUES_LIMIT", whole - 1)
+        monkeypatch.setattr(module, "MAX_BYTES", whole - 1)
     with pytest.warns(FileNote, match="areas are left out"):
         made.save(tmp_path / "plan.json")
     back = load_plan(tmp_path / "plan.json")
@@ -142,25 +142,19 @@ def test_areas_too_many_to_be_read_back_are_left_out(monkeypatch: pytest.MonkeyP
     assert [path.stat().st_size > 1000 for path in sorted(tmp_path.iterdir())] == [True] * 3
 
 
-@pytest.mark.parametrize(("limit", "told"), [
-    ("VALUES_LIMIT", r"values could not be read back, at most \d+ can, expected a task in parts"),
-    ("SIZE_LIMIT", r"MB could not be read back, at most \S+ MB can, expected a task in parts"),
-])  # fmt: skip
-def test_what_is_written_can_be_read(
-    limit: str, told: str, plan: Plan, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_what_is_written_can_be_read(plan: Plan, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """A file at the limit of its reader is read; one beyond is not written."""
     path, bare = tmp_path / "plan.json", dataclasses.replace(plan, areas=())
     bare.save(path)
-    data = path.read_bytes()
-    least = count_values(data) if limit == "VALUES_LIMIT" else len(data)
+    least = path.stat().st_size
     for module in (plan_document, plan_file):
-        monkeypatch.setattr(module, limit, least + 20)
+        monkeypatch.setattr(module, "MAX_BYTES", least + 20)
     bare.save(path)
     assert load_plan(path).areas == ()
     path.unlink()
     for module in (plan_document, plan_file):
-        monkeypatch.setattr(module, limit, least - 20)
+        monkeypatch.setattr(module, "MAX_BYTES", least - 20)
+    told = r"MB could not be read back, at most \S+ MB can, expected a task in parts"
     with pytest.raises(InputError, match=told):
         bare.save(path)
     assert not path.exists()
@@ -281,7 +275,7 @@ def test_missing_and_too_large_files(tmp_path: Path, monkeypatch: pytest.MonkeyP
         load_plan(tmp_path)
     huge = tmp_path / "huge.json"
     huge.touch()
-    os.truncate(huge, plan_document.SIZE_LIMIT + 1)
+    os.truncate(huge, MAX_BYTES + 1)
     with pytest.raises(InputError, match=r"expected at most 256 MB"):
         load_plan(huge)
 

@@ -8,7 +8,7 @@ import shapely
 from regionik.reachability.reach import reach
 from regionik.values import Answer
 from regionik.verification.verifier import verify_answers
-from regionik.worlds.arrays import FARTHEST
+from regionik.worlds.arrays import MAX_COORDINATE
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError
 from regionik.worlds.limits import Execution
@@ -102,7 +102,7 @@ def test_an_answer_is_held_to_the_tolerance_of_targets_not_to_that_of_paths(rule
 
 
 def test_answers_hold_as_far_from_the_origin_as_worlds_may_lie() -> None:
-    away = FARTHEST - 10.0
+    away = MAX_COORDINATE - 10.0
     world = World(
         "far",
         WORLD.robot,

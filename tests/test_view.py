@@ -22,7 +22,7 @@ from regionik.view import film, viewer
 from regionik.view.film import BrowserPage, chromium, opened
 from regionik.view.page import html_page, served, to_html
 from regionik.view.picture import camera_for
-from regionik.view.plan_picture import MOST_FRAMES, picture_of_plan
+from regionik.view.plan_picture import MAX_FRAMES, picture_of_plan
 from regionik.view.timeline import clearances
 from regionik.view.world_picture import MARK_RADIUS, picture_of_world, shown_start, tool_radius
 from regionik.worlds.arrays import Array
@@ -79,7 +79,7 @@ def test_every_animated_thing_is_there_and_all_last_equally_long(plan: Plan, tmp
         times = [key["time"] for key in track["keys"]]
         assert times[0] == 0.0
         assert (np.diff(times) >= 0).all()
-        assert len(times) <= 1.1 * MOST_FRAMES
+        assert len(times) <= 1.1 * MAX_FRAMES
         assert path in (nodes if track["type"] in ("vector3", "quaternion") else meshes)
 
 
@@ -340,7 +340,7 @@ def test_a_film_is_a_moving_picture(tmp_path: Path) -> None:
     film.film(html_page(brief), tmp_path / "plan.gif")
     with Image.open(tmp_path / "plan.gif") as image:
         assert getattr(image, "n_frames", 1) >= 2
-        assert image.size == film.SIZE
+        assert image.size == film.FRAME_SIZE
     with pytest.raises(InputError, match=r"expected a file name ending in \.gif, \.mp4"):
         film.film(html_page(brief), tmp_path / "plan.avi")
 

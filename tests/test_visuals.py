@@ -25,7 +25,7 @@ from regionik.worlds.readers.meshes import read_surfaces
 from regionik.worlds.robot import Robot, Tool
 from regionik.worlds.scene import Floor, Target, World
 from regionik.worlds.surfaces import VisualSurface, coarsened
-from regionik.worlds.urdf.loader import GREY, TRIANGLES, load_robot
+from regionik.worlds.urdf.loader import GREY, MAX_TRIANGLES, load_robot
 
 DAE = """\
 <COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
@@ -129,7 +129,7 @@ def test_visual_elements_are_read_with_their_colours_and_the_rest_passed_over(ro
     assert np.allclose(orange.vertices.min(axis=0), [0, 0, 2.1])  # twice a metre, and the origin
     flap = next(one for one in robot.visuals if (one.link, one.color) == (BASE, GREY))
     assert np.allclose(flap.vertices.max(axis=0), [0.05, 0.35, 0.25])  # behind a joint that stands still
-    assert sum(len(one.faces) for one in robot.visuals) <= TRIANGLES
+    assert sum(len(one.faces) for one in robot.visuals) <= MAX_TRIANGLES
     assert {name for one in robot.visuals for name in one.stands_for} == {"upper", "fore"}
 
 

@@ -19,9 +19,9 @@ from regionik.worlds.chain import Chain, rot_y, rot_z
 from regionik.worlds.errors import InputError
 from regionik.worlds.joints import Joint, nearest_turn
 
-_ALIGNED = 1e-9
+_AXIS_TOLERANCE = 1e-9
 _HINGES = 3
-_HELD = 1e-6  # limits nearer to each other than this hold a hinge still [rad]
+_MAX_HELD_RANGE = 1e-6  # limits nearer to each other than this hold a hinge still [rad]
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +83,7 @@ def planar_arm(chain: Chain) -> PlanarArm:
     _check_axes(chain, origins, axes)
     r_axis = _plane(origins, axes)
     turn = np.cross(r_axis, [0.0, 0.0, 1.0])
-    if np.abs(origins[1:] @ turn).max() > _ALIGNED:
+    if np.abs(origins[1:] @ turn).max() > _AXIS_TOLERANCE:
         raise _not_planar("its hinges and tool must lie in the pivot's plane")
     knots = np.column_stack([origins @ r_axis, origins[:, 2]])[[1, 2, 3, -1]]
     links = np.diff(knots, axis=0)
@@ -94,13 +94,13 @@ def planar_arm(chain: Chain) -> PlanarArm:
     along = last[0] * r_axis + np.array([0.0, 0.0, last[1]])
     rolls = chain.dof > 1 + _HINGES
     roll_lines = np.array([axes[-1], origins[-1] - origins[-2]])
-    if rolls and np.abs(np.cross(roll_lines, along)).max() > _ALIGNED:
+    if rolls and np.abs(np.cross(roll_lines, along)).max() > _AXIS_TOLERANCE:
         raise _not_planar("the joint after the hinges must roll about the last link")
     sign = np.sign(axes[1 : 1 + _HINGES] @ turn)
     offset = np.diff(np.arctan2(links[:, 1], links[:, 0]), prepend=0.0)
     limits = np.array([[j.lower, j.upper] for j in chain.joints[1 : 1 + _HINGES]])
     ends = np.sort(sign[:, None] * limits + offset[:, None], axis=1)
-    if np.count_nonzero(limits[:, 1] - limits[:, 0] < _HELD) > 1:
+    if np.count_nonzero(limits[:, 1] - limits[:, 0] < _MAX_HELD_RANGE) > 1:
         raise _not_planar("at most one hinge may be held still by its limits")
     pivot_zero, pitch = float(np.arctan2(r_axis[1], r_axis[0])), float(offset.sum())
     last_joint = chain.joints[-1]
@@ -113,7 +113,7 @@ def planar_arm(chain: Chain) -> PlanarArm:
         upper=ends[:, 1],
         pivot_zero=pivot_zero,
         roll=chain.dof - 1 if rolls else None,
-        tool_along_link=bool(np.linalg.norm(frames[-1][:3, 2] - along) < _ALIGNED),
+        tool_along_link=bool(np.linalg.norm(frames[-1][:3, 2] - along) < _AXIS_TOLERANCE),
         tool_turn=(rot_y(pitch) @ rot_z(-pivot_zero) @ frames[-1])[:3, :3],
         roll_sign=float(np.sign(axes[-1] @ along)) if rolls else 0.0,
         roll_lower=last_joint.lower if rolls else 0.0,
@@ -125,11 +125,11 @@ def _check_axes(chain: Chain, origins: Array, axes: Array) -> None:
     """Refuse all chains but a vertical pivot with three horizontal hinges and at most one joint more."""
     if any(joint.kind != "revolute" for joint in chain.joints):
         raise _not_planar("every joint must be revolute")
-    if axes[0, 2] < 1 - _ALIGNED or np.hypot(*origins[0, :2]) > _ALIGNED:
+    if axes[0, 2] < 1 - _AXIS_TOLERANCE or np.hypot(*origins[0, :2]) > _AXIS_TOLERANCE:
         raise _not_planar("its first axis must be the vertical through its base frame, pointing up")
     hinges = axes[1 : 1 + _HINGES]
-    parallel = len(hinges) == _HINGES and np.abs(hinges @ hinges[0]).min() > 1 - _ALIGNED
-    if not parallel or abs(hinges[0, 2]) > _ALIGNED:
+    parallel = len(hinges) == _HINGES and np.abs(hinges @ hinges[0]).min() > 1 - _AXIS_TOLERANCE
+    if not parallel or abs(hinges[0, 2]) > _AXIS_TOLERANCE:
         raise _not_planar("its first axis must be followed by three parallel horizontal hinges")
     if chain.dof > 2 + _HINGES:
         raise _not_planar("at most one joint may follow the hinges")
@@ -140,7 +140,7 @@ def _plane(origins: Array, axes: Array) -> Array:
     normal = axes[1]
     r_axis = np.array([-normal[1], normal[0], 0.0])
     ahead = float((origins[1] - origins[0]) @ r_axis)
-    if abs(ahead) <= _ALIGNED:
+    if abs(ahead) <= _AXIS_TOLERANCE:
         ahead = float(axes[1] @ np.cross(r_axis, [0.0, 0.0, 1.0]))
     return r_axis if ahead > 0 else -r_axis
 
@@ -196,11 +196,15 @@ def pivot_index(chain: Chain) -> int:
     """
     for joint, T in zip(chain.joints, chain.frames(np.zeros(chain.dof)), strict=False):
         upward = float((T[:3, :3] @ joint.axis)[2])
-        if joint.kind == "revolute" and upward > 1 - _ALIGNED and np.hypot(*T[:2, 3]) <= _ALIGNED:
+        if (
+            joint.kind == "revolute"
+            and upward > 1 - _AXIS_TOLERANCE
+            and np.hypot(*T[:2, 3]) <= _AXIS_TOLERANCE
+        ):
             if joint.mimic is None and chain.turning[k := chain.names.index(joint.name)]:
                 return int(k)
             break
-        if joint.kind == "revolute" or abs(upward) < 1 - _ALIGNED:
+        if joint.kind == "revolute" or abs(upward) < 1 - _AXIS_TOLERANCE:
             break
     raise InputError(
         "robot: expected a first axis that is the vertical through the arm's base frame, pointing up; only "

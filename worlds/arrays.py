@@ -16,8 +16,8 @@ Index = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 _YZX, _ZXY = [1, 2, 0], [2, 0, 1]
-FARTHEST = 1e5  # of coordinates: numbers there are 1e-11 m apart, plans are proven to 1e-9 m [m]
-_SHOWN = 6  # numbers of an array, or items of a tuple, that fit on a line
+MAX_COORDINATE = 1e5  # of coordinates: numbers there are 1e-11 m apart, plans are proven to 1e-9 m [m]
+_MAX_SHOWN = 6  # numbers of an array, or items of a tuple, that fit on a line
 
 
 def cross(a: Array, b: Array) -> Array:
@@ -47,11 +47,9 @@ def frozen(values: ArrayLike, shape: Sequence[int | None], what: str) -> Array:
 def check_near_origin(coordinates: ArrayLike, what: str) -> None:
     """Refuse coordinates of places in the world that are too far from its origin to compute with."""
     far = float(np.abs(coordinates).max(initial=0.0))
-    if far > FARTHEST:
-        text = (
-            f"expected coordinates of at most {FARTHEST:g} m, so that what is proven holds, got {far:.9g} m"
-        )
-        raise InputError(f"{what}: {text}: put the origin of the world nearer")
+    if far > MAX_COORDINATE:
+        text = f"expected coordinates of at most {MAX_COORDINATE:g} m, so that what is proven holds"
+        raise InputError(f"{what}: {text}, got {far:.9g} m: put the origin of the world nearer")
 
 
 def frozen_faces(faces: ArrayLike, vertices: int, what: str) -> Index:
@@ -113,8 +111,8 @@ def _differ(item: Any, default: Any) -> bool:
 def _brief(item: Any) -> str:
     if isinstance(item, np.ndarray):
         numbers = np.round(item, 6).tolist()
-        return f"<{' x '.join(map(str, item.shape))} array>" if item.size > _SHOWN else str(numbers)
-    if isinstance(item, tuple) and (len(item) > _SHOWN or any(map(is_dataclass, item))):
+        return f"<{' x '.join(map(str, item.shape))} array>" if item.size > _MAX_SHOWN else str(numbers)
+    if isinstance(item, tuple) and (len(item) > _MAX_SHOWN or any(map(is_dataclass, item))):
         return f"<{len(item)}>"
     if is_dataclass(item) and hasattr(item, "name"):
         return repr(item.name)

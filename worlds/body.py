@@ -22,13 +22,25 @@ from regionik.worlds.robot import Robot
 Corners = tuple[tuple[float, float], ...]
 Band = tuple[float, float]
 
-SIDES = 16  # of the polygons that stand for round outlines
-BULGES = (-0.8, 0.0, 0.8)  # heights of the discs that stand for a ball from within, in radii
-ALIKE = 0.7  # share of the outer outline that the inner one takes where a band is left whole
-INSET = 0.02  # share of a band's height that an inner prism may leave out at either end, of what leans
-SHORTEST = 0.05  # band that is not cut [m]
-HALVINGS = 2  # of a solid's height, at most
-LEAST_AREA = 1e-6  # of an outline that is worth looking at [m2]
+
+@dataclass(frozen=True)
+class _PrismOptions:
+    """How finely solids are cut into prisms."""
+
+    round_sides: int = 16  # of polygons that stand for round outlines
+    disc_heights: tuple[float, ...] = (
+        -0.8,
+        0.0,
+        0.8,
+    )  # of the discs that stand for a ball from within, in radii
+    min_inner_share: float = 0.7  # of the outer outline, from which a band is left whole
+    max_inset_share: float = 0.02  # of the height of a leaning band, left out at either end
+    min_band: float = 0.05  # height of a band that is cut [m]
+    max_halvings: int = 2  # of a solid's height
+    min_area: float = 1e-6  # of an outline [m2]
+
+
+_PRISMS = _PrismOptions()
 _UPRIGHT = 1e-9
 
 
@@ -46,11 +58,9 @@ class BodyPrism:
         return replace(self, low=self.low + low, high=self.high + high)
 
 
-@lru_cache(maxsize=64)
 def fixed_prisms(robot: Robot, *, inside: bool) -> tuple[BodyPrism, ...]:
     """Return prisms around the solids that are fixed to the base, or inside them."""
-    found = (_prisms(solid, np.eye(4), inside=inside) for solid in robot.base_solids)
-    return tuple(prism for some in found for prism in some)
+    return _body_prisms(robot, inside=inside)[0]
 
 
 def lifted_prisms(robot: Robot, lift: tuple[float, float], *, inside: bool) -> tuple[BodyPrism, ...]:
@@ -65,7 +75,7 @@ def lifted_prisms(robot: Robot, lift: tuple[float, float], *, inside: bool) -> t
     """
     found = []
     least, most = lift_range(robot)
-    for prism, (low, high) in _on_lifts(robot, inside=inside):
+    for prism, (low, high) in _body_prisms(robot, inside=inside)[1]:
         # What the other lifts add is within their own limits.
         low, high = max(low, lift[0] - (most - high)), min(high, lift[1] - (least - low))
         moved = prism.lifted(high, low) if inside else prism.lifted(low, high)
@@ -73,7 +83,6 @@ def lifted_prisms(robot: Robot, lift: tuple[float, float], *, inside: bool) -> t
     return tuple(found)
 
 
-@lru_cache(maxsize=64)
 def lift_range(robot: Robot) -> tuple[float, float]:
     """Return how far the lifts raise the arm, at least and at most; (0, 0) where there are none [m]."""
     return [(0.0, 0.0), *(span for _, span in _lifts(robot))][-1]
@@ -115,20 +124,26 @@ def _lifts(robot: Robot) -> Iterator[tuple[Array, tuple[float, float]]]:
 
 
 @lru_cache(maxsize=64)
-def _on_lifts(robot: Robot, *, inside: bool) -> tuple[tuple[BodyPrism, tuple[float, float]], ...]:
-    """Prisms of the solids on lifts, these at zero, and how far each is raised, at least and at most."""
+def _body_prisms(
+    robot: Robot, *, inside: bool
+) -> tuple[tuple[BodyPrism, ...], tuple[tuple[BodyPrism, Band], ...]]:
+    """Prisms of the solids that are fixed to the base; and of those on lifts, these at zero.
+
+    The latter with how far each is raised, at least and at most.
+    """
+    fixed = (_prisms(solid, np.eye(4), inside=inside) for solid in robot.base_solids)
     lifts = list(_lifts(robot))
     moving = [solid for solid in robot.solids if solid.link < len(lifts)]
-    return tuple(
+    lifted = (
         (prism, lifts[solid.link][1])
         for solid in moving
         for prism in _prisms(solid, lifts[solid.link][0], inside=inside)
     )
+    return tuple(prism for some in fixed for prism in some), tuple(lifted)
 
 
-@lru_cache(maxsize=64)
 def _rise(robot: Robot) -> tuple[float, float]:
-    """How high the tool is at least and at most where the lifts are at zero [m].
+    """Return the least and the greatest height of the tool where the lifts are at zero [m].
 
     Heights are known up to the first joint that is not upright; from there links count with their lengths.
     """
@@ -157,34 +172,36 @@ def _prisms(solid: LinkSolid, T: Array, *, inside: bool) -> tuple[BodyPrism, ...
     points = transform_points(T, solid.corners)
     if isinstance(solid, LinkCapsule):
         points = (points[:, None] + solid.radius * _ball(inside=inside)).reshape(-1, 3)
-    bands = _bands(points, float(points[:, 2].min()), float(points[:, 2].max()), HALVINGS, inside=inside)
+    low, high = float(points[:, 2].min()), float(points[:, 2].max())
+    bands = _bands(points, low, high, _PRISMS.max_halvings, inside=inside)
     shapes = ((_held(points, *band) if inside else _taken(points, *band), band) for band in bands)
     return tuple(
         BodyPrism(solid.name, tuple(map(tuple, shapely.get_coordinates(shape.exterior)[:-1].tolist())), *band)
         for shape, band in shapes
-        if isinstance(shape, Polygon) and shape.area > LEAST_AREA
+        if isinstance(shape, Polygon) and shape.area > _PRISMS.min_area
     )
 
 
 def _ball(*, inside: bool) -> Array:
     """Corners of a polytope inside the unit ball, or around it: a prism, as caps matter little."""
-    turns = 2 * np.pi * np.arange(SIDES) / SIDES
+    sides = _PRISMS.round_sides
+    turns = 2 * np.pi * np.arange(sides) / sides
     ring = np.column_stack([np.cos(turns), np.sin(turns)])
     levels = (
-        [(z, np.sqrt(1 - z * z)) for z in BULGES]
+        [(z, np.sqrt(1 - z * z)) for z in _PRISMS.disc_heights]
         if inside
-        else [(z, 1 / np.cos(np.pi / SIDES)) for z in (-1, 1)]
+        else [(z, 1 / np.cos(np.pi / sides)) for z in (-1, 1)]
     )
-    return np.concatenate([np.column_stack([far * ring, np.full(SIDES, z)]) for z, far in levels])
+    return np.concatenate([np.column_stack([far * ring, np.full(sides, z)]) for z, far in levels])
 
 
 def _bands(points: Array, low: float, high: float, halvings: int, *, inside: bool) -> list[Band]:
     """Heights between which the outlines of a hull of points (n, 3) differ little."""
-    taken, off = _taken(points, low, high).area, INSET * (high - low)
+    taken, off = _taken(points, low, high).area, _PRISMS.max_inset_share * (high - low)
     for band in ((low, high), (low + off, high - off)):
-        if _held(points, *band).area >= ALIKE * taken:
+        if _held(points, *band).area >= _PRISMS.min_inner_share * taken:
             return [band if inside else (low, high)]
-    if not halvings or high - low < SHORTEST:
+    if not halvings or high - low < _PRISMS.min_band:
         return [(low, high)]
     middle = (low + high) / 2
     halves = ((low, middle), (middle, high))
@@ -192,7 +209,7 @@ def _bands(points: Array, low: float, high: float, halvings: int, *, inside: boo
 
 
 def _taken(points: Array, low: float, high: float) -> Polygon:
-    """Outline of a hull of points (n, 3) between two heights, seen from above."""
+    """Return the outline, from above, of the part of a hull of points (n, 3) between two heights."""
     between = points[(points[:, 2] > low) & (points[:, 2] < high), :2]
     return shapely.convex_hull(
         shapely.multipoints(np.vstack([_section(points, low), between, _section(points, high)]))
@@ -200,7 +217,7 @@ def _taken(points: Array, low: float, high: float) -> Polygon:
 
 
 def _held(points: Array, low: float, high: float) -> Polygon:
-    """What the sections of a hull of points (n, 3) at all heights between two share, from within."""
+    """Return an area that every section of a hull of points (n, 3) between two heights contains."""
     return shapely.intersection(
         *(shapely.convex_hull(shapely.multipoints(_section(points, z))) for z in (low, high))
     )

@@ -18,7 +18,7 @@ from regionik.worlds.joints import Joint, nearest_turn
 
 JOINT_SPARE = np.radians(2)  # that joints keep of their limits where they can [rad] or [m]
 SPARE_SHARE = 0.1  # of a joint's range, where that is less
-_RIGID = 1e-6  # of a rotation matrix that a file gives
+_ROTATION_TOLERANCE = 1e-6  # of a rotation matrix that a file gives
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,7 +199,7 @@ class Chain:
 
     @property
     def unbounded(self) -> str | None:
-        """Why the postures cannot be searched through, as a joint has no limits; None where they can."""
+        """Name the joint whose missing limits keep postures from being searched; None if there is none."""
         for joint, leader in zip(self.joints, self.leaders, strict=True):
             led = joint.mimic is not None
             if (joint.kind == "prismatic" or led) and not np.isfinite([joint.lower, joint.upper]).all():
@@ -391,6 +391,6 @@ def within_half_turns(lower: Array, upper: Array) -> tuple[Array, Array]:
 
 def check_rotation(matrix: Array) -> Array:
     """Return a matrix (3, 3) itself, once it is known to be a rotation."""
-    if np.abs(matrix @ matrix.T - np.eye(3)).max() > _RIGID or np.linalg.det(matrix) < 0:
+    if np.abs(matrix @ matrix.T - np.eye(3)).max() > _ROTATION_TOLERANCE or np.linalg.det(matrix) < 0:
         raise InputError("expected a rotation matrix (right-handed, unit rows at right angles)")
     return matrix

@@ -17,7 +17,7 @@ from regionik.worlds.arrays import Array
 
 BaseKind = Literal["omni", "differential", "car"]
 
-BULGE = 5e-4  # that a line through points of a drawn way may cut off an arc [m]
+MAX_CHORD_ERROR = 5e-4  # that a line through points of a drawn way may cut off an arc [m]
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class BaseDrive(ABC):
         return pose
 
     def slip(self, base: Array) -> tuple[Array, Array]:
-        """What wheels cannot roll of each hop through base poses (n, 3), and its derivatives by both poses.
+        """Return the part of each hop through base poses (n, 3) that wheels cannot roll, and its derivatives.
 
         That is the way across the heading halfway [m]: (k,) and (k, 2, 3) of k = n - 1 hops, or of none
         where a base goes every way.
@@ -81,7 +81,7 @@ class BaseDrive(ABC):
         In poses: 2.5 is halfway from the third to the fourth. All poses are among them.
         """
         slide, length = self.parts(base[:-1], base[1:])
-        pieces = np.ceil(np.sqrt(np.abs(length * slide[:, 2]) / (8 * BULGE))).astype(int)
+        pieces = np.ceil(np.sqrt(np.abs(length * slide[:, 2]) / (8 * MAX_CHORD_ERROR))).astype(int)
         shares = [k + np.arange(max(n, 1)) / max(n, 1) for k, n in enumerate(pieces.tolist())]
         return np.concatenate([*shares, [len(base) - 1.0]])
 
@@ -97,7 +97,7 @@ class BaseDrive(ABC):
 
 @dataclass(frozen=True)
 class OmnidirectionalDrive(BaseDrive):
-    """It moves straight in any direction and turns evenly."""
+    """A holonomic base: it moves straight in any direction and turns evenly."""
 
     kind = "omni"
     rolls = False
@@ -112,7 +112,7 @@ class OmnidirectionalDrive(BaseDrive):
 
 @dataclass(frozen=True)
 class _RollingDrive(BaseDrive):
-    """It rolls along the arc whose chord has the heading in the middle of the turn."""
+    """A base on wheels: it rolls along the arc whose chord has the heading in the middle of the turn."""
 
     rolls = True
 

@@ -78,7 +78,7 @@ class SetpointFailure:
 
 @dataclass(frozen=True)
 class Explanation:
-    """Why the answer is no: one paragraph for people, the same as data for programs.
+    """The reason for a no: one paragraph for people, the same as data for programs.
 
     ``verdict`` is "unreachable" where it is proven, "undecided" where no place for the base is known but
     none is ruled out; "ladder-broken" and "no-posture" say that no way and no posture was found.
@@ -98,7 +98,7 @@ class Explanation:
         return f"Explanation({self.verdict}: {' '.join(self.reason.split())} [{counts}])"
 
 
-MESSAGE_LIMIT = 1000  # [characters]
+MAX_MESSAGE_LENGTH = 1000  # [characters]
 
 
 class RegionikError(Exception):
@@ -106,11 +106,11 @@ class RegionikError(Exception):
 
 
 class FileNote(UserWarning):
-    """What the reading of a file passed over or found odd, or its writing left out."""
+    """A note on something odd in a file, or on something that its reading or writing left out."""
 
 
 class RobotNote(FileNote):
-    """What the reading of a robot's file left out or replaced."""
+    """A note on something in a robot's file that was left out or replaced."""
 
 
 class InputError(RegionikError):
@@ -120,8 +120,8 @@ class InputError(RegionikError):
     """
 
     def __init__(self, message: str) -> None:
-        half = MESSAGE_LIMIT // 2
-        if len(message) > MESSAGE_LIMIT:
+        half = MAX_MESSAGE_LENGTH // 2
+        if len(message) > MAX_MESSAGE_LENGTH:
             message = f"{message[:half]} ... {message[-half:]}"
         super().__init__(message)
 

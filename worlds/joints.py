@@ -16,7 +16,7 @@ JointKind = Literal["revolute", "prismatic"]
 
 @dataclass(frozen=True)
 class Mimic:
-    """What a joint that has no drive of its own follows: ``multiplier * joint + offset``."""
+    """The coupling of a joint without a drive to another joint: ``multiplier * joint + offset``."""
 
     joint: str  # name of an active joint of the same chain
     multiplier: float = 1.0

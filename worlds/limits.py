@@ -63,7 +63,7 @@ class Criteria:
         return np.broadcast_to(np.array(np.inf if self.effort is None else self.effort, dtype=float), (dof,))
 
 
-ROUNDING = 1e-9  # share of the largest variance by which a covariance may be off
+COVARIANCE_ROUNDING = 1e-9  # share of the largest variance by which a covariance may be off
 
 
 @dataclass(frozen=True)
@@ -137,7 +137,7 @@ class ParkingAccuracy:
 
     def __post_init__(self) -> None:
         C = frozen(self.covariance, (3, 3), "parking: covariance")
-        slack = ROUNDING * float(np.abs(C).max())
+        slack = COVARIANCE_ROUNDING * float(np.abs(C).max())
         if float(np.abs(C - C.T).max()) > slack:
             raise InputError(f"parking: covariance: expected a symmetric matrix, got {C.tolist()}")
         least = float(np.linalg.eigvalsh(C)[0])

@@ -15,7 +15,7 @@ from regionik.worlds.polytopes import Polytope, polytope
 
 BASE = -1  # the link of solids that are fixed to the base; its frame is the base frame
 CUBE_CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])  # of side 2
-HULL_ROWS, HULL_LIMIT = 9, 256  # corners of a hull, at least and at most
+MIN_HULL_ROWS, MAX_HULL_CORNERS = 9, 256  # corners of a hull, at least and at most
 LINK_RADIUS = 0.035  # of a link of which nothing else is known [m]
 
 
@@ -133,8 +133,8 @@ class LinkHull:
         Index into ``Chain.frames``: the link that joint ``link`` moves; `BASE` for what is fixed to the base.
     name : str
     corners : (n, 3) array
-        In the link's frame [m]. At least `HULL_ROWS` rows, the first again where fewer are given: two rows
-        are a segment, and eight a box, wherever corners stand for a solid.
+        In the link's frame [m]. At least `MIN_HULL_ROWS` rows, the first again where fewer are given: two
+        rows are a segment, and eight a box, wherever corners stand for a solid.
     """
 
     link: int
@@ -144,9 +144,11 @@ class LinkHull:
 
     def __post_init__(self) -> None:
         freeze(self, self.name, corners=(None, 3))
-        if not 4 <= len(self.corners) <= HULL_LIMIT:
-            raise InputError(f"{self.name}: expected 4 to {HULL_LIMIT} corners, got {len(self.corners)}")
-        again = np.repeat(self.corners[:1], max(0, HULL_ROWS - len(self.corners)), axis=0)
+        if not 4 <= len(self.corners) <= MAX_HULL_CORNERS:
+            raise InputError(
+                f"{self.name}: expected 4 to {MAX_HULL_CORNERS} corners, got {len(self.corners)}"
+            )
+        again = np.repeat(self.corners[:1], max(0, MIN_HULL_ROWS - len(self.corners)), axis=0)
         object.__setattr__(self, "corners", np.concatenate([self.corners, again]))
         freeze(self, self.name, corners=(None, 3))
         with located("", self.name):

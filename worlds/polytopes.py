@@ -10,7 +10,7 @@ from scipy.spatial import ConvexHull, QhullError
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.errors import InputError
 
-_SAME = 9  # decimals to which directions are told apart
+_DIRECTION_DECIMALS = 9  # decimals to which directions are told apart
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +46,7 @@ def polytope(corners: Array) -> Polytope:
     ends = corners[hull.simplices]
     turned = (np.cross(ends[:, 1] - ends[:, 0], ends[:, 2] - ends[:, 0]) * normals).sum(1) < 0
     triangles = np.where(turned[:, None], hull.simplices[:, ::-1], hull.simplices)
-    faces = np.unique(np.round(hull.equations, _SAME), axis=0, return_index=True)[1]
+    faces = np.unique(np.round(hull.equations, _DIRECTION_DECIMALS), axis=0, return_index=True)[1]
     beyond = (corners @ normals.T).max(0)  # Qhull's planes may miss a corner by rounding
     return Polytope(
         corners,
@@ -61,11 +61,11 @@ def _edge_directions(corners: Array, hull: ConvexHull) -> Array:
     """Return the directions (e, 3) of edges between faces that are not in one plane."""
     k, corner = np.nonzero(hull.neighbors > np.arange(len(hull.simplices))[:, None])
     normals, other = hull.equations[:, :3], hull.neighbors[k, corner]
-    bent = (normals[k] * normals[other]).sum(axis=1) < 1 - 10.0**-_SAME
+    bent = (normals[k] * normals[other]).sum(axis=1) < 1 - 10.0**-_DIRECTION_DECIMALS
     a, b = (corners[hull.simplices[k, (corner + n) % 3][bent]] for n in (1, 2))
     directions = (b - a) / np.linalg.norm(b - a, axis=1)[:, None]
     lead = directions[np.arange(len(directions)), np.argmax(np.abs(directions), axis=1)]
     directions *= np.sign(lead)[:, None]
-    once = np.unique(np.round(directions, _SAME), axis=0)
+    once = np.unique(np.round(directions, _DIRECTION_DECIMALS), axis=0)
     units: Array = once / np.linalg.norm(once, axis=1)[:, None]
     return units

@@ -27,7 +27,7 @@ BODY_HEIGHT = 0.14  # of a base of which nothing else is known [m]
 
 @dataclass(frozen=True, eq=False)
 class Tool:
-    """What is mounted on a robot's flange, the tool frame that it has without it.
+    """A tool on a robot's flange, which is the tool frame that the robot has without it.
 
     Attributes
     ----------

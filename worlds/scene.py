@@ -46,7 +46,7 @@ def check_frame_name(name: str) -> None:
 Heading = Literal["free", "face_target", "fixed"]
 Mode = Literal["continuous", "stops"]
 Order = Literal["given", "any"]
-SLAB = 30.0  # thickness of the solid floor, and how far it goes on beyond the floor's edge [m]
+FLOOR_THICKNESS = 30.0  # thickness of the solid floor, and how far it goes on beyond the floor's edge [m]
 StopCriterion = Literal["tolerance", "clearance", "manipulability", "effort", "distance", "probability"]
 
 
@@ -214,7 +214,7 @@ class Rules:
 
     @property
     def planned_path_tolerance(self) -> float:
-        """What the tool's tracking error leaves of ``path_tolerance`` to the plan [m]."""
+        """Tolerance of the path that remains for the plan, less the tool's tracking error [m]."""
         return self.path_tolerance - self.errors.tool_error
 
 
@@ -379,8 +379,8 @@ class World:
         if not self.rules.solid_floor:
             return None
         x0, y0, x1, y1 = self.floor.polygon.bounds
-        size = np.array([x1 - x0 + 2 * SLAB, y1 - y0 + 2 * SLAB, SLAB])
-        return Box("the floor", size, np.array([(x0 + x1) / 2, (y0 + y1) / 2, -SLAB / 2]))
+        size = np.array([x1 - x0 + 2 * FLOOR_THICKNESS, y1 - y0 + 2 * FLOOR_THICKNESS, FLOOR_THICKNESS])
+        return Box("the floor", size, np.array([(x0 + x1) / 2, (y0 + y1) / 2, -FLOOR_THICKNESS / 2]))
 
     @property
     def arm_solids(self) -> tuple[Solid, ...]:

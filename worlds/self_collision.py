@@ -23,10 +23,10 @@ from regionik.worlds.obstacles import Prism
 from regionik.worlds.robot import Robot
 
 BODY = -1  # the base's own body, among indices of solids
-STEPS = 60  # bodies some hundredths of their size apart need a few; after all, they count as touching
+MAX_STEPS = 60  # bodies some hundredths of their size apart need a few; after all, they count as touching
 POSTURES, MANY_POSTURES = 64, 2000  # sampled: to find pairs, and to disable some
-OFTEN, MOSTLY, NEARLY_ALWAYS = 0.1, 0.75, 0.95  # of the postures
-SLIDE = 2.0  # travel of a joint without limits in these postures [m]
+MIN_TOUCHING_SHARE, MAX_MEETING_SHARE, MAX_TOUCHING_SHARE = 0.1, 0.75, 0.95  # of the postures
+UNLIMITED_SLIDE = 2.0  # travel of a joint without limits in these postures [m]
 _PARALLEL = 1e-6
 _TOUCHING = 1e-6  # apart by no more, by rounding [m]
 _SUM_WEIGHT = 1e3  # of the sums of weights, which are 1, against lengths [m]
@@ -54,7 +54,7 @@ def separated(one: ConvexBody, T_one: Array, other: ConvexBody, T_other: Array) 
     found = np.zeros(len(T_one), dtype=bool)
     left = np.arange(len(T_one))
     v = _transformed(one.corners.mean(0), T_one) - _transformed(other.corners.mean(0), T_other)
-    for _ in range(STEPS):
+    for _ in range(MAX_STEPS):
         w = one.support(T_one[left], -v) - other.support(T_other[left], v)
         beyond = (v * w).sum(1) > (one.radius + other.radius) * np.linalg.norm(v, axis=1)
         found[left[beyond]] = True
@@ -115,7 +115,7 @@ def self_collision_pairs(robot: Robot) -> tuple[tuple[int, int], ...]:
     first link that carries any; pairs that touch in every one of `POSTURES` postures within the limits; and
     those that ``robot.unchecked`` names.
     """
-    frames = solid_frames(robot, spread_postures(robot.chain, SLIDE, POSTURES, 0))
+    frames = _solid_frames(robot, spread_postures(robot.chain, UNLIMITED_SLIDE, POSTURES, 0))
     links = [solid.link for solid in robot.all_solids]
     first = min((link for link in links if link > BASE), default=BASE)  # it stands on the base
     pairs = [(BODY, k) for k, link in enumerate(links) if link > first] if base_body(robot) else []
@@ -138,7 +138,7 @@ def off_floor(robot: Robot) -> tuple[bool, ...]:
     Left out are those that no joint raises or lowers, fixed to the base or on its pivot, and those that reach
     into the floor in every one of `POSTURES` postures.
     """
-    heights = _heights(robot, spread_postures(robot.chain, SLIDE, POSTURES, 0))
+    heights = _heights(robot, spread_postures(robot.chain, UNLIMITED_SLIDE, POSTURES, 0))
     return tuple(bool(np.ptp(one, axis=0).max() > _LEVEL and one.min(axis=1).max() > 0.0) for one in heights)
 
 
@@ -152,7 +152,7 @@ def postures_off_floor(robot: Robot, joints: Array, margin: float) -> Mask:
 
 def _heights(robot: Robot, joints: Array) -> list[Array]:
     """Return, of each solid, heights of its corners less its radius in postures (n, dof), (n, k) [m]."""
-    frames = solid_frames(robot, joints)
+    frames = _solid_frames(robot, joints)
     return [
         frames[:, solid.link, 2, :3] @ solid.corners.T + frames[:, solid.link, 2, 3:] - solid.radius
         for solid in robot.all_solids
@@ -161,7 +161,7 @@ def _heights(robot: Robot, joints: Array) -> list[Array]:
 
 def postures_clear(robot: Robot, joints: Array, margin: float) -> Mask:
     """Return True for postures (n, dof) in which all pairs are seen to be apart, by a margin [m], (n,)."""
-    frames, clear = solid_frames(robot, joints), np.ones(len(joints), dtype=bool)
+    frames, clear = _solid_frames(robot, joints), np.ones(len(joints), dtype=bool)
     for i, k in self_collision_pairs(robot):
         (one, on), (other, at) = _solid_of(robot, i, margin), _solid_of(robot, k)
         left = np.flatnonzero(clear)
@@ -192,7 +192,7 @@ def disabled_pairs(
     ``points`` (n, 3) are, of each of ``robot.all_solids``, corners of the hull of the body inside it, in its
     link's frame [m]; ``rest`` (dof,) is a posture that the robot is known to take.
     """
-    postures = _SolidPairs(robot, points, spread_postures(robot.chain, SLIDE, MANY_POSTURES, 0))
+    postures = _SolidPairs(robot, points, spread_postures(robot.chain, UNLIMITED_SLIDE, MANY_POSTURES, 0))
     at_rest = _SolidPairs(robot, points, np.zeros((0, robot.chain.dof)) if rest is None else rest[None])
     pairs: list[tuple[str, str]] = []
     notes: list[str] = []
@@ -204,10 +204,10 @@ def disabled_pairs(
             continue
         touching = postures.touching(i, k)
         nested = touching.any() and _slides_along_one_line(robot.chain, *postures.links(i, k))
-        if touching.mean() < OFTEN and not nested:
+        if touching.mean() < MIN_TOUCHING_SHARE and not nested:
             continue
         real = 0 if nested else int((postures.meeting(i, k) & touching).sum())
-        if real and touching.mean() < NEARLY_ALWAYS and real < MOSTLY * MANY_POSTURES:
+        if real and touching.mean() < MAX_TOUCHING_SHARE and real < MAX_MEETING_SHARE * MANY_POSTURES:
             continue
         pairs.append((name, other))
         if real:
@@ -228,7 +228,7 @@ class _SolidPairs:
 
     @cached_property
     def frames(self) -> Array:
-        return solid_frames(self.robot, self.joints)
+        return _solid_frames(self.robot, self.joints)
 
     def links(self, i: int, k: int) -> tuple[int, int]:
         """Return the links of two solids."""
@@ -264,7 +264,7 @@ def _transformed(points: Array, T: Array) -> Array:
     return moved
 
 
-def solid_frames(robot: Robot, joints: Array) -> Array:
+def _solid_frames(robot: Robot, joints: Array) -> Array:
     """Return link frames in the base frame in postures (n, dof), (n, links + 1, 4, 4).
 
     The last is the base frame itself, instead of the tool's, which carries no solid: index `BASE` finds it.
@@ -289,13 +289,27 @@ def _solid_of(robot: Robot, index: int, margin: float = 0.0) -> tuple[ConvexBody
     return ConvexBody(solid.corners, solid.radius + margin), solid.link
 
 
-CLEAR = (0.01, 0.003, 0.0)  # kept between solids, the first that can be had [m]
-NEAR_ENOUGH = 0.02  # by which zeros may be worse than the best posture that was found [m]
-_POSTURES, _TRIED = 2000, 40  # drawn at first; the best of a draw that are checked
-_SPREADS = (0.5, 0.25, 0.1, 0.05, 0.02)  # of draws about the best posture [rad] or [m]
-_ROUND = 150  # postures in each of them
-_DECIMALS = 2  # of joint values
-_SEED = 0
+@dataclass(frozen=True)
+class _RestSearch:
+    """Numbers of the search for a posture at rest."""
+
+    margins: tuple[float, ...] = (0.01, 0.003, 0.0)  # between solids, the first that can be had [m]
+    max_zeros_excess: float = 0.02  # overhang of zeros over that of the best posture found [m]
+    postures: int = 2000  # drawn at first
+    checked: int = 40  # of the best of a draw, at a time
+    spreads: tuple[float, ...] = (
+        0.5,
+        0.25,
+        0.1,
+        0.05,
+        0.02,
+    )  # of draws about the best [rad] or [m]
+    redrawn: int = 150  # postures in each further draw
+    decimals: int = 2  # of joint values
+    seed: int = 0  # of all draws
+
+
+_REST = _RestSearch()
 
 
 def rest_posture(robot: Robot) -> Array | None:
@@ -307,19 +321,19 @@ def rest_posture(robot: Robot) -> Array | None:
     """
     dof = robot.chain.dof
     zeros = np.clip(np.zeros((1, dof)), robot.chain.lower, robot.chain.upper)
-    for margin in CLEAR:
-        drawn = spread_postures(robot.chain, SLIDE, _POSTURES, _SEED)
+    for margin in _REST.margins:
+        drawn = spread_postures(robot.chain, UNLIMITED_SLIDE, _REST.postures, _REST.seed)
         found = _best(robot, np.concatenate([zeros, drawn]), margin)
         if found is None:
             continue
-        rng = np.random.default_rng(_SEED)
-        for spread in _SPREADS:
-            found = _better(robot, found, found + spread * rng.uniform(-1, 1, (_ROUND, dof)), margin)
+        rng = np.random.default_rng(_REST.seed)
+        for spread in _REST.spreads:
+            found = _better(robot, found, found + spread * rng.uniform(-1, 1, (_REST.redrawn, dof)), margin)
         for k in range(dof):
             found = _better(robot, found, np.where(np.arange(dof) == k, zeros, found), margin)
         plain = _clear(robot, zeros, margin)[0]
         worse = overhang(robot, np.stack([zeros[0], found]))
-        return zeros[0] if plain and worse[0] <= worse[1] + NEAR_ENOUGH else found
+        return zeros[0] if plain and worse[0] <= worse[1] + _REST.max_zeros_excess else found
     return None
 
 
@@ -328,7 +342,7 @@ def overhang(robot: Robot, joints: Array) -> Array:
 
     (n,) for postures (n, dof); 0 where all of the arm is within.
     """
-    frames, total = solid_frames(robot, joints), np.zeros(len(joints))
+    frames, total = _solid_frames(robot, joints), np.zeros(len(joints))
     for solid in robot.solids:
         T = frames[:, solid.link]
         corners = solid.corners @ T[:, :3, :3].swapaxes(1, 2) + T[:, None, :3, 3]
@@ -365,9 +379,9 @@ def _best(robot: Robot, joints: Array, margin: float) -> Array | None:
 
     Of postures with the same overhang, but for a centimetre, the one nearest to zeros.
     """
-    rounded = np.clip(np.round(joints, _DECIMALS), robot.chain.lower, robot.chain.upper)
+    rounded = np.clip(np.round(joints, _REST.decimals), robot.chain.lower, robot.chain.upper)
     order = np.lexsort([np.abs(rounded).sum(1), np.round(overhang(robot, rounded), 2)])
-    for rows in np.array_split(order, max(1, len(order) // _TRIED)):
+    for rows in np.array_split(order, max(1, len(order) // _REST.checked)):
         clear = _clear(robot, rounded[rows], margin)
         if clear.any():
             best: Array = rounded[rows[np.argmax(clear)]]

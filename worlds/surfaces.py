@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     import trimesh  # takes long to load: imported by the functions that need it
 
 
-GRID = 1e-9  # to which corners of a shadow are rounded [m]
-SECTION = 0.4142  # share of a band of heights at which it is cut, as few meshes have corners there
-SHEET = 1e-6  # that a shadow of a sheet is wider than nothing, to either side [m]
+SHADOW_GRID = 1e-9  # to which corners of a shadow are rounded [m]
+SECTION_SHARE = 0.4142  # share of a band of heights at which it is cut, as few meshes have corners there
+SHEET_WIDTH = 1e-6  # that a shadow of a sheet is wider than nothing, to either side [m]
 
 
 def mesh_shadow(
@@ -40,10 +40,10 @@ def mesh_shadow(
     valid = shapely.is_valid(triangles)
     inside = _section(mesh, contains, below, above)
     # Without a grid GEOS silently loses faces of one mesh in fifty: slivers throw its overlay off.
-    whole = shapely.union_all([*triangles[valid], *inside], grid_size=GRID)
+    whole = shapely.union_all([*triangles[valid], *inside], grid_size=SHADOW_GRID)
     lines = shapely.convex_hull(triangles[~valid])  # of upright faces; those of a sheet bound nothing
-    sheets = lines[~shapely.covers(shapely.buffer(whole, 2 * GRID), lines)]
-    shadow: BaseGeometry = shapely.union_all([whole, *shapely.buffer(sheets, SHEET)])
+    sheets = lines[~shapely.covers(shapely.buffer(whole, 2 * SHADOW_GRID), lines)]
+    shadow: BaseGeometry = shapely.union_all([whole, *shapely.buffer(sheets, SHEET_WIDTH)])
     return shadow
 
 
@@ -67,19 +67,22 @@ def _section(
     low, high = mesh.vertices[:, 2].min(), mesh.vertices[:, 2].max()
     if above <= low or below >= high:
         return []
-    z = above + SECTION * (below - above)
+    z = above + SECTION_SHARE * (below - above)
     lines = trimesh.intersections.mesh_plane(  # type: ignore[no-untyped-call]
         mesh, plane_normal=[0, 0, 1], plane_origin=[0, 0, z]
     )
-    edges = shapely.union_all(shapely.linestrings(lines[:, :, :2]), grid_size=GRID)
+    edges = shapely.union_all(shapely.linestrings(lines[:, :, :2]), grid_size=SHADOW_GRID)
     faces = shapely.get_parts(shapely.polygonize(shapely.get_parts(edges)))
     spots = shapely.get_coordinates(shapely.point_on_surface(faces))
     return [one for one, at in zip(faces, spots, strict=True) if contains(np.append(at, z))]
 
 
-MERGED = 1e-5  # corners in one cell of this side are one [m]
-FINEST, GROWTH = 0.7, 1.25  # first cells that are tried, by the side of triangles of even size, and the next
-_MOST_CELLS = 2_000_000  # along each side of a surface
+MERGE_CELL = 1e-5  # corners in one cell of this side are one [m]
+FIRST_CELL, CELL_GROWTH = (
+    0.7,
+    1.25,
+)  # first cells that are tried, by the side of triangles of even size, and the next
+_MAX_CELLS = 2_000_000  # along each side of a surface
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,11 +118,11 @@ def coarsened(surfaces: tuple[VisualSurface, ...], most: int) -> tuple[VisualSur
     >>> len(rough[0].faces) <= 40
     True
     """
-    rough = tuple(_clustered(one, MERGED) for one in surfaces)
-    cell = FINEST * np.sqrt(sum(_area(one) for one in rough) / most)
+    rough = tuple(_clustered(one, MERGE_CELL) for one in surfaces)
+    cell = FIRST_CELL * np.sqrt(sum(_area(one) for one in rough) / most)
     while sum(len(one.faces) for one in rough) > most:
         rough = tuple(_clustered(one, cell) for one in rough)
-        cell *= GROWTH
+        cell *= CELL_GROWTH
     return tuple(one for one in rough if len(one.faces))
 
 
@@ -131,10 +134,10 @@ def _area(surface: VisualSurface) -> float:
 
 def _clustered(surface: VisualSurface, cell: float) -> VisualSurface:
     low = surface.vertices.min(axis=0)
-    side = max(cell, float(np.ptp(surface.vertices, axis=0).max()) / _MOST_CELLS)
+    side = max(cell, float(np.ptp(surface.vertices, axis=0).max()) / _MAX_CELLS)
     x, y, z = ((surface.vertices - low) / side).astype(np.int64).T
     _, which, count = np.unique(
-        (x * _MOST_CELLS + y) * _MOST_CELLS + z, return_inverse=True, return_counts=True
+        (x * _MAX_CELLS + y) * _MAX_CELLS + z, return_inverse=True, return_counts=True
     )
     means = [np.bincount(which, column) / count for column in surface.vertices.T]
     faces = which[surface.faces]

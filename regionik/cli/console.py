@@ -28,13 +28,13 @@ from regionik.worlds.errors import Explanation, InputError, NoPlanFound, RobotNo
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
-    from regionik.values import Answer, Plan, Report, Skipped
+    from regionik.values import Plan, Report, Skipped
     from regionik.worlds.scene import World
 
 DONE, NO = 0, 1  # exit codes
 PROGRESS_DELAY = 1.0  # shorter work shows no progress bar [s]
 WORTH_WARMING = 1.5e8  # expressions that kernels evaluate as plain Python in some five seconds
-_SHOWN = 20  # violations listed
+_MAX_LISTED = 20  # violations listed
 PAGES = (".html", ".htm")  # endings
 _UNITS = dict.fromkeys(("direction", "orientation", "joints"), " rad")
 _UNITS |= {"manipulability": " m3", "joint_margin": " of the range", "effort": " N m"}
@@ -186,7 +186,7 @@ class DelayedProgress:
         return self._bars is not None
 
     def _stopped(self) -> str:
-        """Where the work was, and what is kept of it."""
+        """Say where the work was stopped, and what is kept of it."""
         at = [
             f"{stage} {done} of {total}" if total else stage
             for stage, (done, total) in self._at.copy().items()
@@ -287,8 +287,8 @@ def skipped_lines(skipped: Sequence[Skipped], count: int) -> list[str]:
         return []
     from regionik.explain.several import left_out
 
-    lines = [f"  {left_out(skipped, count)}", *(f"    {one.reason}" for one in skipped[:_SHOWN])]
-    more = len(skipped) - _SHOWN
+    lines = [f"  {left_out(skipped, count)}", *(f"    {one.reason}" for one in skipped[:_MAX_LISTED])]
+    more = len(skipped) - _MAX_LISTED
     return [*lines, f"    ... and {more} more"] if more > 0 else lines
 
 
@@ -338,11 +338,7 @@ def plan_summary(plan: Plan, seconds: float, written: Iterable[Path]) -> str:
 
 
 def percent_text(probability: float) -> str:
-    """Return a lower bound of a probability in percent, rounded down.
-
-    >>> percent_text(0.99999)
-    '99.99 %'
-    """
+    """Return a lower bound of a probability in percent, rounded down: 99.99 % of 0.99999."""
     return f"{math.floor(probability * 1e4) / 100:.2f} %"
 
 
@@ -356,9 +352,9 @@ def report_summary(name: str, report: Report, plan: Plan) -> str:
         spare = f"  to spare: {spare_text(report.margins, plan.world)}"
         return "\n".join([f"{name}: the plan holds{part}", spare, *skipped_lines(plan.skipped, count)])
     lines = [f"{name}: the plan does not hold, {count_noun(len(report.violations), 'violation')}"]
-    lines += [f"  {violation.text}" for violation in report.violations[:_SHOWN]]
-    if len(report.violations) > _SHOWN:
-        lines.append(f"  ... and {len(report.violations) - _SHOWN} more")
+    lines += [f"  {violation.text}" for violation in report.violations[:_MAX_LISTED]]
+    if len(report.violations) > _MAX_LISTED:
+        lines.append(f"  ... and {len(report.violations) - _MAX_LISTED} more")
     return "\n".join(lines)
 
 
@@ -381,7 +377,7 @@ def spare_text(margins: Mapping[str, float], world: World) -> str:
 
 
 def _asked(world: World) -> dict[str, tuple[str, float]]:
-    """What a world allows at most ("of") and demands at least ("over"), where that is one number above 0."""
+    """Return what a world allows at most ("of") or demands at least ("over"), if it is one number above 0."""
     rules, criteria = world.rules, world.rules.criteria
     cones = {target.cone for target in world.task if target.direction is not None}
     cone = next(iter(cones)) if len(cones) == 1 else 0.0
@@ -401,18 +397,3 @@ def _asked(world: World) -> dict[str, tuple[str, float]]:
         if isinstance(criteria.effort, float):
             found["effort"] = ("of", criteria.effort)
     return {name: bound for name, bound in found.items() if bound[1] > 0}
-
-
-def print_answers(answer: Answer) -> None:
-    """Print answers as a table on stdout."""
-    from rich.console import Console
-    from rich.table import Column, Table
-
-    right = [Column(name, justify="right") for name in ("x", "y", "z")]
-    rest = "verdict", "base x, y, yaw", Column("reason", overflow="fold")
-    table = Table(*right, *rest, box=None, pad_edge=False)
-    for k, target in enumerate(answer.targets):
-        base = ", ".join(f"{v:z.3f}" for v in answer.base[k]) if answer.reachable[k] else ""
-        verdict = str(answer.verdict[k])
-        table.add_row(*(f"{v:zg}" for v in target), verdict, base, answer.reason[k])
-    Console(markup=False, highlight=False).print(table)

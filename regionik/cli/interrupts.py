@@ -17,7 +17,7 @@ from threading import Lock, Thread
 from typing import NoReturn
 
 INTERRUPTED = 130  # exit code after Ctrl-C; after signal n it is 128 + n, as shells have it
-GRACE = 0.6  # [s]
+CLEANUP_TIME = 0.6  # [s]
 _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _received: list[int] = []  # signals
 _raising, _printing = Lock(), Lock()  # taken once, to raise and to print, and never released
@@ -91,7 +91,7 @@ def _listen(listening: int) -> None:
         pass
     _describe()
     _received.append(number)
-    time.sleep(GRACE)
+    time.sleep(CLEANUP_TIME)
     if sys.stderr.isatty():
         os.write(2, _SHOW_CURSOR.encode())
     print_interrupted()

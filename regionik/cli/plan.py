@@ -48,8 +48,11 @@ PICTURES = (".svg", ".png")
 PLANS = (".json",)
 VIEWS = (".html", ".gif", ".mp4")
 _NOTHING = "nothing is written"
-_LARGE = 3.0  # size of a page or a film that is told [MB]
-SLOW_PLACES, SHORT = 3, 0.02  # of a tool path, that are printed; those are not that are shorter [s]
+_MIN_TOLD_SIZE = 3.0  # size of a page or a film that is told [MB]
+MAX_SLOW_PLACES, MIN_SLOW_TIME = (
+    3,
+    0.02,
+)  # of a tool path, that are printed; those are not that are shorter [s]
 
 
 def list_worlds(as_json: AsJson = False) -> None:
@@ -197,8 +200,8 @@ def _print_held_speed(tool: dict[str, Any]) -> None:
     corners = len(tool["corners"])
     beside = f"its ends and {corners} sharp corner{'s'[: corners != 1]}" if corners else "its ends"
     print_message(f"  and for {tool['held_elsewhere']:.0%} away from {beside}")
-    long = [one for one in tool["places"] if one["at"] == "path" and one["to"] - one["from"] > SHORT]
-    for place in long[:SLOW_PLACES]:
+    long = [one for one in tool["places"] if one["at"] == "path" and one["to"] - one["from"] > MIN_SLOW_TIME]
+    for place in long[:MAX_SLOW_PLACES]:
         limit = place["by"].replace("_", " ", 1)
         print_message(
             f"  down to {place['least']:.3g} m/s from {place['from']:.2f} to {place['to']:.2f} s, "
@@ -297,7 +300,7 @@ def _write_view(what: str, output: Path, live: bool) -> None:
                 raise InputError(f"{what}: expected a plan to film, this is a world; an .html page shows it")
             film(html_page(loaded), output)
     size = output.stat().st_size / 1e6
-    print_message(f"wrote {output}" + (f", {size:.1f} MB" if size > _LARGE else ""))
+    print_message(f"wrote {output}" + (f", {size:.1f} MB" if size > _MIN_TOLD_SIZE else ""))
 
 
 def _watch(what: str, browser: bool) -> None:

@@ -23,7 +23,6 @@ from regionik.cli.console import (
     explanation_document,
     file_names,
     percent_text,
-    print_answers,
     print_explanation,
     print_json,
     print_message,
@@ -37,10 +36,10 @@ from regionik.worlds.errors import InputError
 if TYPE_CHECKING:
     from regionik.executors import Pool
     from regionik.reachability.field import Field
-    from regionik.values import Stop
+    from regionik.values import Answer, Stop
     from regionik.worlds.scene import StopCriterion, Target, World
 
-LEAST_SHARE = 1000  # targets, for which a worker is worth its start
+TARGETS_PER_WORKER = 1000  # targets, for which a worker is worth its start
 TARGET = "X Y Z [DX DY DZ]"
 FIELD_SUFFIXES = (".npz", ".tif", ".tiff", ".png", ".svg")
 STOP_CRITERIA = "tolerance, clearance, manipulability, effort, distance, probability"
@@ -106,7 +105,7 @@ def workers_for(targets: int) -> int:
     """Number of workers that so many targets are worth."""
     from regionik.executors import cores
 
-    return max(1, min(cores(), targets // LEAST_SHARE))
+    return max(1, min(cores(), targets // TARGETS_PER_WORKER))
 
 
 def _lines(table: Path) -> int:
@@ -137,8 +136,23 @@ def _reach_at_once(
     if as_json:
         print_json(answers_document(answer))
     elif output is None:
-        print_answers(answer)
+        _print_answers(answer)
     return int(answer.reachable.sum()), len(answer.verdict)
+
+
+def _print_answers(answer: Answer) -> None:
+    """Print answers as a table on stdout."""
+    from rich.console import Console
+    from rich.table import Column, Table
+
+    right = [Column(name, justify="right") for name in ("x", "y", "z")]
+    rest = "verdict", "base x, y, yaw", Column("reason", overflow="fold")
+    table = Table(*right, *rest, box=None, pad_edge=False)
+    for k, target in enumerate(answer.targets):
+        base = ", ".join(f"{v:z.3f}" for v in answer.base[k]) if answer.reachable[k] else ""
+        verdict = str(answer.verdict[k])
+        table.add_row(*(f"{v:zg}" for v in target), verdict, base, answer.reason[k])
+    Console(markup=False, highlight=False).print(table)
 
 
 def _can_stream(table: Path | None, output: Path | None) -> bool:
@@ -151,15 +165,15 @@ def _can_stream(table: Path | None, output: Path | None) -> bool:
 @contextmanager
 def _executor(workers: int, dask: str | None) -> Iterator[tuple[Pool | None, int]]:
     """Yield the executor to work on, if any, and how many chunks to hand out ahead."""
-    from regionik.executors import AHEAD, dask_executor, process_pool
+    from regionik.executors import CHUNKS_AHEAD, dask_executor, process_pool
 
     if dask is not None:
         with dask_executor(dask) as found:
             yield found
     elif workers > 1:
-        yield partial(process_pool, workers), max(AHEAD, 2 * workers)
+        yield partial(process_pool, workers), max(CHUNKS_AHEAD, 2 * workers)
     else:
-        yield None, AHEAD
+        yield None, CHUNKS_AHEAD
 
 
 def map_reach(
@@ -209,7 +223,7 @@ def map_reach(
 
 
 def _checked_text(scene: World, found: Field, targets: Sequence[Target]) -> str:
-    """How many targets have a clear posture from the best place of a field."""
+    """Say how many targets have a clear posture from the best place of a field."""
     from regionik.reachability.reach import reach
 
     answers = [(int(reach(scene, targets, base=pose).reachable.sum()), pose) for pose in found.best]
@@ -314,7 +328,7 @@ def _unconfirmed(found: tuple[Stop, ...]) -> list[int]:
 
 
 def _confirmed_text(found: tuple[Stop, ...]) -> str:
-    """What is known of the arm at the stops, which areas do not look at."""
+    """Say for how many set-points a clear posture is known, which areas do not look at."""
     every, doubts = sum(len(stop.setpoints) for stop in found), _unconfirmed(found)
     if not doubts:
         return f"  confirmed: from its stop each of the {every} set-points has a posture that is clear"
@@ -325,7 +339,7 @@ def _confirmed_text(found: tuple[Stop, ...]) -> str:
 
 
 def _as_counted(setpoints: Sequence[int]) -> str:
-    """Set-points as people count them."""
+    """Return the numbers of set-points as people count them, from 1."""
     return ", ".join(str(i + 1) for i in setpoints)
 
 

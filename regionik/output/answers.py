@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from shapely.geometry import Point, mapping
 
-from regionik.executors import AHEAD, Pool, map_unordered
+from regionik.executors import CHUNKS_AHEAD, Pool, map_unordered
 from regionik.planners.progress import tell, track
 from regionik.reachability.reach import CHUNK, reach
 from regionik.storage.files import csv_text, json_text, json_values, open_partial, write_atomic
@@ -30,23 +30,23 @@ from regionik.worlds.scene import Target, World
 from regionik.worlds.toolpath import rotation_from_quaternion, targets_along
 
 FORMATS = (".csv", ".json", ".geojson")
-MEMORY_LIMIT = 100_000  # targets whose answers are held in memory, as documents are
+MAX_IN_MEMORY = 100_000  # targets whose answers are held in memory, as documents are
 BasePose = tuple[float, float, float]  # x, y [m], yaw [rad]
 _AXES, _BASE = ("x", "y", "z"), ("base_x", "base_y", "base_yaw")
 _DEPENDENCIES = ("regionik", "numpy", "scipy", "shapely", "numba", "llvmlite")  # answers may vary with them
 
 
 def parse_targets(world: World, positions: Sequence[str], table: Path | None) -> list[Target]:
-    """Targets written as numbers, then those of a CSV file; the world's own where neither is given.
+    """Return targets written as numbers, then those of a CSV file; without either, the world's own.
 
     Numbers are x, y, z, or with a tool axis dx, dy, dz behind them, or with an orientation qx, qy, qz, qw.
     """
     targets = [_target(text) for text in positions]
     if table is not None:
         path = read_csv(table)
-        if len(path.points) > MEMORY_LIMIT:
+        if len(path.points) > MAX_IN_MEMORY:
             raise InputError(
-                f"{table}: {len(path.points)} targets are more than the {MEMORY_LIMIT} that are answered at "
+                f"{table}: {len(path.points)} targets are more than the {MAX_IN_MEMORY} that are answered at "
                 "once; -o with a .csv file takes any number, without --target and --json"
             )
         targets += targets_along(path, Target.cone)
@@ -72,9 +72,9 @@ def _target(text: str) -> Target:
 
 
 def answers_document(answer: Answer) -> dict[str, Any]:
-    """The JSON document of answers; ``ok`` only where every target is reachable."""
+    """Return the JSON document of answers; ``ok`` is true only if every target is reachable."""
     if answer.reachable.all():
-        return {"ok": True, "answers": answer_records(answer)}
+        return {"ok": True, "answers": _answer_records(answer)}
     first = int((~answer.reachable).argmax())
     return {
         "ok": False,
@@ -83,12 +83,12 @@ def answers_document(answer: Answer) -> dict[str, Any]:
         "reason": answer.reason[first],
         "causes": [],
         "repairs": [],
-        "answers": answer_records(answer),
+        "answers": _answer_records(answer),
     }
 
 
-def answer_records(answer: Answer) -> list[dict[str, Any]]:
-    """One dict a target: position, verdict, base, joints, reason; base and joints None where unreachable."""
+def _answer_records(answer: Answer) -> list[dict[str, Any]]:
+    """Return a dict for each target; base and joints are None where it is unreachable."""
     return [
         {
             **dict(zip(_AXES, target.tolist(), strict=True)),
@@ -112,7 +112,7 @@ def write_answers(answer: Answer, names: Sequence[str], path: Path) -> None:
         case ".csv":
             text = csv_header(names) + csv_rows(answer, names)
         case ".json":
-            text = json_text({"joint_names": names, "answers": answer_records(answer)})
+            text = json_text({"joint_names": names, "answers": _answer_records(answer)})
         case ".geojson":
             columns = _columns(answer, names)
             rows = [dict(zip(columns, cells, strict=True)) for cells in zip(*columns.values(), strict=True)]
@@ -124,17 +124,17 @@ def write_answers(answer: Answer, names: Sequence[str], path: Path) -> None:
 
 
 def csv_header(names: Sequence[str]) -> str:
-    """The first line of a table of answers."""
+    """Return the first line of a table of answers."""
     return csv_text([(*_AXES, "verdict", *_BASE, *names, "reason")])
 
 
 def csv_rows(answer: Answer, names: Sequence[str]) -> str:
-    """Answers as lines of a table, without its header."""
+    """Return answers as lines of a table, without its header."""
     return csv_text(zip(*_columns(answer, names).values(), strict=True))
 
 
 def _columns(answer: Answer, names: Sequence[str]) -> dict[str, list[Any]]:
-    """Each column by its name, None where a target has no base."""
+    """Return each column of the table by its name; cells are None where a target has no base."""
     found = np.column_stack([answer.base, answer.joints]).astype(object)
     found[~answer.reachable] = None
     return {
@@ -146,7 +146,7 @@ def _columns(answer: Answer, names: Sequence[str]) -> dict[str, list[Any]]:
 
 
 def stops_geojson(stops: Sequence[Stop]) -> dict[str, Any]:
-    """Circles to park in, one feature a stop."""
+    """Return the circles to park in as GeoJSON, one feature for each stop."""
     circles = (mapping(Point(stop.base[:2]).buffer(stop.tolerance)) for stop in stops)
     return feature_collection(map(feature, circles, map(json_values, stops)))
 
@@ -156,7 +156,7 @@ def stream_answers(
     table: Path,
     output: Path,
     executor: Pool | None = None,
-    ahead: int = AHEAD,
+    ahead: int = CHUNKS_AHEAD,
     base: BasePose | None = None,
 ) -> tuple[int, int]:
     """Write the answers to all targets of a CSV file to another; return how many are reachable, and all.

@@ -103,8 +103,8 @@ def check_options(
         raise InputError(f"frame: format {format} has none; expected one of {framed}")
 
 
-def plan_to_csv(plan: Plan, rate: float | None = None) -> str:
-    """One row a state, in order; indices count from 0, cells of what a state does not have are empty.
+def _plan_to_csv(plan: Plan, rate: float | None = None) -> str:
+    """Return a table with a row for each state, in order; indices count from 0, empty cells have no value.
 
     Rows of a timed plan end with velocities and accelerations of base and joints, and the tool's speed.
     ``rate`` gives rows at even times instead [1/s]; see `sample_plan`.
@@ -128,7 +128,7 @@ def plan_to_csv(plan: Plan, rate: float | None = None) -> str:
 
 
 def plan_to_geojson(plan: Plan) -> str:
-    """A FeatureCollection in metres of the world frame, not in longitude and latitude.
+    """Return a FeatureCollection in metres of the world frame, not in longitude and latitude.
 
     Property ``part`` tells features apart: ``admissible``, ``pruned`` and ``rejected`` areas and
     ``setpoint`` points, each with its ``setpoint`` index, and one ``base-path`` line. The line of a timed
@@ -171,7 +171,7 @@ def _ros2(message: Callable[[Plan, float | None, str], dict[str, Any]]) -> Forma
 
 
 FORMATS = {
-    "csv": Format(lambda plan, options: plan_to_csv(plan, options.rate), sampled=True),
+    "csv": Format(lambda plan, options: _plan_to_csv(plan, options.rate), sampled=True),
     "ros2": _ros2(both_messages),
     "joint-trajectory": _ros2(joint_trajectory),
     "path": _ros2(path_message),
@@ -234,7 +234,7 @@ def _arrays(field: Field) -> bytes:
 
 
 def _geotiff(field: Field) -> bytes:
-    """One band of whole numbers, north up, in metres of the floor."""
+    """Return a GeoTIFF with one band of whole numbers, north up, in metres of the floor."""
     try:
         from rasterio import Affine
         from rasterio.crs import CRS

@@ -13,15 +13,14 @@ import shapely
 from pydantic import Field
 from shapely.geometry import MultiPolygon, Polygon
 
-from regionik.storage.plan_document import PARTS, SIZE_LIMIT, VALUES_LIMIT, VERSIONS, kept_figures
+from regionik.storage.plan_document import PARTS, VERSIONS, kept_figures
 from regionik.values import Configuration, Motion, Plan, PlannedArea, Skipped, Stop
 from regionik.worlds.documents.world_file import world_from_document
 from regionik.worlds.errors import InputError, Verdict, located
-from regionik.worlds.readers.text import LARGEST, check_count, reading
-from regionik.worlds.readers.validation import Many, Strict, validated
+from regionik.worlds.readers.text import MAX_BYTES, MAX_NUMBER, Many, Strict, reading, validated
 from regionik.worlds.scene import StopCriterion, Target, World
 
-Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
+Number = Annotated[float, Field(ge=-MAX_NUMBER, le=MAX_NUMBER)]
 Index = Annotated[int, Field(ge=0)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Three = Annotated[list[Number], Field(min_length=3, max_length=3)]
@@ -184,9 +183,8 @@ def plan_schema() -> dict[str, Any]:
 
 
 def _read(path: Path) -> Any:
-    with reading(path, SIZE_LIMIT):
+    with reading(path, MAX_BYTES):
         data = path.read_bytes()
-    check_count(data, VALUES_LIMIT, str(path))
     try:
         return json.loads(data, parse_constant=_refuse_constant)
     except RecursionError:

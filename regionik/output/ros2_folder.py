@@ -35,9 +35,9 @@ SCRIPT = "execute_plan.py"
 _SCRIPT_TEXT = Path(__file__).with_name("execute_plan.txt")
 # Of nav2's MPPI controller.
 _MOTION_MODELS = {"omni": "Omni", "differential": "DiffDrive", "car": "Ackermann"}
-_GIVES_WAY = 0.05  # joint error at which the arm's controller gives up [rad], [m]
-_ARRIVED = 0.01  # joint error that counts as arrived [rad], [m]
-_LATE = 1.0  # by which the arm may come late [s]
+_MAX_JOINT_ERROR = 0.05  # joint error at which the arm's controller gives up [rad], [m]
+_GOAL_TOLERANCE = 0.01  # joint error that counts as arrived [rad], [m]
+_MAX_DELAY = 1.0  # by which the arm may come late [s]
 _BOX, _SPHERE, _CYLINDER = 1, 2, 3  # of shape_msgs/msg/SolidPrimitive
 
 README = """Made by regionik from the plan of world {world}: {duration:.2f} s, frame {frame}.
@@ -78,7 +78,7 @@ def ros2_files(plan: Plan, rate: float | None = None, frame: str = FRAME) -> dic
             "base_frame": plan.world.frames.base_link,
             "base_velocity": float(speeds.base_velocity),
             "turn_velocity": float(speeds.turn_velocity),
-            "tool_on": tool_spans(plan.motion),
+            "tool_on": _tool_spans(plan.motion),
         },
     }
     texts = {f"{name}.yaml": message_text(document, ".yaml") for name, document in documents.items()}
@@ -93,7 +93,7 @@ def ros2_files(plan: Plan, rate: float | None = None, frame: str = FRAME) -> dic
     return {**texts, SCRIPT: _SCRIPT_TEXT.read_text("utf-8"), "README.txt": about, **bag}
 
 
-def tool_spans(motion: Motion) -> list[Message]:
+def _tool_spans(motion: Motion) -> list[Message]:
     """Times from when to when the tool of a timed motion is on its path, one after the other [s]."""
     working = np.concatenate([[False], motion.kind != "transit", [False]])
     first, end = np.flatnonzero(np.diff(working)).reshape(-1, 2).T
@@ -103,12 +103,14 @@ def tool_spans(motion: Motion) -> list[Message]:
 
 def arm_parameters(robot: Robot) -> Message:
     """Parameters of ros2_control's controller manager and its joint_trajectory_controller."""
-    tolerances = {name: {"trajectory": _GIVES_WAY, "goal": _ARRIVED} for name in robot.chain.names}
+    tolerances = {
+        name: {"trajectory": _MAX_JOINT_ERROR, "goal": _GOAL_TOLERANCE} for name in robot.chain.names
+    }
     arm = {
         "joints": list(robot.chain.names),
         "command_interfaces": ["position"],
         "state_interfaces": ["position", "velocity"],
-        "constraints": {"goal_time": _LATE, "stopped_velocity_tolerance": _ARRIVED, **tolerances},
+        "constraints": {"goal_time": _MAX_DELAY, "stopped_velocity_tolerance": _GOAL_TOLERANCE, **tolerances},
     }
     manager = {
         "update_rate": 100,

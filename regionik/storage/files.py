@@ -18,15 +18,15 @@ import secrets
 import shutil
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 from regionik.worlds.errors import InputError
 
 _STEM = 60  # letters of a file's name kept in that of its temporary file: names have 255 bytes at most
-_MANIFEST, _JOINED = "manifest.json", "whole"
+_UNFINISHED, _MANIFEST, _JOINED = ".part", "manifest.json", "whole"
 _PART = re.compile(r"(\d{8})-(\d+)of(\d+)")
 
 
@@ -60,7 +60,9 @@ def write_folder(path: str | os.PathLike[str], files: Mapping[str, str | bytes])
     if not target.parent.is_dir():
         raise InputError(f"{path}: expected an existing folder, {target.parent} is not there")
     with _os_errors(path):
-        made = Path(tempfile.mkdtemp(prefix=f".{target.name[:_STEM]}.", suffix=".part", dir=target.parent))
+        made = Path(
+            tempfile.mkdtemp(prefix=f".{target.name[:_STEM]}.", suffix=_UNFINISHED, dir=target.parent)
+        )
         try:
             for name, content in files.items():
                 (made / name).parent.mkdir(exist_ok=True)
@@ -80,44 +82,17 @@ def _os_errors(path: str | os.PathLike[str]) -> Iterator[None]:
         raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
 
 
-def is_leftover(entry: str, name: str | None = None) -> bool:
-    """Return whether a folder entry is a temporary file of ``name`` (of any file, by default)."""
-    stem = r".{1,60}" if name is None else re.escape(name[:_STEM])
-    return re.fullmatch(rf"\.{stem}\.[0-9a-f]{{8}}\.part", entry, re.DOTALL) is not None
-
-
 def _replace(target: Path, data: bytes) -> None:
     """Write beside ``target`` and move over it; only a rename within one folder is atomic."""
-    _remove_leftovers(target)
-    file = _temporary_file(target)
+    beside = target.with_name(f".{target.name[:_STEM]}.{secrets.token_hex(4)}{_UNFINISHED}")
     try:
-        with file:
+        with open(beside, "xb") as file:
             file.write(data)
             file.flush()
             os.fsync(file.fileno())
-            os.replace(file.name, target)
+        os.replace(beside, target)
     finally:
-        Path(file.name).unlink(missing_ok=True)
-
-
-def _temporary_file(target: Path) -> BinaryIO:
-    """A new file in the folder of ``target``, locked while it is open."""
-    while True:
-        file = open(target.with_name(f".{target.name[:_STEM]}.{secrets.token_hex(4)}.part"), "xb")  # noqa: SIM115
-        with suppress(OSError):  # a file system without locks is never cleared of leftovers either
-            fcntl.flock(file, fcntl.LOCK_EX)
-        if os.path.exists(file.name):  # else it was removed as a leftover before it was locked
-            return file
-        file.close()
-
-
-def _remove_leftovers(target: Path) -> None:
-    """Remove temporary files of processes killed while they wrote ``target``: nobody holds their locks."""
-    for entry in os.listdir(target.parent):
-        if is_leftover(entry, target.name):
-            with suppress(OSError), open(target.with_name(entry), "rb") as file:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                os.unlink(file.name)
+        beside.unlink(missing_ok=True)
 
 
 @dataclass(frozen=True)
@@ -129,7 +104,8 @@ class PartialFile:
 
     def counts(self) -> dict[int, tuple[int, int]]:
         """Return the counts of each part written so far by its number: rows that say yes, and all rows."""
-        return {number: counts for number, counts, _ in self._parts()}
+        matches = filter(None, map(_PART.fullmatch, os.listdir(self.folder)))
+        return {int(match[1]): (int(match[2]), int(match[3])) for match in matches}
 
     def write_part(self, number: int, data: bytes, yes: int, total: int) -> None:
         """Write one part atomically."""
@@ -137,11 +113,11 @@ class PartialFile:
 
     def join(self, head: bytes) -> None:
         """Write the file, a head and all parts, and remove the folder."""
-        joined, parts = self.folder / _JOINED, self._parts()
+        joined, parts = self.folder / _JOINED, sorted(self.folder.iterdir())
         with _os_errors(self.file):
             with open(joined, "wb") as file:
                 file.write(head)
-                for _, _, part in parts:
+                for part in filter(lambda path: _PART.fullmatch(path.name), parts):
                     with open(part, "rb") as data:
                         shutil.copyfileobj(data, file)
                 file.flush()
@@ -152,14 +128,6 @@ class PartialFile:
                     path.unlink()
             (self.folder / _MANIFEST).unlink()  # the last: a folder without it holds nothing to resume
             self.folder.rmdir()
-
-    def _parts(self) -> list[tuple[int, tuple[int, int], Path]]:
-        matches = [(_PART.fullmatch(path.name), path) for path in sorted(self.folder.iterdir())]
-        return [
-            (int(match[1]), (int(match[2]), int(match[3])), path)
-            for match, path in matches
-            if match is not None
-        ]
 
 
 @contextmanager
@@ -189,7 +157,7 @@ def _check_manifest(folder: Path, manifest: Mapping[str, object]) -> None:
     """Write the manifest of a new folder, or compare it with that of an existing one."""
     path = folder / _MANIFEST
     if not path.exists():
-        if any(not is_leftover(entry.name) for entry in folder.iterdir()):
+        if any(entry.suffix != _UNFINISHED for entry in folder.iterdir()):
             raise InputError(f"{folder}: holds other things than parts of answers; move it away")
         write_atomic(path, json.dumps(manifest, indent=2) + "\n")
         return

@@ -20,18 +20,15 @@ from shapely.geometry.base import BaseGeometry
 from regionik.storage.files import json_values
 from regionik.worlds.documents.world_file import world_to_document
 from regionik.worlds.errors import FileNote, InputError
-from regionik.worlds.readers.text import count_values
+from regionik.worlds.readers.text import MAX_BYTES
 
 if TYPE_CHECKING:
     from regionik.values import Plan, Skipped, Stop
 
 VERSIONS = (1, 2)  # that are read; the last is written. In 1 all features have three parts.
-# Of a file that is written, and of one that is read.
-SIZE_LIMIT = 256 * 2**20  # [bytes]
-VALUES_LIMIT = 12_000_000  # a raster has some 300 for each set-point, most of them corners of areas
 DECIMALS = 7  # of corners of areas [m]
 COMPACT = (",", ":")  # separators within entries of long lists
-STRAIGHT = 1e-8  # from the line through its neighbours, up to which a corner does not bend an outline [m]
+MAX_CORNER_HEIGHT = 1e-8  # of one that does not bend an outline, over the line through its neighbours [m]
 _AROUND = 3  # characters beside each member
 PARTS = ("admissible", "pruned", "rejected")
 FIGURES: Mapping[str, tuple[str, ...]] = {  # of ``Plan.stats`` that files keep, and which parts, () for all
@@ -72,7 +69,7 @@ def kept_areas(areas: Iterable[BaseGeometry]) -> NDArray[np.object_]:
     """
     shapes = _multipolygons(areas)
     fine = ~shapely.equals_exact(shapes, shapely.transform(shapes, _rounded))
-    bent = shapely.simplify(shapes[fine], STRAIGHT)
+    bent = shapely.simplify(shapes[fine], MAX_CORNER_HEIGHT)
     kept = shapely.transform(bent, _rounded)
     torn = ~shapely.is_valid(kept)  # where edges nearly meet
     kept[torn] = shapely.transform(shapely.set_precision(bent[torn], 10.0**-DECIMALS), _rounded)
@@ -117,12 +114,12 @@ def plan_to_text(plan: Plan) -> str:
 
     Areas are a GeoJSON FeatureCollection with one feature per set-point. Its geometry is a GeometryCollection
     of MultiPolygons, some of them perhaps empty: admissible, pruned unless that is all of the admissible one,
-    rejected. There are no features where the document would exceed `SIZE_LIMIT` or `VALUES_LIMIT` with them.
+    rejected. There are no features where the document would exceed `MAX_BYTES` with them.
 
     Raises
     ------
     InputError
-        Where it exceeds a limit even so: it could not be read back.
+        Where it is too large even so: it could not be read back.
 
     Warns
     -----
@@ -130,31 +127,22 @@ def plan_to_text(plan: Plan) -> str:
         Where areas are left out.
     """
     members = {key: f"{json.dumps(key)}: {_text(key, value)}" for key, value in _members(plan)}
-    if _excess(members):
+    if _size(members) > MAX_BYTES:
         members["areas"] = f'"areas": {_text("areas", iter(()))}'
-        excess = _excess(members)
-        if excess:
-            raise InputError(f"plan: {excess}, expected a task in parts of which each has a plan of its own")
-        warnings.warn(
-            "areas are left out of the plan file: with so many corners it could not be read back",
-            FileNote,
-            stacklevel=2,
-        )
+        if (size := _size(members)) > MAX_BYTES:
+            raise InputError(
+                f"plan: a file of {size / 2**20:.1f} MB could not be read back, at most "
+                f"{MAX_BYTES / 2**20:g} MB can, expected a task in parts of which each has a plan of its own"
+            )
+        what = "areas are left out of the plan file: with so many corners it could not be read back"
+        warnings.warn(what, FileNote, stacklevel=2)
     text = ",\n".join(members.values())
     return f"{{\n{text}\n}}\n"
 
 
-def _excess(members: Mapping[str, str]) -> str:
-    """Return by what a document of these members is too large to be read back; empty where it is not."""
-    size = sum(len(text) + _AROUND for text in members.values())  # JSON is written in ASCII
-    if size > SIZE_LIMIT:
-        return (
-            f"a file of {size / 2**20:.1f} MB could not be read back, at most {SIZE_LIMIT / 2**20:g} MB can"
-        )
-    values = sum(count_values(text) + 1 for text in members.values())
-    if values > VALUES_LIMIT:
-        return f"a file of {values} values could not be read back, at most {VALUES_LIMIT} can"
-    return ""
+def _size(members: Mapping[str, str]) -> int:
+    """Return the size of a document of these members, which is written in ASCII [bytes]."""
+    return sum(len(text) + _AROUND for text in members.values())
 
 
 def _members(plan: Plan) -> Iterator[tuple[str, Any]]:
@@ -167,7 +155,7 @@ def _members(plan: Plan) -> Iterator[tuple[str, Any]]:
     yield "states", _states(plan)
     yield "areas", _areas(plan)
     yield "lift_offs", int(plan.lift_offs)
-    yield "stops", [stop_document(stop) for stop in plan.stops]
+    yield "stops", [_stop_document(stop) for stop in plan.stops]
     yield "stats", json_values(kept_figures(plan.stats))
     yield "skipped", skipped_document(plan.skipped)
 
@@ -188,7 +176,7 @@ def skipped_document(skipped: Iterable[Skipped]) -> list[dict[str, Any]]:
     ]
 
 
-def stop_document(stop: Stop) -> dict[str, Any]:
+def _stop_document(stop: Stop) -> dict[str, Any]:
     """A stop of a plan, all of whose set-points are verified."""
     document: dict[str, Any] = json_values(stop)
     del document["unconfirmed"]

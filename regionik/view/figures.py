@@ -40,10 +40,10 @@ from regionik.worlds.errors import InputError
 from regionik.worlds.scene import World
 
 SUFFIXES = (".svg", ".png")
-_DPI = 130
-BEYOND, LIGHT = 0.45, 0.13  # opacity beyond limits, and of intervals with the tool lifted
-FLAT = 0.01  # room about a curve, so that rounding is not drawn as motion [m] or [rad], and a second
+LIMIT_OPACITY, LIFTED_OPACITY = 0.45, 0.13  # opacity beyond limits, and of intervals with the tool lifted
+MIN_CURVE_ROOM = 0.01  # so that rounding is not drawn as motion [m] or [rad], and a second
 _LEFT, _RIGHT, _ROW = 4.2, 7.2, 1.9  # widths of a column of joints and of the floor, height of curves [in]
+_HEAD: dict[str, Any] = {"fontsize": 13, "fontweight": "bold"}
 _STYLE = {
     "axes.axisbelow": True, "axes.edgecolor": "#5f6b76", "axes.grid": True, "axes.labelsize": 9,
     "axes.spines.right": False, "axes.spines.top": False, "axes.titlelocation": "left", "axes.titlesize": 10,
@@ -77,7 +77,16 @@ def plot(plan: Plan, path: str | os.PathLike[str]) -> None:
 
 def plot_stops(world: World, stops: Sequence[Stop], path: str | os.PathLike[str]) -> None:
     """Draw the stops of a world on its floor into an ``.svg`` or ``.png`` file."""
-    _save(lambda: _stops_figure(world, stops), path)
+
+    def made() -> Figure:
+        floor = stops_floor(world, stops)
+        figure = Figure(figsize=(_RIGHT, _floor_height(floor) + 0.7))
+        facts = f"{count_noun(len(world.task), 'set-point')}, {count_noun(len(stops), 'stop')}"
+        figure.suptitle(f"{world.name}: {facts}", **_HEAD)
+        _floor(figure.add_subplot(), floor)
+        return figure
+
+    _save(made, path)
 
 
 def plot_floor(what: Plan | World | Area | Answer, axes: Axes | None = None) -> Axes:
@@ -144,7 +153,7 @@ def _render(make: Callable[[], Figure], suffix: str) -> bytes:
     with matplotlib.style.context(["default", _STYLE]):  # independent of the user's own settings
         figure = make()
         _fix_layout(figure)
-        figure.savefig(data, format=suffix[1:], dpi=_DPI, metadata={"Date": None} if suffix == ".svg" else {})
+        figure.savefig(data, format=suffix[1:], dpi=130, metadata={"Date": None} if suffix == ".svg" else {})
     return data.getvalue()
 
 
@@ -195,24 +204,21 @@ def _field_values(ax: Axes, field: Field) -> list[Patch]:
     return key
 
 
-def _stops_figure(world: World, stops: Sequence[Stop]) -> Figure:
-    floor = stops_floor(world, stops)
-    figure = Figure(figsize=(_RIGHT, _floor_height(floor) + 0.7))
-    _head(figure, world, [count_noun(len(world.task), "set-point"), count_noun(len(stops), "stop")])
-    _floor(figure.add_subplot(), floor)
-    return figure
-
-
 def _figure(plan: Plan) -> Figure:
     curves, floor, dof = plan_curves(plan), floor_view(plan), plan.world.robot.chain.dof
     panels, high = 2 if curves.timed else 1, _floor_height(floor)
     figure = Figure(figsize=(_LEFT * panels + _RIGHT, max(1.3 * dof, high + _ROW * panels) + 0.7))
     facts = [count_noun(len(plan.setpoints), "set-point"), count_noun(plan.lift_offs, "lift-off")]
     untimed = f"{count_noun(len(plan.motion), 'state')}, not timed"
-    _head(figure, plan.world, [*facts, f"{curves.states[-1]:.1f} s" if curves.timed else untimed])
+    facts.append(f"{curves.states[-1]:.1f} s" if curves.timed else untimed)
+    figure.suptitle(f"{plan.world.name}: {', '.join(facts)}", **_HEAD)
     sides = figure.add_gridspec(1, 2, width_ratios=[_LEFT * panels, _RIGHT])
     _joints(figure, sides[0], plan, curves)
-    _key_to_marks(figure, curves)
+    ticks = Line2D([], [], color=_hex(Color.AHEAD), marker="|", markersize=7, ls="", label="set-points")
+    beyond = Patch(facecolor=_hex(Color.SOLID), alpha=LIMIT_OPACITY, label="beyond the limits")
+    lifted = Patch(facecolor=_hex(Color.LIFTED), alpha=LIFTED_OPACITY, label="tool lifted")
+    handles = [ticks, beyond, *([lifted] if len(curves.lifted) else [])]
+    figure.legend(handles=handles, loc="outside lower left", ncols=3)
     grid = sides[1].subgridspec(1 + panels, 1, height_ratios=[high, *[_ROW] * panels])
     _floor(figure.add_subplot(grid[0]), floor)
     if curves.timed:
@@ -236,10 +242,6 @@ def _fix_layout(figure: Figure) -> None:
         ax.set_position((x, y, width, height))
 
 
-def _head(figure: Figure, world: World, facts: list[str]) -> None:
-    figure.suptitle(f"{world.name}: {', '.join(facts)}", fontsize=13, fontweight="bold")
-
-
 def _joints(figure: Figure, place: SubplotSpec, plan: Plan, curves: PlanCurves) -> None:
     """A row for each joint: its value and, of a timed plan, its velocity, each with its limits."""
     joints = plan.world.robot.chain.active_joints
@@ -261,11 +263,11 @@ def _curve(ax: Axes, curves: PlanCurves, values: Array, limits: tuple[float, flo
     """A joint's curve; beyond its limits the panel is shaded."""
     ends = [limit for limit in limits if np.isfinite(limit)]
     low, high = min([*values, *ends]), max([*values, *ends])
-    pad = max(0.08 * (high - low), FLAT)
+    pad = max(0.08 * (high - low), MIN_CURVE_ROOM)
     ax.set_ylim(low - pad, high + pad)
     for limit, beyond in zip(limits, (low - pad, high + pad), strict=True):
         if np.isfinite(limit):
-            ax.axhspan(limit, beyond, facecolor=_hex(Color.SOLID), alpha=BEYOND, linewidth=0)
+            ax.axhspan(limit, beyond, facecolor=_hex(Color.SOLID), alpha=LIMIT_OPACITY, linewidth=0)
     width = 0.6 + 0.6 * _crowding(1500, curves.states)
     ax.plot(curves.along, values, color=_hex(Color.AXIS_PATH), linewidth=width)
     ax.yaxis.set_major_locator(MaxNLocator(4))
@@ -275,22 +277,13 @@ def _shared_axis(ax: Axes, curves: PlanCurves, last: bool) -> None:
     """Draw what all curves share: the abscissa, set-points as ticks, lifted intervals shaded."""
     ax.set_xlim(curves.states[0], max(curves.states[-1], curves.states[0] + 1e-3))
     for start, end in curves.lifted.tolist():
-        ax.axvspan(start, end, facecolor=_hex(Color.LIFTED), alpha=LIGHT, linewidth=0)
+        ax.axvspan(start, end, facecolor=_hex(Color.LIFTED), alpha=LIFTED_OPACITY, linewidth=0)
     ticks: dict[str, Any] = {"transform": ax.get_xaxis_transform(), "color": _hex(Color.AHEAD), "zorder": 3}
     ax.vlines(curves.setpoints, 0.0, 0.06, linewidth=_crowding(100, curves.setpoints), **ticks)
     if last:
         ax.set_xlabel("time [s]" if curves.timed else "state, from 1 (the plan is not timed)")
     else:
         ax.tick_params(labelbottom=False)
-
-
-def _key_to_marks(figure: Figure, curves: PlanCurves) -> None:
-    """The legend of ticks and shades."""
-    ticks = Line2D([], [], color=_hex(Color.AHEAD), marker="|", markersize=7, ls="", label="set-points")
-    beyond = Patch(facecolor=_hex(Color.SOLID), alpha=BEYOND, label="beyond the limits")
-    lifted = Patch(facecolor=_hex(Color.LIFTED), alpha=LIGHT, label="tool lifted")
-    handles = [ticks, beyond, *([lifted] if len(curves.lifted) else [])]
-    figure.legend(handles=handles, loc="outside lower left", ncols=3)
 
 
 def _speeds(ax: Axes, curves: PlanCurves) -> None:

@@ -102,11 +102,11 @@ def drawn_union(areas: Sequence[BaseGeometry], detail: float = DETAIL) -> BaseGe
     return shapely.make_valid(union.simplify(detail, preserve_topology=False))
 
 
-POSES = 8  # at which the base is shown
-MARGIN, SHARE = 0.3, 0.15  # shown around all there is: this [m] and this share of its size
-EDGE = 0.1  # shown beyond the floor [m]
+SHOWN_POSES = 8  # at which the base is shown
+WINDOW_MARGIN, WINDOW_SHARE = 0.3, 0.15  # shown around all there is: this [m] and this share of its size
+FLOOR_EDGE = 0.1  # shown beyond the floor [m]
 RESOLUTION = 2000  # details across a picture
-TALL = 100.0  # above every solid [m]
+ABOVE_ALL = 100.0  # above every solid [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +144,7 @@ def floor_view(what: Plan | World | Area) -> FloorView:
 def _plan_floor(plan: Plan) -> FloorView:
     world, motion = plan.world, plan.motion
     at = np.flatnonzero(motion.kind == "setpoint")
-    shown = motion.base[at[np.unique(np.linspace(0, len(at) - 1, POSES).round().astype(int))]]
+    shown = motion.base[at[np.unique(np.linspace(0, len(at) - 1, SHOWN_POSES).round().astype(int))]]
     return _floor_view(
         world,
         np.array([stop.base for stop in plan.stops]) if plan.stops else shown,
@@ -232,7 +232,7 @@ def _heading_strokes(base: Array, outlines: BaseGeometry) -> Array:
 
 def seen_from_above(world: World) -> BaseGeometry:
     """Solids as seen from above."""
-    shadows = [solid.shadow(TALL) for solid in world.solids]
+    shadows = [solid.shadow(ABOVE_ALL) for solid in world.solids]
     areas = [shadow.shape() for shadow in shadows if shadow is not None]
     return shapely.union_all(areas) if areas else Polygon()
 
@@ -242,9 +242,9 @@ def window(floor: Polygon, lines: list[Array]) -> tuple[Array, Array]:
     points = np.vstack(lines)
     points = points if len(points) else np.reshape(floor.bounds, (2, 2))
     low, high = points.min(axis=0), points.max(axis=0)
-    margin = MARGIN + SHARE * (high - low).max()
+    margin = WINDOW_MARGIN + WINDOW_SHARE * (high - low).max()
     bounds = np.array(floor.bounds)
     return (
-        np.maximum(low - margin, np.minimum(low, bounds[:2]) - EDGE),
-        np.minimum(high + margin, np.maximum(high, bounds[2:]) + EDGE),
+        np.maximum(low - margin, np.minimum(low, bounds[:2]) - FLOOR_EDGE),
+        np.minimum(high + margin, np.maximum(high, bounds[2:]) + FLOOR_EDGE),
     )

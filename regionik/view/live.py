@@ -6,7 +6,6 @@ import gc
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, is_dataclass, replace
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -146,7 +145,7 @@ def redraw(visualizer: Any, shown: dict[str, SceneMesh], picture: Picture) -> di
     wanted = {mesh.path: mesh for mesh in picture.bodies if len(mesh.mesh.faces)}
     for path in shown.keys() - wanted.keys():
         delete_node(visualizer, path)
-    changed = [mesh for path, mesh in wanted.items() if not _is_same(shown.get(path), mesh)]
+    changed = [mesh for path, mesh in wanted.items() if not is_equal(shown.get(path), mesh)]
     draw_meshes(visualizer, changed, picture.poses)
     return wanted
 
@@ -167,18 +166,8 @@ def _stamp(path: Path) -> tuple[int, int, int] | None:
     return found.st_mtime_ns, found.st_size, found.st_ino
 
 
-def _is_same(old: SceneMesh | None, new: SceneMesh) -> bool:
-    if old is None or old is new:
-        return old is new
-    if (old.color, old.opacity, old.layer, old.lit) != (new.color, new.opacity, new.layer, new.lit):
-        return False
-    a, b = old.mesh, new.mesh
-    same_mesh = np.array_equal(a.vertices, b.vertices) and np.array_equal(a.faces, b.faces)
-    return old.colors is new.colors and same_mesh
-
-
 def verdict(areas: LiveAreas) -> str:
-    """One line: whether the path can be done, or why not."""
+    """Return one line that says if the path can be done, or why not."""
     if areas.explanation is not None:
         return areas.explanation.reason
     assert areas.pruned is not None
@@ -198,10 +187,7 @@ def live_picture(areas: LiveAreas) -> Picture:
 
 
 def live_meshes(areas: LiveAreas) -> list[SceneMesh]:
-    """Floor, obstacles with what they reject, areas, and the tool path, but not the robot.
-
-    Meshes of what has not changed since the areas before are the very same objects.
-    """
+    """Floor, obstacles with what they reject, areas, and the tool path, but not the robot."""
     world = areas.world
     ground = scene_of(world).ground
     obstacles = (
@@ -234,7 +220,6 @@ def failing_setpoints(areas: LiveAreas) -> NDArray[np.bool_]:
     return failing
 
 
-@lru_cache(maxsize=4)
 def _floor_meshes(floor: Floor) -> tuple[SceneMesh, ...]:
     return (
         SceneMesh("floor/all", triangle_meshes.floor_mesh(floor.polygon), Color.FLOOR, 1.0, 0),
@@ -243,7 +228,6 @@ def _floor_meshes(floor: Floor) -> tuple[SceneMesh, ...]:
     )
 
 
-@lru_cache(maxsize=4096)
 def _obstacle_meshes(solid: Solid, k: int, taken: tuple[tuple[Shadow, float], ...]) -> tuple[SceneMesh, ...]:
     """An obstacle and its rejection, shadows grown so far, which is opaque: two of them may overlap."""
     mesh = scene_obstacle(f"obstacles/{k}", solid)

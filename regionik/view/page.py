@@ -57,12 +57,12 @@ def html_page(what: Plan | World | Picture) -> str:
         viewer=viewer_script(),
         commands=",\n".join(f'"{command}"' for command in commands),
         # Nothing in a name may end the script that it stands in.
-        data=json.dumps(page_document(picture), separators=(",", ":")).replace("<", "\\u003c"),
+        data=json.dumps(_page_document(picture), separators=(",", ":")).replace("<", "\\u003c"),
         script=_SCRIPT.read_text("utf-8"),
     )
 
 
-def page_document(picture: Picture) -> dict[str, Any]:
+def _page_document(picture: Picture) -> dict[str, Any]:
     """Return what the script of a page knows of its picture, as JSON."""
     layers = [
         {"color": f"#{color:06x}", "label": label, "paths": list(paths)}

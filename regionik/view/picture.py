@@ -19,7 +19,7 @@ TrackKind = Literal["position", "turn", "color", "faces"]
 VIEW_ANGLE = np.radians(42.0)  # from bottom to top of the window
 _ASPECT = 1.45  # narrower than common windows, which leaves room for the legend
 _MARGIN = 0.8  # about set-points and base [m]
-_LOW = 0.3  # obstacles below this height hide little [m]
+_MIN_HIDING_HEIGHT = 0.3  # obstacles below this height hide little [m]
 # From the south first, as on a drawing with north up; others, and steeper ones, only where they see more.
 _AZIMUTHS = np.radians([-100.0, -60.0, -140.0, 80.0, 120.0, 40.0, 0.0, 180.0])
 _ELEVATIONS = np.radians([48.0, 62.0, 76.0])
@@ -39,7 +39,7 @@ class Color:
 
 @dataclass(frozen=True, eq=False)
 class SceneMesh:
-    """One mesh of one colour, or of one colour a face."""
+    """A mesh of one colour, or with a colour for each face."""
 
     path: str  # its node in the scene
     mesh: TriangleMesh
@@ -87,7 +87,7 @@ class Camera:
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """All that a viewer needs: meshes, poses of nodes, motion, camera and the text beside them."""
+    """A picture for any viewer: meshes, poses of nodes, motion, camera and the text beside them."""
 
     title: str
     facts: tuple[str, ...]  # a few words each
@@ -100,7 +100,7 @@ class Picture:
 
     @property
     def legend(self) -> tuple[LegendEntry, ...]:
-        """What is drawn and has a label, in the order of the bodies."""
+        """Entries for all that is drawn and has a label, in the order of the bodies."""
         found: dict[str, list[SceneMesh]] = {}
         for body in self.bodies:
             if body.label and len(body.mesh.faces):
@@ -112,7 +112,7 @@ class Picture:
 
 
 def count_noun(count: int, noun: str) -> str:
-    """A number and its noun, in the plural where there is not one."""
+    """Return a number and its noun, in the plural unless the number is one."""
     return f"{count} {noun}" + ("" if count == 1 else "s")
 
 
@@ -168,7 +168,7 @@ def camera_axes(back: Array) -> tuple[Array, Array, Array]:
 def _boxes(world: World) -> Array:
     """Bounding boxes (n, 2, 3) of obstacles [m]; map cells hide the same from everywhere."""
     boxes = []
-    for solid in (obstacle for obstacle in world.obstacles if obstacle.z_range[1] > _LOW):
+    for solid in (obstacle for obstacle in world.obstacles if obstacle.z_range[1] > _MIN_HIDING_HEIGHT):
         x_low, y_low, x_high, y_high = shadow_polygon(solid).bounds
         boxes.append([[x_low, y_low, solid.z_range[0]], [x_high, y_high, solid.z_range[1]]])
     return np.array(boxes).reshape(-1, 2, 3)

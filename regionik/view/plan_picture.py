@@ -31,10 +31,10 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.drives import unwrapped
 from regionik.worlds.robot import Robot
 
-SPEED = 0.25  # of base or tool, whichever moves farther [m/s]
-SHORTEST, LONGEST = 10.0, 60.0  # [s]
-REST = 1.5  # at the end, before the animation starts again [s]
-MOST_FRAMES, RATE = 2000, 15  # at most in all, and a second of a timed plan besides its states
+SHOWN_SPEED = 0.25  # of base or tool, whichever moves farther [m/s]
+MIN_DURATION, MAX_DURATION = 10.0, 60.0  # [s]
+END_PAUSE = 1.5  # at the end, before the animation starts again [s]
+MAX_FRAMES, FRAME_RATE = 2000, 15  # at most in all, and a second of a timed plan besides its states
 _TURN_RADIUS = 0.2  # a turn counts as the motion of a point at this distance from the axis [m]
 _LEAST_STEP = 0.002  # [m], so that no two states have the same time
 
@@ -51,11 +51,11 @@ class KeyFrames:
 
     @property
     def duration(self) -> float:
-        return float(self.times[-1]) + REST
+        return float(self.times[-1]) + END_PAUSE
 
 
 def key_frames(plan: Plan, clock: Array) -> KeyFrames:
-    """Return at most about `MOST_FRAMES` key frames, all set-points among them.
+    """Return at most about `MAX_FRAMES` key frames, all set-points among them.
 
     States are shown at the times of a ``clock`` (n,) [s], see `display_times`. A timed plan goes between them
     as `regionik.trajectory` does.
@@ -64,7 +64,7 @@ def key_frames(plan: Plan, clock: Array) -> KeyFrames:
     if is_timed(motion):
         kept = motion.time[_selected(motion.kind == "setpoint")]
         end = float(motion.time[-1])
-        even = np.linspace(0.0, end, int(np.clip(RATE * end, 2, MOST_FRAMES)))
+        even = np.linspace(0.0, end, int(np.clip(FRAME_RATE * end, 2, MAX_FRAMES)))
         times = np.union1d(kept, even) if end > 0 else kept[:1]
         sample = trajectory(plan).sample(times)
         lifted = (motion.kind == "transit")[np.searchsorted(motion.time, times)]
@@ -104,19 +104,19 @@ def _interpolated(index: Array, column: Array) -> Array:
 
 
 def _even_times(base: Array, joints: Array, tools: Array) -> Array:
-    """Times (n,) at which base, tool or a joint moves at `SPEED`, whichever moves farther [s]."""
+    """Times (n,) at which base, tool or a joint moves at `SHOWN_SPEED`, whichever moves farther [s]."""
     driven, moved = (np.linalg.norm(np.diff(p, axis=0), axis=1) for p in (base[:, :2], tools))
     turned = np.abs(np.diff(np.column_stack([base[:, 2], joints]), axis=0)).max(axis=1)
     moves = np.maximum(np.maximum(driven, moved), _TURN_RADIUS * turned)
-    times = np.concatenate([[0.0], np.cumsum(np.maximum(moves, _LEAST_STEP))]) / SPEED
+    times = np.concatenate([[0.0], np.cumsum(np.maximum(moves, _LEAST_STEP))]) / SHOWN_SPEED
     total = times[-1]
-    return times * (np.clip(total, SHORTEST, LONGEST) / total if total > 0 else 1.0)
+    return times * (np.clip(total, MIN_DURATION, MAX_DURATION) / total if total > 0 else 1.0)
 
 
 def _selected(at_setpoint: NDArray[np.bool_]) -> NDArray[np.intp]:
     """Indices of the states that become key frames."""
     n = len(at_setpoint)
-    others = n if n <= MOST_FRAMES else max(2, MOST_FRAMES - int(at_setpoint.sum()))
+    others = n if n <= MAX_FRAMES else max(2, MAX_FRAMES - int(at_setpoint.sum()))
     spread = np.linspace(0, n - 1, others).round().astype(np.intp)
     return np.union1d(spread, np.flatnonzero(at_setpoint))
 

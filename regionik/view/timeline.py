@@ -103,7 +103,7 @@ def timeline(plan: Plan, clock: Array) -> Timeline:
     if is_timed(motion):
         sample = trajectory(plan).sample(times)
         poses = np.column_stack([sample.base, sample.joints])
-        speeds = tool_and_base_speeds(robot, sample)
+        speeds = _tool_and_base_speeds(robot, sample)
     else:
         index = np.interp(times, clock, np.arange(len(clock)))
         base = robot.drive.sampled(unwrapped(motion.base), index)
@@ -120,17 +120,17 @@ def timeline(plan: Plan, clock: Array) -> Timeline:
         clearances=clearances(plan.world, poses[rows, :3], poses[rows, 3:]),
         setpoints=at,
         areas=np.array([[area.pruned.area, area.admissible.area] for area in plan.areas]).reshape(-1, 2),
-        lifted=lifted_intervals(motion, clock),
+        lifted=_lifted_intervals(motion, clock),
     )
 
 
-def tool_and_base_speeds(robot: Robot, sample: TrajectorySample) -> dict[str, Array]:
+def _tool_and_base_speeds(robot: Robot, sample: TrajectorySample) -> dict[str, Array]:
     """Speeds of the tool's and the base's origin at n samples, (n,) each [m/s]."""
     tool = tool_velocity(robot, *sample.columns[:2])
     return {"tool": np.linalg.norm(tool, axis=1), "base": np.hypot(*sample.base_velocity[:, :2].T)}
 
 
-def lifted_intervals(motion: Motion, clock: Array) -> Array:
+def _lifted_intervals(motion: Motion, clock: Array) -> Array:
     """Intervals of transits, the motions to and from them included, (l, 2)."""
     transit = motion.kind == "transit"
     lifted: NDArray[np.bool_] = transit[:-1] | transit[1:]
@@ -191,7 +191,7 @@ def plan_curves(plan: Plan) -> PlanCurves:
         along = np.union1d(states, np.linspace(0.0, states[-1], CURVE_SAMPLES))
         sample = trajectory(plan).sample(along)
         joints, velocities = sample.joints, sample.joint_velocity
-        speeds = tool_and_base_speeds(plan.world.robot, sample)
+        speeds = _tool_and_base_speeds(plan.world.robot, sample)
     return PlanCurves(
         timed=timed,
         states=states,
@@ -201,5 +201,5 @@ def plan_curves(plan: Plan) -> PlanCurves:
         speeds=speeds,
         clearances=clearances(plan.world, motion.base, motion.joints),
         setpoints=states[motion.kind == "setpoint"],
-        lifted=lifted_intervals(motion, states),
+        lifted=_lifted_intervals(motion, states),
     )

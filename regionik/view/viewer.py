@@ -84,7 +84,7 @@ def show(what: Plan | World | Picture, open_browser: bool = True) -> Any:
         For more drawing; its ``url()`` is the address.
     """
     visualizer = start_server()
-    for command in scene_commands(picture_of(what)):
+    for command in _scene_commands(picture_of(what)):
         visualizer.window.send(command)
     if open_browser:
         visualizer.open()
@@ -219,7 +219,7 @@ def delete_node(visualizer: Any, path: str) -> None:
 def packed_commands(picture: Picture) -> list[bytes]:
     """The commands that draw a picture, as MeshCat's viewer reads them."""
     pack = import_module("umsgpack").packb
-    return [pack(command.lower()) for command in scene_commands(picture, play=False)]
+    return [pack(command.lower()) for command in _scene_commands(picture, play=False)]
 
 
 def viewer_script() -> str:
@@ -251,7 +251,7 @@ class _Command:
         return {"type": self.type, "path": self.path, **self.content}
 
 
-def scene_commands(picture: Picture, play: bool = True) -> Iterator[_Command]:
+def _scene_commands(picture: Picture, play: bool = True) -> Iterator[_Command]:
     """Yield all commands in order; the animation last, for it binds to nodes that exist.
 
     MeshCat plays it by its own clock, or leaves that to others.

@@ -33,13 +33,13 @@ TOOL = "tool/tip"
 TURNING_WORDS = "room at some headings only"
 _CAUSE_WORDS = "in the way; the set-point"
 GHOST_WORDS = "robot, where it may stand: the world gives no start"
-_GHOST = 0.35  # opacity of a robot that stands nowhere in particular
+_GHOST_OPACITY = 0.35  # opacity of a robot that stands nowhere in particular
 _PLACES, _STEP = 48, 0.3  # places that are tried, and their least distance from the first set-point [m]
-_TALL = 0.6  # obstacles above this height are drawn translucent [m]
+_MAX_OPAQUE_HEIGHT = 0.6  # obstacles above this height are drawn translucent [m]
 _SHAFT = 0.008  # radius of arrows [m]
 _WHEEL = 0.05  # radius of wheels at most [m]
 _POINT_RADII = (0.03, 0.16)  # of the body of a base that is a point [m]
-_SEEN = 0.7  # of the footprint, from which visual surfaces show the whole base
+_MIN_SEEN_SHARE = 0.7  # of the footprint, from which visual surfaces show the whole base
 
 
 def picture_of_world(world: World) -> Picture:
@@ -137,12 +137,12 @@ def robot_meshes(
     poses[f"{last}/tool"] = robot.chain.T_last_tool
     tip = triangle_meshes.capsule(np.zeros(3), np.zeros(3), tool_radius(robot))
     bodies.append(SceneMesh(f"{last}/{TOOL}", tip, Color.PASSED, name="tool point"))
-    label, opacity = (GHOST_WORDS, _GHOST) if ghost else ("robot", 1.0)
+    label, opacity = (GHOST_WORDS, _GHOST_OPACITY) if ghost else ("robot", 1.0)
     return [replace(body, label=label, opacity=opacity) for body in bodies], poses
 
 
 def _link_meshes(path: str, robot: Robot, link: int, color: int, name: str) -> Iterator[SceneMesh]:
-    """What is seen of a link: its visual surfaces, and the solids that these do not stand for."""
+    """Yield the visual surfaces of a link, and its solids that these do not stand for."""
     visuals = [one for one in robot.visuals if one.link == link]
     hidden = {name for one in visuals for name in one.stands_for}
     for k, one in enumerate(visuals):
@@ -211,7 +211,7 @@ def _is_seen_whole(robot: Robot) -> bool:
         return False
     outline = shapely.convex_hull(shapely.MultiPoint(robot.footprint))
     seen = shapely.convex_hull(shapely.MultiPoint(np.concatenate(corners)))
-    return bool((seen & outline).area >= _SEEN * outline.area)
+    return bool((seen & outline).area >= _MIN_SEEN_SHARE * outline.area)
 
 
 def _wheels(outline: Polygon, radius: float) -> Iterator[triangle_meshes.TriangleMesh]:
@@ -240,7 +240,9 @@ def map_meshes(floor: Floor) -> list[SceneMesh]:
 
 
 def _grey(path: str, mesh: triangle_meshes.TriangleMesh, top: float, name: str) -> SceneMesh:
-    return SceneMesh(path, mesh, Color.SOLID, 1.0 if top <= _TALL else 0.5, label="obstacles", name=name)
+    return SceneMesh(
+        path, mesh, Color.SOLID, 1.0 if top <= _MAX_OPAQUE_HEIGHT else 0.5, label="obstacles", name=name
+    )
 
 
 def task_meshes(world: World, missing: NDArray[np.bool_] | None = None) -> list[SceneMesh]:

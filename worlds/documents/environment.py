@@ -20,8 +20,7 @@ from regionik.worlds.errors import InputError, located, read_each
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere, as_polygon
 from regionik.worlds.readers.meshes import read_mesh
 from regionik.worlds.readers.occupancy_map import load_map
-from regionik.worlds.readers.text import file_in, join_names
-from regionik.worlds.readers.validation import (
+from regionik.worlds.readers.text import (
     FileName,
     Many,
     OneLine,
@@ -30,12 +29,14 @@ from regionik.worlds.readers.validation import (
     Strict,
     Vec2,
     Vec3,
+    file_in,
+    join_names,
     one_of,
 )
 from regionik.worlds.scene import Floor, FrameNames
 
 WORLD = "map"  # the frame of all that names none
-SHOWN = 20  # names in a message
+MAX_NAMES = 20  # names in a message
 _NAMED = tuple(field.name for field in fields(FrameNames))
 
 
@@ -97,7 +98,7 @@ def frame_pose(reference: str | FramePart, poses: Poses) -> Array:
     if isinstance(reference, FramePart):
         return pose(reference.position, reference.rpy)
     if reference not in poses:
-        raise InputError(f"frame: unknown frame {reference!r}, valid names: {join_names(poses, SHOWN)}")
+        raise InputError(f"frame: unknown frame {reference!r}, valid names: {join_names(poses, MAX_NAMES)}")
     return poses[reference]
 
 
@@ -107,10 +108,10 @@ def _add_pose(name: str, frames: dict[str, FrameOfWorld], poses: Poses) -> None:
     while name not in poses:
         if name not in frames:
             raise InputError(
-                f"parent: unknown frame {name!r}, valid names: {join_names([WORLD, *frames], SHOWN)}"
+                f"parent: unknown frame {name!r}, valid names: {join_names([WORLD, *frames], MAX_NAMES)}"
             )
         if name in way:
-            circle = join_names([*way, name], SHOWN)
+            circle = join_names([*way, name], MAX_NAMES)
             raise InputError(f"parent: expected no circle of frames, got {circle}")
         way[name] = None
         name = frames[name].parent
@@ -121,7 +122,7 @@ def _add_pose(name: str, frames: dict[str, FrameOfWorld], poses: Poses) -> None:
 
 Ring = Annotated[Many[Vec2], Field(min_length=3)]
 Range = Annotated[list[float], Field(min_length=2, max_length=2)]
-HUGE, HUGE_SHARE = 10.0, 2.0  # sizes of mesh files that are told: at least [m], and of the floor's
+HUGE_MESH, HUGE_MESH_SHARE = 10.0, 2.0  # sizes of mesh files that are told: at least [m], and of the floor's
 _UPRIGHT = 1e-9  # by which the cosine of a frame's tilt may be off
 Corner = Annotated[int, Field(ge=0)]
 
@@ -286,7 +287,7 @@ def huge_meshes(parts: Iterable[_NamedObstacle], solids: Iterable[Solid], floor:
     for part, solid in zip(parts, solids, strict=True):
         from_file = isinstance(part, MeshObstacle) and isinstance(part.mesh, MeshFile)
         size = float(np.ptp(np.array(solid.bounds), axis=0).max()) if from_file else 0.0
-        if size > max(HUGE, HUGE_SHARE * float(np.hypot(x1 - x0, y1 - y0))):
+        if size > max(HUGE_MESH, HUGE_MESH_SHARE * float(np.hypot(x1 - x0, y1 - y0))):
             yield (
                 f"obstacle {solid.name} is {size:.3g} m in size: perhaps in millimetres, "
                 "for which its mesh wants scale: 0.001"

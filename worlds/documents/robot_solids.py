@@ -13,8 +13,8 @@ from pydantic import Discriminator, Field, Tag
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import check_rotation, pose
 from regionik.worlds.errors import InputError, located
-from regionik.worlds.links import BASE, HULL_LIMIT, LinkBox, LinkCapsule, LinkHull, LinkSolid
-from regionik.worlds.readers.validation import Matrix4, OneLine, Positive, Size3, Strict, Vec3
+from regionik.worlds.links import BASE, MAX_HULL_CORNERS, LinkBox, LinkCapsule, LinkHull, LinkSolid
+from regionik.worlds.readers.text import Matrix4, OneLine, Positive, Size3, Strict, Vec3
 from regionik.worlds.surfaces import VisualSurface
 
 Packed = Annotated[str, Field(max_length=2**22)]  # base 64
@@ -83,7 +83,7 @@ class FramedBox(_Named, _OnLink):
 class HullPart(_Named, _OnLink):
     """The convex hull of corners in the link's frame."""
 
-    corners: Annotated[list[Vec3], Field(min_length=4, max_length=HULL_LIMIT)] = Field(
+    corners: Annotated[list[Vec3], Field(min_length=4, max_length=MAX_HULL_CORNERS)] = Field(
         description="corners x, y, z [m]"
     )
 

@@ -24,8 +24,7 @@ from regionik.worlds.drives import BaseKind
 from regionik.worlds.errors import InputError, located, read_each
 from regionik.worlds.joints import Joint, Mimic
 from regionik.worlds.links import BASE, LINK_RADIUS, LinkMass, LinkSolid, capsules_along
-from regionik.worlds.readers.text import file_in, join_names
-from regionik.worlds.readers.validation import (
+from regionik.worlds.readers.text import (
     FileName,
     Matrix4,
     NotNegative,
@@ -35,6 +34,8 @@ from regionik.worlds.readers.validation import (
     Vec2,
     Vec3,
     Vec4,
+    file_in,
+    join_names,
 )
 from regionik.worlds.robot import BODY_HEIGHT, Robot, Tool, check_turning_radius, with_tool, without_limits
 from regionik.worlds.self_collision import base_name, rest_posture

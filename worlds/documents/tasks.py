@@ -15,9 +15,8 @@ from regionik.worlds.chain import check_rotation
 from regionik.worlds.documents.environment import FrameReference, Poses, frame_pose
 from regionik.worlds.errors import InputError, located, located_error
 from regionik.worlds.readers.csv_path import Delimiter, read_csv, read_csv_columns
-from regionik.worlds.readers.gcode_path import read_gcode
-from regionik.worlds.readers.text import file_in
-from regionik.worlds.readers.validation import (
+from regionik.worlds.readers.gcode import read_gcode
+from regionik.worlds.readers.text import (
     FileName,
     Many,
     Matrix3,
@@ -26,6 +25,7 @@ from regionik.worlds.readers.validation import (
     Strict,
     Vec3,
     Vec4,
+    file_in,
     one_of,
 )
 from regionik.worlds.scene import Target
@@ -40,8 +40,8 @@ from regionik.worlds.toolpath import (
     turn_with_arc,
 )
 
-SETPOINTS_LIMIT = 200_000  # a plan of so many can still be read back
-SAME_POINT, SAME_AIM = 1e-6, 1e-9  # by which neighbouring set-points differ that are one [m], [1]
+MAX_SETPOINTS = 200_000  # a plan of so many can still be read back
+POINT_TOLERANCE, AIM_TOLERANCE = 1e-6, 1e-9  # by which neighbouring set-points differ that are one [m], [1]
 Count = Annotated[int, Field(ge=2, le=1_000_000)]
 
 
@@ -185,7 +185,7 @@ def read_task(
     places: list[str] = []
     for k, part in enumerate(parts):
         place = f"task[{k}]"
-        path = _path(part, where, place, folder, SETPOINTS_LIMIT - len(targets))
+        path = _path(part, where, place, folder, MAX_SETPOINTS - len(targets))
         with located(where, f"{place}."):
             if part.frame is not None:
                 path = transform_path(path, frame_pose(part.frame, poses))
@@ -208,10 +208,10 @@ def without_repeats(task: tuple[Target, ...]) -> tuple[tuple[Target, ...], list[
 def _is_same(one: Target, other: Target) -> bool:
     aims = (one.direction, other.direction), (one.orientation, other.orientation)
     return (
-        float(np.linalg.norm(one.position - other.position)) <= SAME_POINT
+        float(np.linalg.norm(one.position - other.position)) <= POINT_TOLERANCE
         and one.cone == other.cone
         and all((a is None) == (b is None) for a, b in aims)
-        and all(a is None or b is None or float(np.abs(a - b).max()) <= SAME_AIM for a, b in aims)
+        and all(a is None or b is None or float(np.abs(a - b).max()) <= AIM_TOLERANCE for a, b in aims)
     )
 
 
@@ -221,7 +221,7 @@ def _path(part: Piece, where: str, place: str, folder: Path, most: int) -> ToolP
     with located(where, f"{place}.{kind}"):
         path = part.path(folder)
     if len(path.points) > most:
-        raise located_error(where, place, f"expected at most {SETPOINTS_LIMIT} set-points in all")
+        raise located_error(where, place, f"expected at most {MAX_SETPOINTS} set-points in all")
     with located(where, f"{place}."):
         return _aimed(part, path)
 

@@ -28,15 +28,8 @@ from regionik.worlds.errors import FileNote, InputError, located, located_error
 from regionik.worlds.limits import Criteria, Execution, ParkingAccuracy, Speeds
 from regionik.worlds.obstacles import Solid
 from regionik.worlds.readers.text import (
+    MAX_NAME_LENGTH,
     SUFFIXES,
-    is_file_name,
-    join_names,
-    name_as_text,
-    plain_mapping,
-    read_document,
-)
-from regionik.worlds.readers.validation import (
-    NAME_LENGTH,
     Many,
     Matrix3,
     NotNegative,
@@ -44,12 +37,17 @@ from regionik.worlds.readers.validation import (
     Positive,
     Strict,
     Vec3,
+    is_file_name,
+    join_names,
+    name_as_text,
+    plain_mapping,
+    read_document,
     validated,
 )
 from regionik.worlds.robot import Robot, check_criteria
 from regionik.worlds.scene import FrameNames, Heading, Mode, Order, Rules, Start, StopCriterion, Target, World
 
-_DEEP = 1e-6  # a target this far inside a solid is taken for a mistake [m]
+_MAX_TARGET_DEPTH = 1e-6  # a target this far inside a solid is taken for a mistake [m]
 
 
 class StartPart(Strict):
@@ -253,7 +251,7 @@ def world_from_document(document: dict[str, Any], where: str = "world", folder: 
     rules = _rules(model.rules, robot, where)
     start = None if model.start is None else Start(np.array(model.start.base), np.array(model.start.joints))
     speeds = None if model.speeds is None else _speeds(model.speeds, robot, where)
-    name = model.name or name_as_text(Path(where).name).partition(".")[0][:NAME_LENGTH] or "world"
+    name = model.name or name_as_text(Path(where).name).partition(".")[0][:MAX_NAME_LENGTH] or "world"
     with located(where, ""):
         world = World(name, robot, floor, obstacles, task, rules, start, model.about or "", speeds, frames)
         if start is not None:
@@ -324,7 +322,7 @@ def _check_targets(
         low, high = solid.bounds
         for i in np.flatnonzero(((points > low) & (points < high)).all(axis=1)):
             depth = -solid.distance(points[i])
-            if depth > _DEEP:
+            if depth > _MAX_TARGET_DEPTH:
                 text = (
                     f"set-point {i + 1} of {len(task)} lies {depth:.6g} m inside {solid.name!r}, "
                     "expected it on the surface or outside"

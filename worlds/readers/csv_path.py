@@ -19,19 +19,17 @@ import numpy as np
 
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
-from regionik.worlds.readers.text import LARGEST, clip, read_lines, reading
+from regionik.worlds.readers.text import MAX_NUMBER, clip, read_text, reading
 from regionik.worlds.toolpath import ToolPath, rotation_from_quaternion
 
-CSV_LIMIT = 64 * 2**20  # of a file that is read at once [bytes]
 Delimiter = Literal["comma", "semicolon", "tab"]
 _SIGNS: dict[Delimiter, str] = {"comma": ",", "semicolon": ";", "tab": "\t"}
-LENGTH_LIMIT = 10_000  # of a line [characters]
 COLUMNS = {
     3: ("x", "y", "z"),
     6: ("x", "y", "z", "dx", "dy", "dz"),
     7: ("x", "y", "z", "qx", "qy", "qz", "qw"),
 }
-_PIECE = 2**20  # [bytes]
+PIECE = 2**20  # of a long file that is read at once [bytes]
 _NEWLINE = 10
 
 
@@ -48,7 +46,6 @@ class CsvBlock:
     def path(self) -> ToolPath:
         """Return the points of these lines."""
         lines = _text(self.data, self.where).splitlines()
-        _check_lengths(lines, self.where, self.number)
         return _path_of_lines(lines, self.where, self.row, self.columns, self.number)
 
 
@@ -69,7 +66,7 @@ class CsvTable:
     def block(self, k: int) -> CsvBlock:
         """Return block ``k``, read from the file."""
         start = self.ends[k - 1] if k else 0
-        with reading(self.file), open(self.file, "rb") as file:
+        with reading(self.file, None), open(self.file, "rb") as file:
             file.seek(start)
             data = file.read(self.ends[k] - start)
         return CsvBlock(str(self.file), self.row, self.columns, k * self.size + 1, data)
@@ -77,20 +74,18 @@ class CsvTable:
 
 def read_csv(path: Path) -> ToolPath:
     """Return the tool path in a CSV file."""
-    lines = read_lines(path, CSV_LIMIT)
-    _check_lengths(lines, str(path), 1)
+    lines = read_text(path).splitlines()
     row, columns = _first_row(lines, str(path))
     return _path_of_lines(lines, str(path), row, columns, 1)
 
 
 def index_csv(path: Path, size: int) -> CsvTable:
     """Return the blocks of ``size`` lines of a CSV file; of its contents only the first row is checked."""
-    with reading(path), open(path, "rb") as file:
-        lines = iter(lambda: file.readline(LENGTH_LIMIT + 1), b"")
-        row, columns = _first_row((_text(line, str(path)) for line in lines), str(path))
+    with reading(path, None), open(path, "rb") as file:
+        row, columns = _first_row((_text(line, str(path)) for line in file), str(path))
         file.seek(0)
         digest, after, count, place = hashlib.sha256(), [0], 0, 0
-        while piece := file.read(_PIECE):
+        while piece := file.read(PIECE):
             digest.update(piece)
             found = np.flatnonzero(np.frombuffer(piece, dtype=np.uint8) == _NEWLINE)
             whole = (count + np.arange(1, len(found) + 1)) % size == 0
@@ -111,7 +106,6 @@ def _text(data: bytes, where: str) -> str:
 def _first_row(lines: Iterable[str], where: str) -> tuple[int, int]:
     """Return the number of the first line with a point, counted from 1, and the number of its columns."""
     for number, line in enumerate(lines, start=1):
-        _check_lengths([line], where, number)
         cells = _cells(line)
         if not _is_skipped(cells) and tuple(cells) not in COLUMNS.values():
             return number, len(_row(cells, f"{where}: line {number}"))
@@ -132,13 +126,6 @@ def _path_of_lines(lines: Sequence[str], where: str, row: int, columns: int, num
             expected = f"expected {columns} columns as in line {row}, got {len(cells)}"
             raise InputError(f"{where}: line {at}: {expected}")
     return _path_of_rows(np.array(rows).reshape(-1, columns), where, numbers)
-
-
-def _check_lengths(lines: Sequence[str], where: str, number: int) -> None:
-    """Refuse lines longer than any row; ``number`` is that of the first."""
-    for at, line in enumerate(lines, start=number):
-        if len(line) > LENGTH_LIMIT:
-            raise InputError(f"{where}: line {at}: expected at most {LENGTH_LIMIT} characters")
 
 
 def _cells(line: str) -> list[str]:
@@ -166,8 +153,8 @@ def _number(cell: str, name: str, where: str) -> float:
         value = math.nan
     if not math.isfinite(value):
         raise InputError(f"{where}: {name}: expected a finite number, got {clip(cell)}")
-    if abs(value) > LARGEST:
-        what = f"expected a number of at most {LARGEST:g} in size"
+    if abs(value) > MAX_NUMBER:
+        what = f"expected a number of at most {MAX_NUMBER:g} in size"
         raise InputError(f"{where}: {name}: {what}, got {clip(cell)}")
     return value
 
@@ -218,8 +205,7 @@ def read_csv_columns(path: Path, columns: Mapping[str, str], delimiter: Delimite
 
 def _table(path: Path, delimiter: str) -> Iterator[tuple[int, list[str]]]:
     """Numbers and cells of the lines that are neither empty nor comments."""
-    lines = read_lines(path, CSV_LIMIT)
-    _check_lengths(lines, str(path), 1)
+    lines = read_text(path).splitlines()
     reader = csv.reader(lines, delimiter=delimiter, skipinitialspace=True, strict=True)
     try:
         for row in reader:

@@ -19,11 +19,10 @@ from regionik.worlds.arrays import Array, Index, transform_points
 from regionik.worlds.chain import translation
 from regionik.worlds.errors import InputError, located
 from regionik.worlds.joints import Joint
-from regionik.worlds.readers.text import LARGEST, Element, clip, read_xml, reading
+from regionik.worlds.readers.text import MAX_NUMBER, reading
+from regionik.worlds.readers.xml import Element, read_xml
 
 SUFFIXES = (".stl", ".obj", ".ply", ".off")
-MESH_LIMIT = 256 * 2**20  # [bytes]
-LINES_LIMIT = 1_000_000  # of OBJ and OFF files, which are read far more slowly
 _ENGINE_ERRORS = (  # that trimesh's readers raise on files that are cut short or no mesh at all
     ValueError,
     KeyError,
@@ -46,11 +45,8 @@ def read_mesh(path: Path) -> tuple[Array, Index]:
     kind = path.suffix.lower()
     if kind not in SUFFIXES:
         raise InputError(f"{path}: expected a mesh file that ends in {', '.join(SUFFIXES)}")
-    with reading(path, MESH_LIMIT):
+    with reading(path):
         data = path.read_bytes()
-    lines = data.count(b"\n")
-    if kind in (".obj", ".off") and lines > LINES_LIMIT:
-        raise InputError(f"{path}: expected at most {LINES_LIMIT} lines, got {lines}; STL may hold more")
     try:
         import trimesh  # takes long to load
 
@@ -69,9 +65,8 @@ def read_mesh(path: Path) -> tuple[Array, Index]:
 
 
 COLLADA = ".dae"
-COLLADA_LIMIT = 64 * 2**20  # [bytes]
-_PLACED_LIMIT = 2_000_000  # points of a file, as a scene may show one geometry many times
-_OFFSET_LIMIT = 99
+MAX_POINTS = 2_000_000  # of a file that are placed, as a scene may show one geometry many times
+MAX_OFFSET = 99  # of an input among those of a corner
 _UNREAD_FACES = ("tristrips", "trifans")
 
 
@@ -95,7 +90,7 @@ def read_geometries(path: Path) -> list[tuple[Array, Index | None]]:
 
     Triangles (m, 3) are None where there are none, or where there are faces of kinds that are not read.
     """
-    root = _root(path)
+    root = read_xml(path, "COLLADA")
     with located(str(path), ""):
         found = [(geometry.points, _whole_surface(geometry)) for geometry in _shown(root)]
         found = [(points, faces) for points, faces in found if len(points)]
@@ -120,7 +115,7 @@ def read_surfaces(path: Path) -> list[Surface]:
 
     Colours are the diffuse ones of materials; textures are not read.
     """
-    root = _root(path)
+    root = read_xml(path, "COLLADA")
     with located(str(path), ""):
         colors = _material_colors(root)
         return [
@@ -129,14 +124,6 @@ def read_surfaces(path: Path) -> list[Surface]:
             for symbol, faces in _faces(geometry)
             if len(faces)
         ]
-
-
-def _root(path: Path) -> Element:
-    root = read_xml(path, COLLADA_LIMIT)
-    with located(str(path), ""):
-        if root.tag != "COLLADA":
-            raise root.error(f"expected <COLLADA> as first element, got <{clip(root.tag)[1:-1]}>")
-    return root
 
 
 def _shown(root: Element) -> list[_Geometry]:
@@ -154,8 +141,8 @@ def _shown(root: Element) -> list[_Geometry]:
                 raise one.error("instance_geometry: expected the id of a geometry")
             shape, cloud = clouds[one.attributes["url"]]
             placed.append(_Geometry(shape, transform_points(scale @ T, cloud), _bound_materials(one)))
-        if sum(len(geometry.points) for geometry in placed) > _PLACED_LIMIT:
-            raise node.error(f"expected at most {_PLACED_LIMIT} points")
+        if sum(len(geometry.points) for geometry in placed) > MAX_POINTS:
+            raise node.error(f"expected at most {MAX_POINTS} points")
         stack += [(child, T @ _transform(child)) for child in node.all("node")]
     return placed or [_Geometry(shape, meter * cloud, {}) for shape, cloud in clouds.values()]
 
@@ -217,8 +204,8 @@ def _material_colors(root: Element) -> dict[str, int]:
 
 
 def _whole(text: str, element: Element) -> int:
-    if not text.strip().isdecimal() or int(text) > _OFFSET_LIMIT:
-        raise element.error(f"{element.tag}: expected an offset up to {_OFFSET_LIMIT}")
+    if not text.strip().isdecimal() or int(text) > MAX_OFFSET:
+        raise element.error(f"{element.tag}: expected an offset up to {MAX_OFFSET}")
     return int(text)
 
 
@@ -235,7 +222,7 @@ def _meter(root: Element) -> float:
     if unit is None:
         return 1.0
     value = _numbers(unit.attributes.get("meter", "1"), unit)
-    if len(value) != 1 or not 0 < value[0] <= LARGEST:
+    if len(value) != 1 or not 0 < value[0] <= MAX_NUMBER:
         raise unit.error("unit: expected meter above 0")
     return float(value[0])
 
@@ -293,6 +280,6 @@ def _numbers(text: str, element: Element) -> Array:
         values = np.array(text.split(), dtype=np.float64)
     except ValueError:
         values = np.array([np.nan])
-    if not np.isfinite(values).all() or np.abs(values).max(initial=0.0) > LARGEST:
-        raise element.error(f"{element.tag}: expected finite numbers of at most {LARGEST:g} in size")
+    if not np.isfinite(values).all() or np.abs(values).max(initial=0.0) > MAX_NUMBER:
+        raise element.error(f"{element.tag}: expected finite numbers of at most {MAX_NUMBER:g} in size")
     return values

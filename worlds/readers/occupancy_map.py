@@ -22,14 +22,11 @@ from shapely.geometry import Polygon, box
 from regionik.worlds.arrays import Array, Mask
 from regionik.worlds.errors import FileNote, InputError, located
 from regionik.worlds.obstacles import Prism
-from regionik.worlds.readers.text import file_in, read_document, reading
-from regionik.worlds.readers.validation import Strict, validated
+from regionik.worlds.readers.text import Strict, file_in, read_document, reading, validated
 from regionik.worlds.scene import Floor
 
-CELL_LIMIT = 25_000_000
-IMAGE_LIMIT = 128 * 2**20  # [bytes]
-RUN_LIMIT = 400_000  # of blocked cells along rows
-TEXT_CELL_LIMIT = 2_000_000  # of an image in plain text, which is read far more slowly
+MAX_CELLS = 25_000_000
+MAX_RUNS = 400_000  # of blocked cells along rows
 _UNSEEN = (205, 128, 127)  # of map_server, and of mappers that take the middle
 _SAME_GREY = 1e-3  # well below a step of 1/255
 _FULL_SCALE = {"1": 1.0, "L": 255.0, "RGB": 255.0, "I": 65535.0, "I;16": 65535.0, "I;16B": 65535.0}
@@ -102,7 +99,7 @@ def _unseen(free: Array, negate: bool, threshold: float) -> Iterator[str]:
 
 def _read_image(path: Path, negate: bool) -> tuple[Array, Mask]:
     """Return occupancy from 0 (free) to 1, and a mask of opaque cells; row 0 is the lowest y."""
-    with reading(path, IMAGE_LIMIT):
+    with reading(path):
         data = path.read_bytes()
     try:
         with warnings.catch_warnings():
@@ -110,13 +107,11 @@ def _read_image(path: Path, negate: bool) -> tuple[Array, Mask]:
             # Reading from memory, Pillow allocates no more than there is, whatever sizes the file claims.
             with Image.open(BytesIO(data), formats=["PPM", "PNG"]) as image:
                 columns, rows = image.size
-                plain = any(tile[0] == "ppm_plain" for tile in image.tile)
-                most = TEXT_CELL_LIMIT if plain else CELL_LIMIT
-                if columns * rows > most:
-                    raise InputError(f"{path}: expected at most {most} cells, got {columns} x {rows}")
+                if columns * rows > MAX_CELLS:
+                    raise InputError(f"{path}: expected at most {MAX_CELLS} cells, got {columns} x {rows}")
                 grey, opaque = _channels(image)
     except (Image.DecompressionBombWarning, Image.DecompressionBombError):
-        raise InputError(f"{path}: expected at most {CELL_LIMIT} cells") from None
+        raise InputError(f"{path}: expected at most {MAX_CELLS} cells") from None
     except (UnidentifiedImageError, OSError, ValueError, SyntaxError, EOFError):
         raise InputError(f"{path}: expected a PGM or PNG image that can be read whole") from None
     occupied = grey if negate else 1.0 - grey
@@ -147,8 +142,8 @@ def _blobs(blocked: Mask) -> list[Polygon]:
     edges = np.diff(np.pad(blocked, ((0, 0), (1, 1))).astype(np.int8), axis=1)
     row, first = np.nonzero(edges == 1)
     _, last = np.nonzero(edges == -1)
-    if len(row) > RUN_LIMIT:
-        text = f"expected at most {RUN_LIMIT} runs of occupied or unknown cells along rows, got {len(row)}"
+    if len(row) > MAX_RUNS:
+        text = f"expected at most {MAX_RUNS} runs of occupied or unknown cells along rows, got {len(row)}"
         raise InputError(text)
     runs = shapely.box(first, row, last, row + 1)
     joined = shapely.get_parts(shapely.union_all(runs))

@@ -1,8 +1,7 @@
-"""YAML, JSON and XML files, read within bounds of size, depth and count.
+"""Text, YAML and JSON files, and the models of their contents.
 
 YAML is read by the core schema of YAML 1.2 (``1e-3`` is a number and ``no`` is a word), without aliases,
-tags or duplicate keys. Of XML nothing is fetched, expanded or executed: a document type declaration, which
-defines entities, is refused.
+tags or duplicate keys.
 """
 
 from __future__ import annotations
@@ -12,26 +11,19 @@ import os
 import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
-from xml.parsers import expat
+from typing import Annotated, Any, TypeVar
 
 import yaml
+from pydantic import BaseModel, ConfigDict, Discriminator, FailFast, Field, ValidationError, model_validator
+from pydantic_core import ErrorDetails, PydanticCustomError
 
-from regionik.worlds.errors import InputError, located
+from regionik.worlds.errors import InputError, located_error
 
-JSON_LIMIT = 64 * 2**20  # [bytes]
-YAML_LIMIT = 16 * 2**20  # [bytes]
-DEPTH_LIMIT = 40
-VALUES_LIMIT = 2_000_000  # of a JSON file
-EVENTS_LIMIT = 400_000  # of a YAML file, which is read far more slowly: values, and both ends of lists
-XML_LIMIT = 16 * 2**20  # [bytes]
-ELEMENT_LIMIT = 100_000  # of an XML file
-LINES_LIMIT = 1_000_000  # of a table or a program that is read at once
-ATTRIBUTE_LIMIT = 150_000  # as the parser's time grows with the square of their number in one element
+MAX_BYTES = 256 * 2**20  # of a file, which is read into memory as a whole
+MAX_DEPTH = 40  # of nested lists and mappings, which are read by recursion
 SUFFIXES = (".yaml", ".yml", ".json")
-LARGEST = 1e9  # any length, angle or count in a file is smaller: squares and sums must not overflow
+MAX_NUMBER = 1e9  # any length, angle or count in a file is smaller: squares and sums must not overflow
 
 _Base: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -77,8 +69,8 @@ def file_in(folder: Path, name: str) -> Path:
 
 
 @contextmanager
-def reading(path: Path, limit: int | None = None) -> Iterator[None]:
-    """Turn what keeps a file of at most ``limit`` bytes from being read into an `InputError`.
+def reading(path: Path, most: int | None = MAX_BYTES) -> Iterator[None]:
+    """Turn what keeps a file of at most so many bytes from being read into an `InputError`.
 
     Folders, devices and pipes, which may have no end, are refused.
     """
@@ -86,8 +78,8 @@ def reading(path: Path, limit: int | None = None) -> Iterator[None]:
         if path.exists() and not path.is_file():
             raise InputError(f"{path}: cannot be read: expected a file, this is a folder, a device or a pipe")
         size = path.stat().st_size
-        if limit is not None and size > limit:
-            raise InputError(f"{path}: expected at most {limit / 2**20:g} MB, got {size / 2**20:.1f} MB")
+        if most is not None and size > most:
+            raise InputError(f"{path}: expected at most {most / 2**20:g} MB, got {size / 2**20:.1f} MB")
         yield
     except FileNotFoundError:
         raise InputError(f"{path}: there is no such file") from None
@@ -97,18 +89,10 @@ def reading(path: Path, limit: int | None = None) -> Iterator[None]:
         raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
 
 
-def read_text(path: Path, limit: int) -> str:
-    """Return the text of a UTF-8 file of at most ``limit`` bytes."""
-    with reading(path, limit):
+def read_text(path: Path) -> str:
+    """Return the text of a UTF-8 file."""
+    with reading(path):
         return path.read_text(encoding="utf-8-sig")
-
-
-def read_lines(path: Path, limit: int) -> list[str]:
-    """Return the lines of a UTF-8 file of at most ``limit`` bytes and `LINES_LIMIT` lines."""
-    lines = read_text(path, limit).splitlines()
-    if len(lines) > LINES_LIMIT:
-        raise InputError(f"{path}: expected at most {LINES_LIMIT} lines, got {len(lines)}")
-    return lines
 
 
 def is_file_name(name_or_path: str | Path, suffixes: tuple[str, ...]) -> bool:
@@ -117,34 +101,17 @@ def is_file_name(name_or_path: str | Path, suffixes: tuple[str, ...]) -> bool:
     return isinstance(name_or_path, Path) or text.lower().endswith(suffixes) or "/" in text or "\\" in text
 
 
-def count_values(text: str | bytes) -> int:
-    """Return about how many values JSON has, and at least as many."""
-    data = text.encode() if isinstance(text, str) else text
-    return sum(data.count(sign) for sign in (b",", b"[", b"{"))
-
-
-def check_count(text: str | bytes, limit: int, where: str) -> None:
-    """Refuse JSON of more values than fit into memory, before any of them is made."""
-    count = count_values(text)
-    if count > limit:
-        raise InputError(f"{where}: expected at most {limit} values, got about {count}")
-
-
 def read_document(path: Path) -> dict[str, Any]:
     """Return the keys and plain values of a YAML or JSON file."""
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise InputError(f"{path}: expected a file that ends in {', '.join(SUFFIXES)}")
-    where = str(path)
-    if suffix == ".json":
-        value = _json_value(read_text(path, JSON_LIMIT), where)
-    else:
-        value = _yaml_value(read_text(path, YAML_LIMIT), where)
-    return plain_mapping(value, where)
+    read = _json_value if suffix == ".json" else _yaml_value
+    return plain_mapping(read(read_text(path), str(path)), str(path))
 
 
 def plain_mapping(value: Any, where: str) -> dict[str, Any]:
-    """Return ``value`` itself, once it is known to be a mapping of plain values, none beyond `LARGEST`."""
+    """Return ``value`` itself, once it is known to be a mapping of plain values, none beyond `MAX_NUMBER`."""
     if not isinstance(value, dict):
         raise InputError(f"{where}: expected a mapping of keys to values, got {clip(value)}")
     _plain(value, where, "", 0)
@@ -166,8 +133,8 @@ def join_names(names: Iterable[str], most: int = 60) -> str:
 
 def _plain(value: Any, where: str, place: str, depth: int) -> None:
     at = f"{where}: {place}" if place else where
-    if depth > DEPTH_LIMIT:
-        raise InputError(f"{where}: expected at most {DEPTH_LIMIT} levels of nesting")
+    if depth > MAX_DEPTH:
+        raise InputError(f"{where}: expected at most {MAX_DEPTH} levels of nesting")
     if isinstance(value, dict):
         for key, item in value.items():
             if not isinstance(key, str):
@@ -177,9 +144,9 @@ def _plain(value: Any, where: str, place: str, depth: int) -> None:
         for k, item in enumerate(value):
             _plain(item, where, f"{place}[{k}]", depth + 1)
     elif isinstance(value, int | float):
-        if not abs(value) <= LARGEST:
+        if not abs(value) <= MAX_NUMBER:
             raise InputError(
-                f"{at}: expected a finite number of at most {LARGEST:g} in size, got {clip(value)}"
+                f"{at}: expected a finite number of at most {MAX_NUMBER:g} in size, got {clip(value)}"
             )
     elif value is not None and not isinstance(value, str):
         raise InputError(f"{at}: expected numbers, text, lists and mappings, got {type(value).__name__}")
@@ -194,7 +161,6 @@ def _json_value(text: str, where: str) -> Any:
             raise InputError(f"{where}: key {clip(twice)} is given twice")
         return mapping
 
-    check_count(text, VALUES_LIMIT, where)
     try:
         return json.loads(text, object_pairs_hook=once)
     except json.JSONDecodeError as error:
@@ -218,12 +184,9 @@ def _yaml_value(text: str, where: str) -> Any:
 
 
 def _scan(text: str, where: str) -> None:
-    """Refuse aliases, deep nesting and too many values before anything is built from them."""
+    """Refuse aliases and deep nesting before anything is built from them."""
     depth = 0
-    for count, event in enumerate(yaml.parse(text, Loader=_Base)):
-        if count > EVENTS_LIMIT:
-            what = f"expected at most {EVENTS_LIMIT} values and ends of lists; JSON may hold more"
-            raise InputError(f"{where}: {what}")
+    for event in yaml.parse(text, Loader=_Base):
         if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None):
             mark = event.start_mark
             line = f"line {mark.line + 1}: " if mark else ""
@@ -234,97 +197,117 @@ def _scan(text: str, where: str) -> None:
             depth += 1
         elif isinstance(event, yaml.CollectionEndEvent):
             depth -= 1
-        if depth > DEPTH_LIMIT:
-            raise InputError(f"{where}: expected at most {DEPTH_LIMIT} levels of nesting")
+        if depth > MAX_DEPTH:
+            raise InputError(f"{where}: expected at most {MAX_DEPTH} levels of nesting")
 
 
 def _flat(value: object) -> str:
     return " ".join(str(value).split())
 
 
-# --- XML
+# --- models of documents
+
+Model = TypeVar("Model", bound=BaseModel)
+_Item = TypeVar("_Item")
+Many = Annotated[list[_Item], FailFast()]  # of a million wrong ones only the first is reported
+
+MAX_NAME_LENGTH = 200
+OneLine = Annotated[str, Field(min_length=1, max_length=MAX_NAME_LENGTH, pattern=r"^[^\r\n\x00-\x1f]+$")]
+FileName = Annotated[str, Field(min_length=1, pattern=r"^[^\r\n\x00]+$")]
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+Vec2 = Annotated[list[float], Field(min_length=2, max_length=2)]
+Vec3 = Annotated[list[float], Field(min_length=3, max_length=3)]
+Vec4 = Annotated[list[float], Field(min_length=4, max_length=4)]
+Size3 = Annotated[list[Positive], Field(min_length=3, max_length=3)]
+Matrix3 = Annotated[list[Vec3], Field(min_length=3, max_length=3)]
+Matrix4 = Annotated[list[Vec4], Field(min_length=4, max_length=4)]
 
 
-@dataclass(frozen=True)
-class Element:
-    """One element of an XML file."""
+class Strict(BaseModel):
+    """A mapping with known keys only, nothing converted, every number finite."""
 
-    tag: str
-    attributes: dict[str, str]
-    line: int  # where it begins in its file, from 1
-    children: list[Element] = field(default_factory=list)
-    # text between its tags and those of its children, in pieces
-    texts: list[str] = field(default_factory=list)
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
-    def all(self, tag: str) -> Iterator[Element]:
-        """Return the children with this tag, in order."""
-        return (child for child in self.children if child.tag == tag)
-
-    def inside(self, *tags: str) -> list[Element]:
-        """Return the descendants at a path of tags, in order."""
-        found = [self]
-        for tag in tags:
-            found = [child for element in found for child in element.all(tag)]
-        return found
-
-    def first(self, tag: str) -> Element | None:
-        """Return the first child with this tag, or None."""
-        return next(self.all(tag), None)
-
-    def error(self, text: str) -> InputError:
-        """Return an error that names the line of this element; `located` puts the file before it."""
-        return InputError(f"line {self.line}: {text}")
+    @model_validator(mode="before")
+    @classmethod
+    def _keys(cls, value: Any) -> Any:
+        """Name the valid keys, which pydantic's own message does not."""
+        if not isinstance(value, dict):
+            return value
+        fields = {field.alias or name: field for name, field in cls.model_fields.items()}
+        unknown = [key for key in value if key not in fields]
+        if unknown and cls.model_config.get("extra") == "forbid":
+            raise PydanticCustomError(
+                "keys",
+                "unknown key {key}, valid keys: {valid}",
+                {"key": clip(unknown[0]), "valid": ", ".join(fields)},
+            )
+        for key, field in fields.items():
+            if field.is_required() and key not in value:
+                what = f", expected {field.description}" if field.description else ""
+                raise PydanticCustomError("keys", "missing key {key}{what}", {"key": clip(key), "what": what})
+        return value
 
 
-def read_xml(path: Path, limit: int = XML_LIMIT) -> Element:
-    """Return the root element of an XML file in UTF-8 of at most ``limit`` bytes."""
-    text = read_text(path, limit)
-    with located(str(path), ""):
-        if text.count("=") > ATTRIBUTE_LIMIT:
-            raise InputError(f"expected at most {ATTRIBUTE_LIMIT} attributes")
-        return _TreeBuilder().parse(text)
+def one_of(*kinds: str) -> Discriminator:
+    """Return a discriminator of mappings by the one key that names their kind."""
+
+    def tag(value: Any) -> str | None:
+        found = [kind for kind in kinds if isinstance(value, dict) and kind in value]
+        return f"<{found[0]}>" if len(found) == 1 else None
+
+    return Discriminator(
+        tag, custom_error_type="kind", custom_error_message=f"expected exactly one of {', '.join(kinds)}"
+    )
 
 
-class _TreeBuilder:
-    """Builds the tree of elements as the parser meets them."""
+def validated(model: type[Model], document: dict[str, Any], where: str) -> Model:
+    """Return a document as a model; raise the first error as an `InputError` of one line."""
+    try:
+        return model.model_validate(document)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+    raise located_error(where, _place(first["loc"]), _expected(first))
 
-    def __init__(self) -> None:
-        self.parser = parser = expat.ParserCreate()
-        parser.StartElementHandler = self._start
-        parser.EndElementHandler = self._end
-        parser.CharacterDataHandler = self._text
-        parser.buffer_text = True
-        parser.StartDoctypeDeclHandler = self._refuse_doctype
-        self.top = Element("", {}, 0)
-        self.open = [self.top]
-        self.count = 0
 
-    def parse(self, text: str) -> Element:
-        try:
-            self.parser.Parse(text, True)
-        except expat.ExpatError as error:
-            what = expat.ErrorString(error.code)
-            raise InputError(f"line {error.lineno}: not valid XML: {what}") from None
-        return self.top.children[0]
+def _place(loc: tuple[int | str, ...]) -> str:
+    place = ""
+    for step in loc:
+        if isinstance(step, int):
+            place += f"[{step}]"
+        elif not step.startswith("<"):  # names of union members stand in angle brackets
+            place += f".{step}" if place else step
+    return place
 
-    def _start(self, tag: str, attributes: dict[str, str]) -> None:
-        element = Element(tag, attributes, self.parser.CurrentLineNumber)
-        self.count += 1
-        if self.count > ELEMENT_LIMIT:
-            raise element.error(f"expected at most {ELEMENT_LIMIT} elements")
-        if len(self.open) > DEPTH_LIMIT:
-            raise element.error(f"expected at most {DEPTH_LIMIT} levels of nesting")
-        self.open[-1].children.append(element)
-        self.open.append(element)
 
-    def _text(self, piece: str) -> None:
-        if not piece.isspace():
-            self.open[-1].texts.append(piece)
+_PHRASES = {
+    "float_type": "expected a number, got {got}",
+    "int_type": "expected a whole number, got {got}",
+    "int_from_float": "expected a whole number, got {got}",
+    "finite_number": "expected a finite number, got {got}",
+    "string_type": "expected text, got {got}",
+    "list_type": "expected a list, got {got}",
+    "model_type": "expected a mapping of keys to values, got {got}",
+    "dict_type": "expected a mapping of keys to values, got {got}",
+    "bool_type": "expected true or false, got {got}",
+    "too_short": "expected at least {min_length} values, got {actual_length}",
+    "too_long": "expected at most {max_length} values, got {actual_length}",
+    "string_too_short": "expected text that is not empty",
+    "string_too_long": "expected at most {max_length} characters",
+    "string_pattern_mismatch": "expected text on one line, got {got}",
+    "greater_than": "must be above {gt:g}, got {got}",
+    "greater_than_equal": "must be at least {ge:g}, got {got}",
+    "less_than_equal": "must be at most {le:g}, got {got}",
+    "literal_error": "expected {expected}, got {got}",
+}
 
-    def _end(self, _tag: str) -> None:
-        self.open.pop()
 
-    def _refuse_doctype(self, name: str, _system: str | None, _public: str | None, _inner: int) -> None:
-        advice = f"leave out <!DOCTYPE {clip(name)} ...>"
-        line = self.parser.CurrentLineNumber
-        raise InputError(f"line {line}: document types and entities are not supported, {advice}")
+def _expected(error: ErrorDetails) -> str:
+    phrase = _PHRASES.get(error["type"])
+    if phrase is None:
+        return error["msg"]
+    context = error.get("ctx", {})
+    if context.get("min_length", 0) > 1 and error["type"] == "too_short":
+        phrase = "expected {min_length} values or more, got {actual_length}"
+    return phrase.format(got=clip(error["input"]), **context)

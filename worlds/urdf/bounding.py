@@ -6,6 +6,7 @@ shorter, as its round ends reach further past the ends of its segment.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import pi
 from typing import Any
 
@@ -17,19 +18,29 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.chain import rot_x, rot_y, rot_z, translation
 from regionik.worlds.links import LinkBox, LinkCapsule, LinkHull, LinkSolid
 
-_FLAT = 1e-4  # thickness [m], or share of the width where that is more than a metre
-_PLANES = 400  # of an outer hull
-_HULL_FLAT = 1e-7  # as _FLAT: of a cloud much thinner Qhull loses corners without an error
-_CHUNK = 10_000  # points projected at once
-_MANY = 500  # points, above which trimesh's oriented box takes too long
-_TURNS, _ROUNDS = (0.2, 0.1, 0.05, 0.02), 4  # of a box that is refined [rad]
-_RADII = 65
-_THIN = 1e-4  # least side and radius [m]
-_SHORT = 1e-6  # least length of a segment, as engines want a direction [m]
-_GROWN = 1 + 1e-9  # against rounding
-_GROWTH, _DIGITS = 1e-9, 10  # of hulls, against rounding to that many decimals [m]
-TIGHT = 1e-3  # by which a solid may stand out of what it bounds, if few corners do [m]
-MOST_CORNERS = 48  # of a hull, as collision checks take each of them
+
+@dataclass(frozen=True)
+class _BoundingOptions:
+    """Tolerances and counts of the search for bounds."""
+
+    min_thickness: float = 1e-4  # [m], or share of the width where that is more than a metre
+    min_hull_thickness: float = 1e-7  # of a much thinner cloud Qhull loses corners without an error
+    max_planes: int = 400  # of an outer hull
+    chunk: int = 10_000  # points projected at once
+    max_boxed: int = 500  # points, above which trimesh's oriented box takes too long
+    box_turns: tuple[float, ...] = (0.2, 0.1, 0.05, 0.02)  # of a box that is refined [rad]
+    max_rounds: int = 4  # of each of these turns
+    radii: int = 65  # of capsules that are tried
+    min_radius: float = 1e-4  # and least side [m]
+    min_length: float = 1e-6  # of a segment, as engines want a direction [m]
+    scale: float = 1 + 1e-9  # against rounding
+    rounding: float = 1e-9  # of hulls [m]
+    decimals: int = 10  # of corners of hulls [m]
+
+
+_BOUNDS = _BoundingOptions()
+MAX_EXCESS = 1e-3  # by which a solid may stand out of what it bounds, if few corners do [m]
+MAX_CORNERS = 48  # of a hull, as collision checks take each of them
 
 
 def convex_hull(points: Array) -> Array:
@@ -47,19 +58,19 @@ def hull_triangles(points: Array) -> Array:
 
 
 def outer_hull(points: Array) -> Array:
-    """Return the corners (m, 3) of a polytope around points (n, 3), of at most `_PLANES` supporting planes.
+    """Return the corners (m, 3) of a polytope of many supporting planes around points (n, 3).
 
     A flat cloud has no such polytope: the corners of its hull are returned.
     """
     widths, axes = _principal_axes(points)
     if _is_flat(widths):
         return convex_hull(points)
-    k = np.arange(_PLANES) + 0.5  # directions evenly over the sphere, on a spiral
-    z, turn = 1 - 2 * k / _PLANES, np.pi * (1 + np.sqrt(5)) * k
+    k = np.arange(_BOUNDS.max_planes) + 0.5  # directions evenly over the sphere, on a spiral
+    z, turn = 1 - 2 * k / _BOUNDS.max_planes, np.pi * (1 + np.sqrt(5)) * k
     normals = np.column_stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn), z])
     middle, stretch = points.mean(0), axes * (widths / np.sqrt(len(points)))
     local = (points - middle) @ np.linalg.inv(stretch).T  # as wide one way as another
-    chunks = np.array_split(local, 1 + len(points) // _CHUNK)
+    chunks = np.array_split(local, 1 + len(points) // _BOUNDS.chunk)
     reach = np.max([(chunk @ normals.T).max(0) for chunk in chunks], axis=0)
     body = HalfspaceIntersection(np.column_stack([normals, -reach]), np.zeros(3))
     corners: Array = convex_hull(body.intersections) @ stretch.T + middle
@@ -69,12 +80,12 @@ def outer_hull(points: Array) -> Array:
 def oriented_box(points: Array) -> tuple[Array, Array]:
     """Return the frame (4, 4) and sizes (3,) of a small box around points (n, 3), at any angle [m].
 
-    Sizes are 0 where points are flat. Of more than `_MANY` points it is one along the frame's or their
-    principal axes.
+    Sizes are 0 where points are flat. Of very many points it is one along the frame's or their principal
+    axes.
     """
     widths, axes = _principal_axes(points)
     turns = [np.eye(3), axes]
-    if 3 < len(points) <= _MANY and not _is_flat(widths):  # trimesh fails on flat clouds
+    if 3 < len(points) <= _BOUNDS.max_boxed and not _is_flat(widths):  # trimesh fails on flat clouds
         import trimesh  # takes long to load
 
         engine: Any = trimesh.bounds
@@ -85,12 +96,12 @@ def oriented_box(points: Array) -> tuple[Array, Array]:
 def fast_oriented_box(points: Array) -> tuple[Array, Array]:
     """Return a box as `oriented_box` does, faster: along the better axes, then turned while that helps."""
     T, size = _smallest_box(points, [np.eye(3), _principal_axes(points)[1]])
-    for step in _TURNS:
-        for _ in range(_ROUNDS):
-            before = float(np.prod(size + _FLAT))
+    for step in _BOUNDS.box_turns:
+        for _ in range(_BOUNDS.max_rounds):
+            before = float(np.prod(size + _BOUNDS.min_thickness))
             turns = (turn(angle) for turn in (rot_x, rot_y, rot_z) for angle in (step, -step))
             T, size = _smallest_box(points, [T[:3, :3], *(T[:3, :3] @ turn[:3, :3] for turn in turns)])
-            if np.prod(size + _FLAT) >= before:
+            if np.prod(size + _BOUNDS.min_thickness) >= before:
                 break
     return T, size
 
@@ -110,13 +121,13 @@ def sphere_capsule(link: int, name: str, center: Array, radius: float) -> LinkCa
 def bounding_solid(link: int, name: str, points: Array) -> LinkSolid:
     """Return a solid around points (n, 3) in the link's frame: a hull of few corners where that is tighter.
 
-    The least by volume of a few boxes and capsules is taken where it stands out by `TIGHT` at most, or by no
-    more than the hull.
+    The least by volume of a few boxes and capsules is taken where it stands out by `MAX_EXCESS` at most, or
+    by no more than the hull.
     """
     found = [_least_solid(link, name, points, *box(points)) for box in (oriented_box, fast_oriented_box)]
     least = min(found, key=volume)
     hull = _hull(points)
-    if hull is None or _excess(least, hull) <= TIGHT:
+    if hull is None or _excess(least, hull) <= MAX_EXCESS:
         return least
     tight = LinkHull(link, name, _few_corners(hull, oriented_box(points)[0][:3, :3]))
     return tight if _excess(tight, hull) < _excess(least, hull) else least
@@ -132,7 +143,7 @@ def _few_corners(hull: ConvexHull, axes: Array) -> Array:
     """Return the corners of a polytope around a hull whose faces are some of the hull's, and of a box's.
 
     Of the hull's faces those are taken, one at a time, beyond which the polytope stands out most, until that
-    is `TIGHT`, or the corners are `MOST_CORNERS`.
+    is `MAX_EXCESS`, or the corners are `MAX_CORNERS`.
     """
     normals, offsets = hull.equations[:, :3], -hull.equations[:, 3]
     points, middle = hull.points[hull.vertices], hull.points[hull.vertices].mean(0)
@@ -141,20 +152,20 @@ def _few_corners(hull: ConvexHull, axes: Array) -> Array:
     while True:
         beyond = corners @ normals.T - offsets
         worst = int(beyond.max(0).argmax())
-        if beyond.max() <= TIGHT:
+        if beyond.max() <= MAX_EXCESS:
             return corners
         chosen = np.vstack([chosen, normals[worst]])
         finer = _bounded_by(chosen, points, middle)
-        if len(finer) > MOST_CORNERS:
+        if len(finer) > MAX_CORNERS:
             return corners
         corners = finer
 
 
 def _bounded_by(normals: Array, points: Array, middle: Array) -> Array:
     """Return the corners of the polytope of supporting planes of points (n, 3), ``middle`` being inside."""
-    reach = ((points - middle) @ normals.T).max(0) * _GROWN + _GROWTH
+    reach = ((points - middle) @ normals.T).max(0) * _BOUNDS.scale + _BOUNDS.rounding
     body = HalfspaceIntersection(np.column_stack([normals, -reach]), np.zeros(3))
-    return convex_hull(np.round(body.intersections, _DIGITS)) + middle
+    return convex_hull(np.round(body.intersections, _BOUNDS.decimals)) + middle
 
 
 def rough_volume(points: Array) -> float:
@@ -175,7 +186,7 @@ def volume(solid: LinkSolid) -> float:
 
 def _hull(points: Array) -> ConvexHull | None:
     """Return the hull; None of fewer than four points, and of points nearly in one plane."""
-    if _is_flat(_principal_axes(points)[0], _HULL_FLAT):
+    if _is_flat(_principal_axes(points)[0], _BOUNDS.min_hull_thickness):
         return None
     try:
         return ConvexHull(points)
@@ -190,14 +201,14 @@ def _principal_axes(points: Array) -> tuple[Array, Array]:
     return np.sqrt(np.maximum(squares, 0.0)), axes * np.sign(np.linalg.det(axes))
 
 
-def _is_flat(widths: Array, limit: float = _FLAT) -> bool:
+def _is_flat(widths: Array, limit: float = _BOUNDS.min_thickness) -> bool:
     return bool(widths[0] <= limit * max(widths[2], 1.0))
 
 
 def _smallest_box(points: Array, turns: list[Array]) -> tuple[Array, Array]:
     # Measured again, as rounding in an engine must not leave points outside.
     boxes = [(turn, (points @ turn).min(axis=0), (points @ turn).max(axis=0)) for turn in turns]
-    turn, low, high = min(boxes, key=lambda box: float(np.prod(box[2] - box[1] + _FLAT)))
+    turn, low, high = min(boxes, key=lambda box: float(np.prod(box[2] - box[1] + _BOUNDS.min_thickness)))
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = turn, turn @ ((low + high) / 2)
     return T, high - low
@@ -205,7 +216,7 @@ def _smallest_box(points: Array, turns: list[Array]) -> tuple[Array, Array]:
 
 def _least_solid(link: int, name: str, points: Array, T_link_box: Array, size: Array) -> LinkSolid:
     """Return the box, or the capsule along one of its axes, whichever is smaller."""
-    size = np.maximum(size * _GROWN, _THIN)
+    size = np.maximum(size * _BOUNDS.scale, _BOUNDS.min_radius)
     in_box = (points - T_link_box[:3, 3]) @ T_link_box[:3, :3]
     best: LinkSolid = LinkBox(link, name, T_link_box, size)
     least = float(np.prod(size))
@@ -238,9 +249,9 @@ def _least_capsule(radial: Array, axial: Array) -> tuple[float, float, float]:
 
     Points (n,) are given by their distances from the axis and along it.
     """
-    thinnest = max(float(radial.max()), _THIN)
+    thinnest = max(float(radial.max()), _BOUNDS.min_radius)
     half = float(np.ptp(axial)) / 2
-    radii = np.linspace(thinnest, np.hypot(thinnest, half), _RADII)[:, None]
+    radii = np.linspace(thinnest, np.hypot(thinnest, half), _BOUNDS.radii)[:, None]
     bulge = np.sqrt(np.maximum(radii**2 - radial**2, 0.0))
     start, end = (axial + bulge).min(1), (axial - bulge).max(1)
     inside = start > end  # one ball holds all, wherever between the two its centre is
@@ -256,8 +267,8 @@ def _capsule_volume(radius: Array, start: Array, end: Array) -> Array:
 
 def _capsule(link: int, name: str, T_link: Array, radius: float, start: float, end: float) -> LinkCapsule:
     """Return a capsule about z of ``T_link``."""
-    if end - start < _SHORT:
-        start, end = (start + end - _SHORT) / 2, (start + end + _SHORT) / 2
+    if end - start < _BOUNDS.min_length:
+        start, end = (start + end - _BOUNDS.min_length) / 2, (start + end + _BOUNDS.min_length) / 2
     origin, along = T_link[:3, 3], T_link[:3, 2]
     ends = origin + start * along, origin + end * along
-    return LinkCapsule(link, name, *ends, max(radius, _THIN) * _GROWN)
+    return LinkCapsule(link, name, *ends, max(radius, _BOUNDS.min_radius) * _BOUNDS.scale)

@@ -36,13 +36,22 @@ from regionik.worlds.urdf.elements import CollisionShape, Inertial, UrdfModel
 from regionik.worlds.urdf.kinematic_tree import PlacedLink
 from regionik.worlds.urdf.meshes import MeshFiles
 
-MOST_SOLIDS = 6
-SPARED = 0.7  # of the one block's volume, below which it is cut
-WIDE = 0.9  # of the floor area of the whole base, that the footprint keeps
-_CORNERS = 32  # of a footprint, and of a prism around a cylinder
-_HEIGHTS, _TOPS = 14, 24  # tried: evenly spread ones, and tops of parts
-_LEAST = 0.02  # height of a base, and of what stands on it [m]
-HUGE, HUGE_SHARE = 3.0, 5.0  # sizes of meshes that are told: at least [m], and of the arm's length
+
+@dataclass(frozen=True)
+class _BaseOptions:
+    """How a base is cut into a footprint and solids above it."""
+
+    max_solids: int = 6  # above the footprint
+    max_volume: float = 0.7  # share of the one block's volume, below which it is cut
+    min_area: float = 0.9  # share of the whole base's floor area that the footprint keeps
+    corners: int = 32  # of a footprint, and of a prism around a cylinder
+    heights: int = 14  # evenly spread ones that are tried
+    tops: int = 24  # of parts that are tried
+    min_height: float = 0.02  # of a base, and of what stands on it [m]
+
+
+_BASE = _BaseOptions()
+HUGE_MESH, HUGE_MESH_SHARE = 3.0, 5.0  # sizes of meshes that are told: at least [m], and of the arm's length
 _UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -84,7 +93,7 @@ def collision_model(
             if isinstance(surface, str):
                 missing.setdefault((surface, link.owner == BASE), []).append((shape, link))
                 if link.owner == BASE and link.name not in lacking.setdefault(BASE, set()):
-                    stand_in = solid_part(base_stand_in(model, link))
+                    stand_in = solid_part(_base_stand_in(model, link))
                     fixed.append(replace(stand_in, sources=frozenset((link.name,))))
                 lacking.setdefault(link.owner, set()).add(link.name)
                 continue
@@ -96,11 +105,11 @@ def collision_model(
             part = _part(link, name, shape, transform_points(T, surface), T)
             (fixed if link.owner == BASE else parts).append(part)
     stand_ins = [
-        replace(solid_part(arm_stand_in(chain, owner)), sources=frozenset(names))
+        replace(solid_part(_arm_stand_in(chain, owner)), sources=frozenset(names))
         for owner, names in sorted(lacking.items())
         if owner != BASE
     ]
-    notes = [missing_note(why, some, chain) for (why, _), some in missing.items()]
+    notes = [_missing_note(why, some, chain) for (why, _), some in missing.items()]
     pieces = [*decompose(parts), *stand_ins]
     if not pieces:
         notes.append(
@@ -115,7 +124,7 @@ def collision_model(
 def _huge(sizes: dict[str, float], chain: Chain) -> tuple[str, ...]:
     """Return a note on links whose meshes are far larger than the arm is long."""
     arm = float(np.linalg.norm(chain.link_vectors, axis=1).sum())
-    huge = [(name, size) for name, size in sizes.items() if size > max(HUGE, HUGE_SHARE * arm)]
+    huge = [(name, size) for name, size in sizes.items() if size > max(HUGE_MESH, HUGE_MESH_SHARE * arm)]
     if not huge:
         return ()
     told = join_names((f"link {name} is {size:.3g} m in size" for name, size in huge), 8)
@@ -151,15 +160,15 @@ def _solid(owner: int, name: str, shape: CollisionShape, T: Array) -> LinkSolid:
 
 
 def _corners(shape: CollisionShape, T: Array) -> Array:
-    """Return points whose hull contains a shape, in its frame; of round ones a prism of `_CORNERS` sides."""
+    """Return points whose hull contains a shape, in its frame; those of round ones are of a prism."""
     if shape.kind == "box":
         box: Array = CUBE_CORNERS * np.array(shape.size) / 2
         return box
     radius = shape.size[0]
     half = shape.size[1] / 2 if shape.kind == "cylinder" else radius
-    angles = np.arange(_CORNERS) * 2 * pi / _CORNERS  # of a prism round a circle
-    ring = radius / np.cos(pi / _CORNERS) * np.column_stack([np.cos(angles), np.sin(angles)])
-    prism = np.concatenate([np.column_stack([ring, np.full(_CORNERS, z)]) for z in (-half, half)])
+    angles = np.arange(_BASE.corners) * 2 * pi / _BASE.corners  # of a prism round a circle
+    ring = radius / np.cos(pi / _BASE.corners) * np.column_stack([np.cos(angles), np.sin(angles)])
+    prism = np.concatenate([np.column_stack([ring, np.full(_BASE.corners, z)]) for z in (-half, half)])
     if shape.kind == "cylinder":
         return prism
     # The prism of a ball stands upright, so that its height is the ball's; a capsule is between two balls.
@@ -194,14 +203,14 @@ def base_shape(
         return BaseShape(np.empty((0, 2)), 0.0)
     body = [part for part in parts if not part.sources <= loose]
     cut = _best_height(body or parts, _surface(body or parts)) if height is None else height
-    tall = [_upper(part, cut) for part in parts if part.points[:, 2].max() > cut + _LEAST / 2]
+    tall = [_upper(part, cut) for part in parts if part.points[:, 2].max() > cut + _BASE.min_height / 2]
     solids = (
         solid
         for rests in (False, True)
-        for solid in decompose([part for part in tall if (part.sources <= loose) is rests], MOST_SOLIDS)
+        for solid in decompose([part for part in tall if (part.sources <= loose) is rests], _BASE.max_solids)
     )
     sources = frozenset().union(*(part.sources for part in parts))
-    return BaseShape(convex_outline(_lower(_surface(parts), cut)), cut, tuple(solids), sources)
+    return BaseShape(_convex_outline(_lower(_surface(parts), cut)), cut, tuple(solids), sources)
 
 
 def _surface(parts: Sequence[CollisionPart]) -> Array:
@@ -227,12 +236,14 @@ def _best_height(parts: Sequence[CollisionPart], surface: Array) -> float:
     """Return the height of the cut; the top where a cut saves little [m]."""
     tops = np.unique([part.points[:, 2].max() for part in parts])
     top = float(tops[-1])
-    tried = {*tops[:: 1 + len(tops) // _TOPS].tolist(), *np.linspace(0.0, top, _HEIGHTS)[1:-1].tolist()}
+    even = np.linspace(0.0, top, _BASE.heights)[1:-1]
+    tried = {*tops[:: 1 + len(tops) // _BASE.tops].tolist(), *even.tolist()}
     block = {h: _ground(surface, h) for h in {*tried, top}}
-    heights = sorted(h for h in tried if _LEAST <= h <= top - _LEAST and block[h] >= WIDE * block[top])
+    low = _BASE.min_height
+    heights = sorted(h for h in tried if low <= h <= top - low and block[h] >= _BASE.min_area * block[top])
     room = {h: block[h] * h + _boxes(parts, h) for h in heights}
     best = min(heights, key=lambda h: room[h], default=top)
-    return best if best in room and room[best] < SPARED * block[top] * top else top
+    return best if best in room and room[best] < _BASE.max_volume * block[top] * top else top
 
 
 def _ground(surface: Array, cut: float) -> float:
@@ -246,20 +257,20 @@ def _boxes(parts: Sequence[CollisionPart], cut: float) -> float:
     return sum(float(np.prod(np.ptp(points, axis=0))) for points in high)
 
 
-def convex_outline(points: Array) -> Array:
-    """Return a convex outline around points (n, 2), in order: their hull, or `_CORNERS` tangents to it."""
+def _convex_outline(points: Array) -> Array:
+    """Return a convex outline around points (n, 2), in order: their hull, or tangents to it."""
     hull = shapely.convex_hull(shapely.multipoints(points))
     if not len(points) or hull.geom_type != "Polygon" or hull.area < 1e-8:
         return np.empty((0, 2))
     corners = _ring(hull)
-    if len(corners) <= _CORNERS:
+    if len(corners) <= _BASE.corners:
         return corners
     # Hundreds of corners would slow all that uses the outline; each tangent is at most a 200th of the radius
     # away from the hull.
-    angles = np.arange(_CORNERS) * 2 * pi / _CORNERS
+    angles = np.arange(_BASE.corners) * 2 * pi / _BASE.corners
     normals = np.column_stack([np.cos(angles), np.sin(angles)])
     reach = (corners @ normals.T).max(0)
-    step = 2 * pi / _CORNERS
+    step = 2 * pi / _BASE.corners
     sides = np.column_stack([-normals[:, 1], normals[:, 0]])
     along = (np.roll(reach, -1) - reach * np.cos(step)) / np.sin(step)
     outer = reach[:, None] * normals + along[:, None] * sides
@@ -274,10 +285,10 @@ def _ring(hull: Polygon) -> Array:
 
 # The solid box of a mass and inertia is smaller than the link, which is hollow, or heavy in its middle. Made
 # wider so, it holds 88 in a hundred of 350 links of published robots.
-WIDER, MORE = 1.5, 0.05  # times, and then to each side, if it is not smaller itself [m]
+INERTIA_SCALE, INERTIA_MARGIN = 1.5, 0.05  # times, and then to each side, if it is not smaller itself [m]
 
 
-def arm_stand_in(chain: Chain, owner: int) -> LinkCapsule:
+def _arm_stand_in(chain: Chain, owner: int) -> LinkCapsule:
     """Return a capsule from a joint of the arm to the next one, or to the tool."""
     name, end = f"{chain.joints[owner].name} stand-in", chain.link_vectors[owner]
     if np.linalg.norm(end) < LINK_RADIUS:
@@ -285,7 +296,7 @@ def arm_stand_in(chain: Chain, owner: int) -> LinkCapsule:
     return LinkCapsule(owner, name, np.zeros(3), end, LINK_RADIUS)
 
 
-def base_stand_in(model: UrdfModel, link: PlacedLink) -> LinkBox:
+def _base_stand_in(model: UrdfModel, link: PlacedLink) -> LinkBox:
     """Return a box round a link of the base: its frame, the joints on it, and how its mass is spread."""
     spots = [np.zeros(3), *(one.T_parent_joint[:3, 3] for one in model.joints if one.parent == link.name)]
     inertial = model.inertials.get(link.name)
@@ -304,11 +315,11 @@ def _inertia_box(inertial: Inertial) -> Array:
     moments, axes = np.linalg.eigh(inertial.tensor)
     spread = np.clip(moments.sum() - 2 * moments, 0.0, None) / (2 * inertial.mass)  # variance along each axis
     half = np.sqrt(3 * spread)
-    corners = (WIDER * half + min(MORE, float(half.max()))) * CUBE_CORNERS
+    corners = (INERTIA_SCALE * half + min(INERTIA_MARGIN, float(half.max()))) * CUBE_CORNERS
     return transform_points(inertial.T_link_inertial, corners @ axes.T)
 
 
-def missing_note(why: str, meshes: Sequence[tuple[CollisionShape, PlacedLink]], chain: Chain) -> str:
+def _missing_note(why: str, meshes: Sequence[tuple[CollisionShape, PlacedLink]], chain: Chain) -> str:
     """Return the note of all meshes that are missing for one reason, of the base or of the arm."""
     (shape, link), *others = meshes
     if link.owner == BASE:

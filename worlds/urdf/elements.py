@@ -16,22 +16,22 @@ import numpy as np
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError, located, located_error
 from regionik.worlds.joints import Mimic
-from regionik.worlds.readers.text import Element, clip, join_names, read_xml
-from regionik.worlds.urdf.attributes import (
+from regionik.worlds.readers.text import clip, join_names
+from regionik.worlds.readers.xml import (
     NUMBER,
     ORIGIN,
+    Element,
     finite_numbers,
     name_of,
     numbers,
     origin,
+    read_xml,
     refuse_others,
 )
 
 SUFFIXES = (".urdf", ".xml")
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 NO_LIMIT = 1e6  # URDF demands numbers; files without a limit give one of this size
-SOLID_LIMIT = 1000
-LINK_LIMIT = 4000
 _INFINITY = re.compile(r"[-+]?inf(?:inity)?", re.ASCII | re.IGNORECASE)
 
 ShapeKind = Literal["box", "cylinder", "sphere", "capsule", "mesh"]
@@ -109,10 +109,8 @@ def read_urdf(path: Path) -> UrdfModel:
         raise located_error(str(path), "", _expand_xacro(path))
     if path.suffix.lower() not in SUFFIXES:
         raise located_error(str(path), "", f"expected a file that ends in {', '.join(SUFFIXES)}")
-    root = read_xml(path)
+    root = read_xml(path, "robot")
     with located(str(path), ""):
-        if root.tag != "robot":
-            raise root.error(f"expected <robot> as first element, got <{clip(root.tag)[1:-1]}>")
         _refuse_xacro(root, path)
         return _model(root, path)
 
@@ -154,10 +152,6 @@ def _model(root: Element, path: Path) -> UrdfModel:
         inertial = _inertial(element.first("inertial"), link)
         if inertial is not None:
             inertials[link] = inertial
-    if len(links) > LINK_LIMIT:
-        raise InputError(f"expected at most {LINK_LIMIT} links, got {len(links)}")
-    if sum(map(len, links.values())) > SOLID_LIMIT:
-        raise InputError(f"expected at most {SOLID_LIMIT} collision elements")
     joints = tuple(_joint(element) for element in root.all("joint"))
     _check_joints(joints, links)
     return UrdfModel(path, name, links, joints, visuals, inertials)

@@ -18,7 +18,7 @@ from regionik.worlds.links import BASE, LinkMass
 from regionik.worlds.readers.text import join_names
 from regionik.worlds.urdf.elements import UrdfJoint, UrdfModel
 
-ENDLESS = 200.0  # travel of a slide that is a base's, or of a turn [m] or [rad]
+MIN_ENDLESS_TRAVEL = 200.0  # travel of a slide that is a base's, or of a turn [m] or [rad]
 _LEVEL = 1e-6
 
 _KINDS: dict[str, Literal["revolute", "prismatic"]] = {
@@ -214,8 +214,8 @@ def _path(above: dict[str, UrdfJoint], root: str, tip: str) -> tuple[UrdfJoint, 
 def _virtual_joints(path: tuple[UrdfJoint, ...]) -> int:
     """Return how many joints of a path, from its root on, stand for the motion of a base over the floor.
 
-    These are planar and floating joints, level slides of `ENDLESS` and more, and turns about the vertical
-    between them, or without limits behind them.
+    These are planar and floating joints, level slides of `MIN_ENDLESS_TRAVEL` and more, and turns about the
+    vertical between them, or without limits behind them.
     """
     turn, count, slides = np.eye(3), 0, 0
     for k, joint in enumerate(path):
@@ -224,12 +224,12 @@ def _virtual_joints(path: tuple[UrdfJoint, ...]) -> int:
             continue
         rise = abs(float((turn @ joint.axis)[2]) / float(np.linalg.norm(joint.axis)))
         room = (joint.upper or 0.0) - (joint.lower or 0.0)
-        endless = joint.kind == "prismatic" and rise < _LEVEL and room >= ENDLESS
+        endless = joint.kind == "prismatic" and rise < _LEVEL and room >= MIN_ENDLESS_TRAVEL
         free = joint.kind in ("planar", "floating") and not _moving_count(path[count:k])
         if endless or free:
             count, slides = k + 1, slides + 1
         elif joint.kind in ("revolute", "continuous") and rise > 1 - _LEVEL:
-            count = k + 1 if slides > 1 and room >= ENDLESS else count
+            count = k + 1 if slides > 1 and room >= MIN_ENDLESS_TRAVEL else count
         else:
             break
     return count

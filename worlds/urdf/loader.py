@@ -35,7 +35,7 @@ from regionik.worlds.drives import BaseKind, drive_of
 from regionik.worlds.errors import FileNote, InputError, RobotNote, located, located_error, suggestion
 from regionik.worlds.links import BASE, CUBE_CORNERS
 from regionik.worlds.readers.meshes import Surface
-from regionik.worlds.readers.text import LARGEST, is_file_name, join_names
+from regionik.worlds.readers.text import MAX_NUMBER, is_file_name, join_names
 from regionik.worlds.robot import BODY_HEIGHT, Robot, Tool, check_turning_radius, with_tool, without_limits
 from regionik.worlds.self_collision import bodies_clear, disabled_pairs, rest_posture
 from regionik.worlds.surfaces import VisualSurface, coarsened
@@ -63,9 +63,9 @@ from regionik.worlds.urdf.srdf import (
 )
 
 _UPRIGHT = 1e-9
-DEEP_TIP = 1e-3  # of the tool point in its own link, from which on it is told [m]
-TRIANGLES = 12_000  # of what is seen of a robot, coarse enough for a page
-LARGEST_MESH = 500_000  # triangles of one that is read
+MIN_TOLD_DEPTH = 1e-3  # of the tool point in its own link, from which on it is told [m]
+MAX_TRIANGLES = 12_000  # of what is seen of a robot, coarse enough for a page
+MAX_MESH_TRIANGLES = 500_000  # triangles of one that is read
 GREY = 0x8A939C  # where a file gives no colour
 _FACETS = 20  # round a circle
 
@@ -215,7 +215,7 @@ def _from_urdf(
     notes = [*body.notes, *_notes(placement, measured, kinematic)]
     with located(model.where, ""):
         robot = _robot(model, mount, chain, body, given)
-    seen = visual_surfaces(model, placement.links, (*body.parts, *body.base.parts))
+    seen = _visual_surfaces(model, placement.links, (*body.parts, *body.base.parts))
     robot = replace(robot, masses=link_masses(model, placement), visuals=seen)
     if given.tool is not None:
         robot = with_tool(robot, given.tool)
@@ -306,7 +306,7 @@ def _notes(placement: LinkPlacement, measured: bool, path: KinematicPath) -> lis
 
 def _tip_notes(robot: Robot) -> list[str]:
     depth, name = robot.tip_depth
-    if depth < DEEP_TIP:
+    if depth < MIN_TOLD_DEPTH:
         return []
     return [
         f"the tool point lies {depth:.4f} m inside {name}: it sinks that deep into what the tool touches, "
@@ -331,12 +331,12 @@ def _bundled(name: str, refused: dict[str, Any], given: _Overrides) -> Robot:
 
 def _numbers(values: ArrayLike, shape: tuple[int | None, ...], what: str) -> Array:
     array = frozen(values, shape, what)
-    if array.size and np.abs(array).max() > LARGEST:
-        raise InputError(f"{what}: expected numbers of at most {LARGEST:g} in size")
+    if array.size and np.abs(array).max() > MAX_NUMBER:
+        raise InputError(f"{what}: expected numbers of at most {MAX_NUMBER:g} in size")
     return array
 
 
-def visual_surfaces(
+def _visual_surfaces(
     model: UrdfModel, links: Iterable[PlacedLink], parts: Iterable[CollisionPart]
 ) -> tuple[VisualSurface, ...]:
     """Return what is seen of links, one surface for each colour of what moves together.
@@ -363,7 +363,7 @@ def visual_surfaces(
     for part in parts:
         if part.sources & seen:
             shown[part.link] = (*shown.get(part.link, ()), part.solid.name)
-    coarse = coarsened(tuple(surfaces), TRIANGLES)
+    coarse = coarsened(tuple(surfaces), MAX_TRIANGLES)
     return tuple(replace(one, stands_for=shown.pop(one.link, ())) for one in coarse)
 
 
@@ -373,7 +373,7 @@ def _surfaces(shape: CollisionShape, meshes: MeshFiles) -> Iterator[Surface]:
         yield Surface(hull_triangles(_corners(shape)), None)
         return
     with suppress(InputError):
-        yield from (one for one in meshes.colored(shape) if len(one.triangles) <= LARGEST_MESH)
+        yield from (one for one in meshes.colored(shape) if len(one.triangles) <= MAX_MESH_TRIANGLES)
 
 
 def _corners(shape: CollisionShape) -> Array:

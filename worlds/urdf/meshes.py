@@ -12,14 +12,14 @@ import numpy as np
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.errors import InputError, located_error
 from regionik.worlds.readers.meshes import COLLADA, Surface, read_geometries, read_mesh, read_surfaces
-from regionik.worlds.readers.text import LARGEST
+from regionik.worlds.readers.text import MAX_NUMBER
 from regionik.worlds.urdf.bounding import convex_hull, hull_triangles, outer_hull
 from regionik.worlds.urdf.elements import CollisionShape
 
 _SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9+.-]*):/?/?")
 _PACKAGE = "package"
-_MANY = 20_000  # triangles, or points, above which a hull replaces the surface
-_TOO_LARGE = f"expected finite numbers of at most {LARGEST:g} in size"
+_MAX_TRIANGLES = 20_000  # triangles, or points, above which a hull replaces the surface
+_TOO_LARGE = f"expected finite numbers of at most {MAX_NUMBER:g} in size"
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class MeshFiles:
         if isinstance(surface, str):
             return surface
         scaled: Array = surface * np.array(shape.size)
-        return scaled if np.abs(scaled).max() <= LARGEST else _TOO_LARGE
+        return scaled if np.abs(scaled).max() <= MAX_NUMBER else _TOO_LARGE
 
     def colored(self, shape: CollisionShape) -> list[Surface]:
         """Return the triangles of a mesh by their colours, in the shape's frame [m]."""
@@ -112,12 +112,12 @@ def _read(path: Path) -> Array | str:
     except InputError as error:
         return str(error).removeprefix(f"{path}: ")
     points = np.concatenate([points for points, _ in pieces])
-    if not np.isfinite(points).all() or np.abs(points).max() > LARGEST:
+    if not np.isfinite(points).all() or np.abs(points).max() > MAX_NUMBER:
         return _TOO_LARGE
-    if sum(0 if faces is None else len(faces) for _, faces in pieces) > _MANY:
+    if sum(0 if faces is None else len(faces) for _, faces in pieces) > _MAX_TRIANGLES:
         return _hull(points)
     return np.concatenate([_hull(some) if faces is None else some[faces] for some, faces in pieces])
 
 
 def _hull(points: Array) -> Array:
-    return hull_triangles(convex_hull(points) if len(points) <= _MANY else outer_hull(points))
+    return hull_triangles(convex_hull(points) if len(points) <= _MAX_TRIANGLES else outer_hull(points))

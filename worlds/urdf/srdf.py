@@ -12,15 +12,14 @@ import numpy as np
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError, located, located_error
-from regionik.worlds.readers.text import Element, clip, join_names, read_xml
+from regionik.worlds.readers.text import clip, join_names
+from regionik.worlds.readers.xml import Element, finite_numbers, name_of, read_xml
 from regionik.worlds.robot import Robot
 from regionik.worlds.self_collision import base_name
-from regionik.worlds.urdf.attributes import finite_numbers, name_of
 from regionik.worlds.urdf.collision import CollisionModel
 from regionik.worlds.urdf.elements import UrdfModel
 
 SUFFIX = ".srdf"
-PAIR_LIMIT = 200_000  # of links
 # Words in names of postures in which arms are carried, those that say so most plainly first.
 RESTING = ("carry", "transport", "stow", "tuck", "fold", "rest", "park", "home", "ready", "default")
 
@@ -30,7 +29,7 @@ NamePair = tuple[str, str]
 
 @dataclass(frozen=True)
 class SemanticModel:
-    """What regionik uses of an SRDF file."""
+    """The parts of an SRDF file that regionik uses."""
 
     # joint values by the names of ``group_state`` elements and of joints [rad] or [m], in the file's order
     postures: Mapping[str, Mapping[str, float]]
@@ -100,10 +99,8 @@ def read_srdf(path: Path, model: UrdfModel) -> SemanticModel:
     """
     if path.suffix.lower() != SUFFIX:
         raise located_error(str(path), "", f"expected a file that ends in {SUFFIX}")
-    root = read_xml(path)
+    root = read_xml(path, "robot")
     with located(str(path), ""):
-        if root.tag != "robot":
-            raise root.error(f"expected <robot> as first element, got <{clip(root.tag)[1:-1]}>")
         _check_same_robot(root, model)
         return SemanticModel(_postures(root, model), _disabled(root, model.links))
 
@@ -138,8 +135,6 @@ def _disabled(root: Element, links: Iterable[str]) -> frozenset[LinkPair]:
     pairs = {LinkPair(pair) for pair in combinations(known, 2) if silent & set(pair)} if silent else set()
     pairs -= {_pair(element) for element in root.all("enable_collisions")}
     pairs |= {pair for element in root.all("disable_collisions") if (pair := _pair(element)) <= known}
-    if len(pairs) > PAIR_LIMIT:
-        raise InputError(f"expected at most {PAIR_LIMIT} pairs of links, got {len(pairs)}")
     return frozenset(pairs)
 
 

@@ -12,6 +12,7 @@ a note. Variables, turning axes, cycles, subprograms and other work offsets than
 from __future__ import annotations
 
 import math
+import re
 import warnings
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,29 +20,176 @@ from pathlib import Path
 import numpy as np
 
 from regionik.worlds.errors import FileNote, InputError
-from regionik.worlds.readers.gcode_blocks import (
-    ARCS,
-    AWAY,
-    CENTRES,
-    ENDS,
-    MILLIMETRE,
-    MODES,
-    MOVES,
-    PLANES,
-    POSITIONS,
-    UNITS,
-    Block,
-    read_block,
-)
-from regionik.worlds.readers.text import join_names, read_lines
+from regionik.worlds.readers.text import MAX_NUMBER, clip, join_names, read_text
 from regionik.worlds.toolpath import ToolPath
 
-GCODE_LIMIT = 64 * 2**20  # [bytes]
-POINTS_LIMIT = 1_000_000
-ROUND = 0.005, 1e-3  # by which an arc's ends may differ in radius: in its unit, and as a share of the radius
-SAME = 1e-6  # in its unit, by which the ends of a full circle may differ: far less than programs' digits
-_TOLD = 12  # names in a note
-_OFFSETS = dict(zip("XYZ", "IJK", strict=True))
+INCH, MILLIMETRE = 0.0254, 0.001  # [m]
+MOVES, ARCS = ("G0", "G1", "G2", "G3"), ("G2", "G3")
+PLANES = {"G17": ("X", "Y", "Z"), "G18": ("Z", "X", "Y"), "G19": ("Y", "Z", "X")}  # of arcs, the last across
+UNITS = {"G20": INCH, "G21": MILLIMETRE}
+POSITIONS, CENTRES = ("G90", "G91"), ("G90.1", "G91.1")
+MODES = frozenset({*MOVES, *PLANES, *UNITS, *POSITIONS, *CENTRES})
+AWAY = ("G28", "G30", "G53")  # moves to places of the machine, which the program's frame does not know
+ENDS = ("M2", "M30", "M99")
+BLOCK_DELETE = "blocks that begin with /"
+
+_COMMENT = re.compile(r"\([^()]*\)|;.*")
+_WORD = re.compile(r"([A-Z])([-+]?(?:\d+\.?\d*|\.\d+))?")
+# C and Python write small numbers as 1e-05; the filament of a program without blanks is X10E0.5.
+_EXPONENT = re.compile(r"[\d.]E[-+]0\d", re.IGNORECASE)
+_SMALL_EXPONENT = re.compile(r"[\d.]e[-+]?[\d.]")
+_FLOW = re.compile(r"\s*(?:N\d+\s*)?O(?:\d+|<[^>]*>)\s*(?:SUB|CALL|IF|WHILE|DO|REPEAT)\b", re.IGNORECASE)
+_WITH_TEXT = re.compile(
+    r"\s*(?:N\d+\s*)?(M)0*(23|28|115|117|118|486|862(?:\.\d+)?|928)(?![\d.])", re.IGNORECASE
+)
+_GROUPS = (MOVES, tuple(PLANES), tuple(UNITS), POSITIONS, CENTRES)
+_AXES, _OTHER_AXES = frozenset("XYZ"), frozenset("ABCUVW")
+_CENTRES = dict(zip("XYZ", "IJK", strict=True))  # words of a centre by the axes that they are along
+
+
+def _codes(letter: str, *numbers: float) -> frozenset[str]:
+    return frozenset(f"{letter}{number:g}" for number in numbers)
+
+
+# How fast, with which tool, how precisely; and what ends a mode that is refused.
+_PLAIN = _codes("G", 4, 9, 40, 49, 54, 61, 61.1, 64, 80, 93, 94, 95, 96, 97) | _codes("M", *range(10), 30)
+_PASSED_OVER = _codes("G", 8, 11, 15, 43, 44, 67, 69, 92.1, 98, 99, 103, 187)
+_WITHOUT_AXES = _codes("G", 5, 5.1, 10, 22, 23, 29, 50, 50.1)  # with axis words they are other things
+# Axis words are what these set, not where the tool goes: times, homes, speeds, currents, places to park.
+_OWN_WORDS = _codes("G", 4, 28, 30) | _codes(
+    "M", 17, 18, 48, 84, 85, 92, 114, 119, 125, 201, 202, 203, 204, 205, 207, 208, 209, 211, 218, 350, 420,
+    421, 422, 425, 555, 566, 569, 572, 593, 600, 601, 603, 701, 702, 851, 900, 906, 907, 908, 911, 912, 913,
+    914, 915, 919,
+)  # fmt: skip
+_CALLS = _codes("G", 65, 66, 66.1) | _codes("M", 32, 47, 96, 97, 98, 198, 808, *range(810, 820))
+_SHIFTS = _codes("G", 10, 52, 92) | _codes("M", 72, 206, 290, 428, 556, 579, 605, 665, 666, 852)
+_KNOWN = MODES | _PLAIN | _PASSED_OVER | _OWN_WORDS | {*AWAY}
+
+
+@dataclass(frozen=True)
+class Block:
+    """One line of a program.
+
+    Attributes
+    ----------
+    codes : tuple of str
+        G and M codes in order, without leading zeros.
+    values : dict
+        Numbers by their letters, of a move or a setting; none where a code takes them for its own.
+    homed : frozenset of str
+        The axes of a block with one of `AWAY`.
+    passed_over : tuple of str
+        What does not change the tool's path and is worth naming.
+    """
+
+    codes: tuple[str, ...] = ()
+    values: dict[str, float] | None = None
+    homed: frozenset[str] = frozenset()
+    passed_over: tuple[str, ...] = ()
+
+
+def _read_block(line: str) -> Block:
+    """Return the block of a line; what cannot be read, or is not followed, is an `InputError`."""
+    plain = _COMMENT.sub(" ", line)
+    if plain.lstrip().startswith("/"):
+        return Block(passed_over=(BLOCK_DELETE,))
+    text = _WITH_TEXT.match(plain)
+    if text is not None:
+        return Block(passed_over=(f"M{text[2]}",))
+    if _FLOW.match(plain):
+        raise InputError(f"subprograms, loops and conditions are not followed, {_WRITE_OUT}")
+    if _EXPONENT.search(plain) or (_SMALL_EXPONENT.search(plain) and plain != plain.lower()):
+        raise InputError("expected numbers without an exponent, as X1000")
+    codes, words = _words("".join(plain.upper().split()))
+    _check_codes(codes, words)
+    return _block(codes, words)
+
+
+_WRITE_OUT = "expected one program with all moves written out, as postprocessors do when asked"
+
+
+def _words(text: str) -> tuple[tuple[str, ...], dict[str, float | None]]:
+    """Return G and M codes, and numbers by their letters; None where a letter has none."""
+    words: dict[str, float | None] = {}
+    codes: list[str] = []
+    place = 0
+    while place < len(text) and text != "%":
+        found = _WORD.match(text, place)
+        if found is None or (found[2] is None and found[1] in "GM"):
+            raise _no_words(text[place:])
+        letter, place = found[1], found.end()
+        number = None if found[2] is None else float(found[2])
+        if number is not None and abs(number) > MAX_NUMBER:
+            raise InputError(
+                f"{letter}: expected a number of at most {MAX_NUMBER:g} in size, got {clip(found[2])}"
+            )
+        if letter in "GM":
+            codes.append(f"{letter}{number:g}")
+        elif letter in words:
+            raise InputError(f"{letter} is given twice")
+        else:
+            words[letter] = number
+    return tuple(codes), words
+
+
+def _no_words(text: str) -> InputError:
+    return InputError(f"expected words of a letter and a number, as X1.5, got {clip(text)}")
+
+
+def _check_codes(codes: tuple[str, ...], words: dict[str, float | None]) -> None:
+    """Refuse codes that may move the path and are not followed."""
+    with_axes = bool(words.keys() & (_AXES | _OTHER_AXES | set(_CENTRES.values())))
+    for code in codes:
+        if code in MODES:
+            continue
+        if code in _CALLS or (code == "M99" and "P" in words):
+            raise InputError(f"{code}: calls and jumps are not followed, {_WRITE_OUT}")
+        if code in _WITHOUT_AXES and not with_axes and "L" not in words:
+            continue
+        if code == "G92" and words.keys() <= {"E", "F", "N", "S"} and "E" in words:
+            continue
+        if code in _SHIFTS:
+            raise InputError(f"{code} may shift or scale what the program's axes mean, which is not followed")
+        if code[0] == "G" and code not in _KNOWN:
+            valid = ", ".join([*MOVES, *PLANES, *UNITS, *POSITIONS, *CENTRES])
+            raise InputError(f"{code} is not read, valid moves and settings: {valid}")
+    if len(codes) > 1 and not {"G28", "G30"} & set(codes):
+        for group in _GROUPS:
+            several = list(dict.fromkeys(code for code in codes if code in group))
+            if len(several) > 1:
+                raise InputError(f"expected one of {', '.join(several)} in a block")
+
+
+def _block(codes: tuple[str, ...], words: dict[str, float | None]) -> Block:
+    """Return a block whose words are known to belong to one thing."""
+    passed_over = tuple(code for code in codes if code not in MODES and code not in _PLAIN)
+    own = next((code for code in codes if code in _OWN_WORDS), None)
+    axes = words.keys() & _AXES
+    homed = frozenset(axes or _AXES) if set(codes) & set(AWAY) else frozenset[str]()
+    if own is not None:
+        if own not in AWAY and axes and set(codes) & set(MOVES):
+            raise InputError(f"{own}: expected a block of its own, as {min(axes)} may be a move's or its own")
+        return Block(codes, None, homed, passed_over)
+    foreign = next((code for code in codes if code[0] == "M" and float(code[1:]) >= 100), None)
+    if foreign is not None and not set(codes) & set(MOVES):
+        if axes:
+            told = f"{foreign} with {min(axes)} is not known, it may move the tool or its axes"
+            raise InputError(f"{told}: expected X, Y, Z with moves alone")
+        return Block(codes, None, homed, passed_over)
+    values = {letter: number for letter, number in words.items() if number is not None}
+    lacking = next((letter for letter in words if letter not in values), None)
+    if lacking is not None:
+        raise _no_words(lacking)
+    turning = next((letter for letter in words if letter in _OTHER_AXES), None)
+    if turning is not None:
+        raise InputError(f"axis {turning} is not read, expected X, Y and Z alone")
+    return Block(codes, values, homed, passed_over)
+
+
+MAX_POINTS = 1_000_000  # of a program, as a small chord cuts its arcs into many
+MAX_RADIUS_ERROR = 0.005, 1e-3  # by which an arc's ends may differ: in its unit, and as a share of the radius
+MAX_CIRCLE_GAP = 1e-6  # between the ends of a full circle, in its unit: far less than programs' digits
+MAX_NAMES = 12  # in a note
 _STRAY = "PQL"  # words that some controls take for repeats, turns or corners
 
 
@@ -55,13 +203,13 @@ def read_gcode(path: Path, chord: float) -> ToolPath:
     FileNote
         With what was passed over, where it is more than feeds, spindles and tools.
     """
-    program = _run(read_lines(path, GCODE_LIMIT), chord, path)
+    program = _run(read_text(path).splitlines(), chord, path)
     if not program.points:
         if program.away and program.move:
             raise InputError(f"{path}: {program.lost()}")
         raise InputError(f"{path}: expected at least one move, G0 to G3 with X, Y or Z")
     if program.passed_over:
-        named = join_names((f"{what} (line {k})" for what, k in program.passed_over.items()), _TOLD)
+        named = join_names((f"{what} (line {k})" for what, k in program.passed_over.items()), MAX_NAMES)
         warnings.warn(f"{path}: passed over, each from this line on: {named}", FileNote, stacklevel=2)
     return ToolPath(np.array(program.points))
 
@@ -71,7 +219,7 @@ def _run(lines: list[str], chord: float, path: Path) -> _Program:
     program = _Program(chord)
     for number, line in enumerate(lines, start=1):
         try:
-            if program.run(read_block(line), number):
+            if program.run(_read_block(line), number):
                 if "M99" in program.passed_over:
                     _check_last(lines[number:])
                 break
@@ -111,7 +259,7 @@ class _Program:
         if block.homed:
             self._leave(block, f"{next(code for code in block.codes if code in AWAY)} in line {number}")
         elif values.keys() & {"X", "Y", "Z"} or (values.keys() & {"I", "J", "K"} and self.move in ARCS):
-            self._go(values, self._owners(block))
+            self._go(values, [code for code in block.codes if code not in MODES])
         return bool(set(ENDS) & set(block.codes))
 
     def _set(self, code: str) -> None:
@@ -132,12 +280,8 @@ class _Program:
             raise InputError("G53: expected G0, a move to a place of the machine is left out")
         self.away |= dict.fromkeys(block.homed, code)
 
-    @staticmethod
-    def _owners(block: Block) -> list[str]:
-        """Return the codes of a block that words other than axes may belong to."""
-        return [code for code in block.codes if code not in MODES]
-
     def _go(self, values: dict[str, float], owners: list[str]) -> None:
+        """Move to a position; ``owners`` are codes of the block that words other than axes may belong to."""
         if not self.move:
             raise InputError("expected G0, G1, G2 or G3 before the first position")
         start, end = dict(self.at), dict(self.at)
@@ -169,7 +313,7 @@ class _Program:
     def _check_words(self, values: dict[str, float], owners: list[str]) -> None:
         """Refuse words that say of a move what is not done."""
         arc = self.move in ARCS
-        shape = {"P", *(_OFFSETS[axis] for axis in self.plane[:2]), "R"} if arc else set[str]()
+        shape = {"P", *(_CENTRES[axis] for axis in self.plane[:2]), "R"} if arc else set[str]()
         stray = [letter for letter in "IJKR" if letter in values and letter not in shape and values[letter]]
         if not owners:
             stray += [letter for letter in _STRAY if letter in values and letter not in shape]
@@ -192,30 +336,28 @@ class _Program:
         cu, cv = self._centre(start, end, values)
         radius, angle = math.hypot(start[u] - cu, start[v] - cv), math.atan2(start[v] - cv, start[u] - cu)
         sweep = math.atan2(end[v] - cv, end[u] - cu) - angle
-        whole = math.dist((start[u], start[v]), (end[u], end[v])) <= SAME * self.unit
-        sweep = _turned(0.0 if whole else sweep, clockwise=self.move == "G2")
-        sweep += math.copysign(2 * math.pi, sweep) * (self._turns(values) - 1)
+        whole = math.dist((start[u], start[v]), (end[u], end[v])) <= MAX_CIRCLE_GAP * self.unit
+        sweep = 0.0 if whole else sweep % (2 * math.pi)
+        sweep = sweep - 2 * math.pi if self.move == "G2" else sweep or 2 * math.pi
+        turns = values.get("P", 1.0)
+        if turns < 1 or turns != int(turns):
+            raise InputError(f"P: expected a whole number of turns from 1, got {turns:g}")
+        sweep += math.copysign(2 * math.pi, sweep) * (turns - 1)
         most = 2 * math.acos(max(1 - self.chord / radius, 0.0)) if self.chord < radius else math.pi / 2
         count = max(1, math.ceil(abs(sweep) / max(most, 1e-9) - 1e-9))
-        if len(self.points) + count > POINTS_LIMIT:
-            raise InputError(f"expected at most {POINTS_LIMIT} points in all, a larger chord leaves fewer")
+        if len(self.points) + count > MAX_POINTS:
+            raise InputError(f"expected at most {MAX_POINTS} points in all, a larger chord leaves fewer")
         for k in range(1, count):
             turn, share = angle + sweep * k / count, k / count
             place = {u: cu + radius * math.cos(turn), v: cv + radius * math.sin(turn)}
             self._add({**place, w: start[w] + share * (end[w] - start[w])})
         self._add(end)
 
-    def _turns(self, values: dict[str, float]) -> float:
-        turns = values.get("P", 1.0)
-        if turns < 1 or turns != int(turns):
-            raise InputError(f"P: expected a whole number of turns from 1, got {turns:g}")
-        return turns
-
     def _centre(
         self, start: dict[str, float], end: dict[str, float], values: dict[str, float]
     ) -> tuple[float, float]:
         u, v, _ = self.plane
-        offsets = [_OFFSETS[u], _OFFSETS[v]]
+        offsets = [_CENTRES[u], _CENTRES[v]]
         if "R" in values:
             if values.keys() & set(offsets):
                 raise InputError(f"{self.move}: expected R, or {' and '.join(offsets)}, not both")
@@ -227,7 +369,7 @@ class _Program:
         centre = [base + offset for base, offset in zip(origin, given, strict=True)]
         radii = [math.hypot(place[u] - centre[0], place[v] - centre[1]) for place in (start, end)]
         off = abs(radii[1] - radii[0])
-        if min(radii) <= 0 or off > max(ROUND[0] * self.unit, ROUND[1] * radii[0]):
+        if min(radii) <= 0 or off > max(MAX_RADIUS_ERROR[0] * self.unit, MAX_RADIUS_ERROR[1] * radii[0]):
             told = " and ".join(f"{radius / self.unit:.6g}" for radius in radii)
             raise InputError(f"{self.move}: expected ends equally far from the centre, got {told}")
         return centre[0], centre[1]
@@ -239,9 +381,9 @@ class _Program:
         u, v, _ = self.plane
         du, dv = end[u] - start[u], end[v] - start[v]
         length = math.hypot(du, dv)
-        if length <= SAME * self.unit:
+        if length <= MAX_CIRCLE_GAP * self.unit:
             raise InputError(f"{self.move}: with R, expected an end elsewhere; I, J, K give a full turn")
-        if length > 2 * abs(radius) + 2 * ROUND[0] * self.unit:
+        if length > 2 * abs(radius) + 2 * MAX_RADIUS_ERROR[0] * self.unit:
             least = length / 2 / self.unit
             raise InputError(f"{self.move}: R: expected at least {least:.6g}, half the distance of the ends")
         rise = math.sqrt(max(radius**2 - length**2 / 4, 0.0)) / length
@@ -252,11 +394,3 @@ class _Program:
         point = [round(place[axis], 12) + 0.0 for axis in "XYZ"]
         if not self.points or point != self.points[-1]:
             self.points.append(point)
-
-
-def _turned(sweep: float, *, clockwise: bool) -> float:
-    """The angle of a turn the way that an arc goes; 0 is a full one."""
-    turn = sweep % (2 * math.pi)
-    if clockwise:
-        return turn - 2 * math.pi
-    return turn or 2 * math.pi
