@@ -2,8 +2,7 @@
 
 Source: M-FABRIK (Santos et al., IEEE Access 2020), Algorithm 1, with joint limits held in both passes. Its
 loop is `mfabrik_planar.planar_passes` for an arm in one vertical plane and `mfabrik_serial.serial_passes` for
-any other. Algorithm 2, the base's way between two configurations, is `driving.greedy_steps`; plans drive the
-shortest way instead, `driving.point_planner`.
+any other. Algorithm 2, the base's way between two configurations, is `driving.greedy_steps`.
 """
 
 from __future__ import annotations

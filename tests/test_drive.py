@@ -65,10 +65,11 @@ def test_standing_still_is_one_point() -> None:
     assert answer.points.tolist() == [[0.2, 0.1]]
 
 
-def test_experiment_2_is_driven_past_the_corner_of_the_square() -> None:
+def test_experiment_2_is_driven_by_algorithm_2() -> None:
     start, goal = np.array([0.7896162428305282, 0.1585664255264057]), np.array([1.0723551929579735, -0.4])
     answer = drive_point(SQUARE, start, goal, step=0.25)
-    assert answer.method == "shortest"
+    assert answer.method == "steps"
+    assert len(answer.points) == 5
     holds(SQUARE, answer, start, goal, 0.25)
 
 

@@ -43,7 +43,7 @@ def test_experiment_2_bridges_the_far_pair() -> None:
     between = found.motion.base[found.motion.setpoint == 9, :2]
     assert len(found.setpoints) == 15
     assert found.lift_offs == 1
-    assert found.stats["base_moves"]["shortest"] == 1
+    assert found.stats["base_moves"]["steps"] == 1
     assert len(np.unique(between.round(6), axis=0)) >= 3
 
 

@@ -84,8 +84,9 @@ def test_no_path_over_lines_of_sight_is_shorter(seed: int, on_grid: bool) -> Non
     assert length(back) == pytest.approx(length(best), abs=1e-9)
     np.testing.assert_array_equal(path[[0, -1]], [start, goal])
     assert stays_inside(free, path)
-    driven = drive_point(free, start, goal, step=0.2).points
-    assert length(driven) == pytest.approx(length(best), abs=1e-9)
+    driven = drive_point(free, start, goal, step=0.2)
+    assert length(driven.points) >= length(best) - 1e-9
+    assert driven.method == "steps" or length(driven.points) == pytest.approx(length(best), abs=1e-9)
 
 
 def test_the_shorter_way_round_is_taken() -> None:
