@@ -1,8 +1,8 @@
 """Paths of a point in a polygon: straight, by Algorithm 2 of M-FABRIK, or the shortest of all.
 
 The steps of Algorithm 2 slide along what is in the way. They may be a little longer than the shortest path,
-but a base that follows them turns little by little: the bundled world "pillar" takes 8.1 s with them and 8.8 s
-with the shortest path. Where they get stuck, the shortest path is driven.
+but a base that follows them turns little by little: the bundled world "pillar" takes 8.1 s with them and
+8.8 s with the shortest path. Where they get stuck, the shortest path is driven.
 """
 
 from __future__ import annotations
