@@ -107,6 +107,18 @@ def test_a_way_too_narrow_for_sampling_is_found() -> None:
     holds(free, answer, start, goal, 0.2)
 
 
+def test_a_map_of_thousands_of_corners_is_crossed_without_detours() -> None:
+    rng = np.random.default_rng(0)
+    discs = shapely.buffer(shapely.points(rng.uniform(0, 45, (1000, 2))), rng.uniform(0.1, 0.5, 1000))
+    free = max(shapely.get_parts(box(0, 0, 45, 45) - shapely.union_all(discs)), key=lambda part: part.area)
+    points = rng.uniform(0, 45, (20, 2))
+    points = points[shapely.contains_xy(free, *points.T)][:10]
+    for start, goal in zip(points[::2], points[1::2], strict=True):
+        answer = drive_point(free, start, goal, step=0.5)
+        holds(free, answer, start, goal, 0.5)
+        assert np.hypot(*np.diff(answer.points, axis=0).T).sum() < 1.1 * np.hypot(*(goal - start))
+
+
 def test_ends_are_held_to_the_boundary_by_rounding_only() -> None:
     answer = drive_point(box(0, 0, 1, 1), [-1e-10, 0.5], [1 + 1e-10, 0.5], step=0.5)
     assert answer.points[[0, -1]].tolist() == [[0.0, 0.5], [1.0, 0.5]]

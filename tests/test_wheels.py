@@ -21,7 +21,7 @@ from regionik.planners.driving import pose_planner
 from regionik.planners.driving.arcs import Segment, WheeledPath, arc_end, path_of_motions
 from regionik.planners.driving.footprint import arc_is_free
 from regionik.planners.driving.footprint_scene import FootprintScene, footprint_scene
-from regionik.planners.driving.point_planner import NoPathError, drive_point
+from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.driving.pose_planner import (
     REEDS_SHEPP,
     SPIN,
@@ -32,6 +32,7 @@ from regionik.planners.driving.pose_planner import (
 from regionik.planners.driving.reeds_shepp import words_between
 from regionik.planners.driving.sampling import connect_poses
 from regionik.planners.geometry.angles import wrap
+from regionik.planners.geometry.shortest_paths import shortest_path
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Shadow
@@ -85,7 +86,8 @@ def random_pairs(count: int, seed: int) -> list[tuple[Array, Array]]:
 
 def shortest_length(free: Polygon, start: Array, goal: Array) -> float:
     """Length of the shortest path of a point without headings."""
-    points = drive_point(free, start[:2], goal[:2], step=1e3).points
+    points = shortest_path(free, start[:2], goal[:2])
+    assert points is not None
     return float(np.hypot(*np.diff(points, axis=0).T).sum())
 
 

@@ -1,4 +1,9 @@
-"""Paths of a point in a polygon: straight, else by Algorithm 2 of M-FABRIK, else the shortest of all."""
+"""Paths of a point in a polygon: straight, by Algorithm 2 of M-FABRIK, or the shortest of all.
+
+The steps of Algorithm 2 slide along what is in the way. They may be a little longer than the shortest path,
+but a base that follows them turns little by little: the bundled scene "pillar" takes 8.1 s with them and
+8.8 s with the shortest path. Where they get stuck, the shortest path is driven.
+"""
 
 from __future__ import annotations
 
@@ -15,11 +20,13 @@ from regionik.planners.geometry.polygons import (
     DEPTH,
     FlatPolygon,
     checked_polygon,
-    clamp_each,
+    clamp,
+    segment_inside,
 )
 from regionik.planners.geometry.polylines import cut
 from regionik.planners.geometry.shortest_paths import shortest_path
-from regionik.worlds.arrays import Array, frozen
+from regionik.planners.kernels import compiled
+from regionik.worlds.arrays import Array, Index, frozen
 from regionik.worlds.errors import RegionikError
 
 Method = Literal["straight", "steps", "shortest"]
@@ -74,19 +81,27 @@ def drive_point_inside(
     part: Polygon, flat: FlatPolygon, start: Array, goal: Array, *, step: float
 ) -> PointPath:
     """`drive_point` in one polygon that is flat already; both ends are in it, but for rounding."""
-    ends = clamp_each(flat.vertices, flat.starts, np.array([start, goal]))
-    if (ends[0] == ends[1]).all():
-        return PointPath(frozen(ends[:1], (None, 2), "path"), "straight")
-    if flat.sees(*ends):
-        return PointPath(frozen(cut(ends, step), (None, 2), "path"), "straight")
-    (ax, ay), (bx, by) = ends.tolist()
-    points, arrived = greedy_points(flat.vertices, flat.starts, ax, ay, bx, by, step)
+    points, straight, arrived = _greedy_path(flat.vertices, flat.starts, np.array([start, goal]), step)
     if arrived:
-        return PointPath(frozen(points, (None, 2), "path"), "steps")
-    path = shortest_path(part, *ends)
+        return PointPath(frozen(points, (None, 2), "path"), "straight" if straight else "steps")
+    path = shortest_path(part, *points)
     if path is None:
-        raise NoPathError(f"no way through the free area from {_at(ends[0])} to {_at(ends[1])}")
+        raise NoPathError(f"no way through the free area from {_at(points[0])} to {_at(points[1])}")
     return PointPath(frozen(cut(path, step), (None, 2), "path"), "shortest")
+
+
+@compiled
+def _greedy_path(vertices: Array, starts: Index, ends: Array, step: float) -> tuple[Array, bool, bool]:
+    """Points of the straight path or of Algorithm 2, and two flags: straight, arrived; else both ends."""
+    for k in range(2):
+        ends[k, 0], ends[k, 1] = clamp(vertices, starts, ends[k, 0], ends[k, 1])
+    (ax, ay), (bx, by) = ends
+    if ax == bx and ay == by:
+        return ends[:1], True, True
+    if segment_inside(vertices, starts, ax, ay, bx, by):
+        return cut(ends, step), True, True
+    points, arrived = greedy_points(vertices, starts, ax, ay, bx, by, step)
+    return (points, False, True) if arrived else (ends, False, False)
 
 
 def _common_part(free: Polygon | MultiPolygon, start: Array, goal: Array) -> Polygon:

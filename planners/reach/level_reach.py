@@ -139,19 +139,17 @@ def inner_reach(chain: Chain, rise: float) -> Intervals:
     >>> [[round(end, 3) for end in ring] for ring in inner_reach(robot_named("hinge5").chain, 0.068)]
     [[0.0, 0.272]]
     """
-    arm = pivoted_arm(chain)
-    if arm.meridian is not None and arm.is_level:
-        return _level_reach(arm, rise)
-    found = merged(_walks(chain, rise)[:, :2].tolist())
-    return tuple(ring for ring in found if ring[1] - ring[0] > _NEWS)
+    return _walked(chain, rise)[0]
 
 
 @lru_cache(maxsize=4096)
-def _walks(chain: Chain, rise: float) -> Array:
-    """Distances and azimuths that walks at a height pass, rows as of `walk_both_ways`, (n, 6)."""
+def _walked(chain: Chain, rise: float) -> tuple[Intervals, Array]:
+    """Rings proven to be in reach at a height, and what walks pass there, rows of `walk_both_ways` (n, 6)."""
     arm, passed = pivoted_arm(chain), np.empty((0, 6))
-    if (meridian := arm.meridian) is None or arm.is_level:
-        return passed
+    if (meridian := arm.meridian) is None:
+        return (), passed
+    if arm.is_level:
+        return _level_reach(arm, rise), passed
     tool, length = tool_for(meridian), 0.0
     for starts in np.split(arm.starts, MOST_BATCHES):
         more = np.empty((BATCH, 6))
@@ -160,7 +158,8 @@ def _walks(chain: Chain, rise: float) -> Array:
         before, length = length, sum(high - low for low, high in merged(passed[:, :2].tolist()))
         if len(passed) and length - before < _NEWS:
             break
-    return passed
+    found = merged(passed[:, :2].tolist())
+    return tuple(ring for ring in found if ring[1] - ring[0] > _NEWS), passed
 
 
 def inner_sectors(chain: Chain, rise: float) -> tuple[tuple[float, float, float, float], ...]:
@@ -170,7 +169,7 @@ def inner_sectors(chain: Chain, rise: float) -> tuple[tuple[float, float, float,
     azimuths. A pivot that turns from a to b reaches all azimuths from a + the upper bound to b + the lower
     one at every distance of a row.
     """
-    walks = _walks(chain, rise)[:, 2:]
+    walks = _walked(chain, rise)[1][:, 2:]
     walks = walks[walks[:, 1] - walks[:, 0] > _NEWS]
     worth = (walks[:, 1] ** 2 - walks[:, 0] ** 2) * (2 * np.pi - (walks[:, 3] - walks[:, 2]))
     walks = walks[np.argsort(-worth, kind="stable")]
