@@ -40,6 +40,7 @@ SECTIONS = {
         "plan",
         "Plan",
         "load_plan",
+        "save_plan",
         "export",
         "verify",
         "verify_answers",

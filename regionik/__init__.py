@@ -17,8 +17,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from regionik.area_verification import verify_areas
     from regionik.mfabrik import Solver
-    from regionik.output.export import export, write_field
-    from regionik.output.plan_file import load_plan
+    from regionik.output.export import export
+    from regionik.output.field_file import write_field
+    from regionik.output.plan_file import load_plan, save_plan
     from regionik.papers.comparison import compare
     from regionik.parking.replanning import replan_stop
     from regionik.parking.stops import stops
@@ -55,8 +56,8 @@ __all__ = [
     "RegionikError", "Robot", "Rules", "Solver", "Speeds", "Sphere", "Start", "Target", "Tool", "World",
     "admissible_area", "compare", "export", "load_plan", "load_robot", "load_world", "plan", "plot",
     "plot_floor", "point_to_point", "reach", "reach_field", "reach_slice", "replan_stop", "retime",
-    "show", "simulate", "stops", "to_html", "trajectory", "verify", "verify_answers", "verify_areas",
-    "why", "write_field",
+    "save_plan", "show", "simulate", "stops", "to_html", "trajectory", "verify", "verify_answers",
+    "verify_areas", "why", "write_field",
 ]  # fmt: skip
 
 _HOME = {
@@ -65,8 +66,9 @@ _HOME = {
         "area_verification": "verify_areas",
         "comparison": "compare",
         "mfabrik": "Solver",
-        "output.export": "export write_field",
-        "output.plan_file": "load_plan",
+        "output.export": "export",
+        "output.field_file": "write_field",
+        "output.plan_file": "load_plan save_plan",
         "parking.replanning": "replan_stop",
         "parking.stops": "stops",
         "pipeline": "plan why",

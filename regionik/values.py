@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from importlib import import_module
 from typing import Any, Literal
 
 import numpy as np
@@ -258,22 +259,8 @@ class Plan:
         return frames[:, :3, 3]
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write ``plan.json``, whole or not at all; `regionik.load_plan` reads it back.
-
-        Raises
-        ------
-        InputError
-            When the file cannot be written, or is too large to be read back.
-
-        Warns
-        -----
-        FileNote
-            When areas are left out, as the file could not be read back with them.
-        """
-        from regionik.storage.files import write_atomic  # values know no files until one is asked for
-        from regionik.storage.plan_document import plan_to_text
-
-        write_atomic(path, plan_to_text(self))
+        """Write ``plan.json``, whole or not at all, as `regionik.save_plan` does."""
+        import_module("regionik").save_plan(self, path)  # by its public name, as values know no files
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,9 @@ import copy
 import dataclasses
 import json
 import os
+import re
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,6 +19,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely.geometry import GeometryCollection, LineString, MultiPolygon, Point, Polygon, box
 
+import regionik as rik
 from regionik.output import plan_file
 from regionik.output.export import plan_to_geojson
 from regionik.output.plan_file import load_plan, plan_schema
@@ -70,6 +74,21 @@ def test_a_plan_comes_back_the_same(world: Callable[[], Any], tmp_path: Path) ->
             assert shapely.symmetric_difference(a, b, grid_size=1e-9).area < 1e-7
     back.save(tmp_path / "again.json")
     assert (tmp_path / "again.json").read_bytes() == (tmp_path / "plan.json").read_bytes()
+
+
+def test_a_plan_saves_itself_as_the_public_name_does(plan: Plan, tmp_path: Path) -> None:
+    plan.save(tmp_path / "itself.json")
+    rik.save_plan(plan, tmp_path / "by_name.json")
+    assert (tmp_path / "itself.json").read_bytes() == (tmp_path / "by_name.json").read_bytes()
+    with pytest.raises(InputError, match="nowhere"):
+        plan.save(tmp_path / "nowhere" / "plan.json")
+
+
+def test_values_load_no_files() -> None:
+    code = "import sys, regionik.values; print(*sorted(m for m in sys.modules if m.startswith('regionik.')))"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert "regionik.values" in loaded
+    assert not re.search(r"regionik\.(storage|output|worlds\.documents|worlds\.readers)", loaded)
 
 
 def test_times_are_kept_and_nan_is_null(plan: Plan, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Tours: against every order, against dynamic programming, and bounds that no order breaks."""
+"""Tours: against every order, against dynamic programming, and a bound that no order breaks."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.sparse.csgraph import minimum_spanning_tree
 
 from regionik.planners.coverage import tours
 from regionik.planners.coverage.tours import (
@@ -35,7 +36,6 @@ def test_no_order_of_few_points_is_shorter(seed: int, count: int, started: bool)
     found = shortest_order(far, lead if started else None)
     best = min(_open_length(way, far, lead, np.zeros(count)) for way in permutations(range(count)))
     assert found.length == pytest.approx(best)
-    assert found.lower == found.length
 
 
 def sets_of_points(seed: int, count: int) -> tuple[Array, Array, Array, Array]:
@@ -61,12 +61,11 @@ def test_no_order_of_few_sets_and_no_choice_is_shorter(seed: int, count: int) ->
     assert sorted(owner[list(found.order)]) == list(range(count))
     assert found.length == pytest.approx(_open_length(found.order, far, lead, tail))
     assert found.length == pytest.approx(best_of_all(far, owner, lead, tail))
-    assert found.lower == found.length
 
 
 @given(st.integers(0, 10**6))
 @settings(max_examples=examples(10), deadline=None)
-def test_order_and_choice_in_turns_keep_their_bound(seed: int) -> None:
+def test_order_and_choice_in_turns_come_near_the_best(seed: int) -> None:
     """The same sets, once exactly and once as more of them are done."""
     far, owner, lead, tail = sets_of_points(seed, 10)
     exact = shortest_tour_of_sets(far, owner, lead, tail).length
@@ -75,8 +74,7 @@ def test_order_and_choice_in_turns_keep_their_bound(seed: int) -> None:
         found = shortest_tour_of_sets(far, owner, lead, tail)
     assert found.length == pytest.approx(_open_length(found.order, far, lead, tail))
     assert sorted(owner[list(found.order)]) == list(range(10))
-    assert found.lower - 1e-9 <= exact <= found.length + 1e-9
-    assert found.length <= 1.5 * exact
+    assert exact - 1e-9 <= found.length <= 1.5 * exact
 
 
 @given(st.integers(0, 10**6), st.integers(1, 5))
@@ -100,17 +98,40 @@ def test_local_search_is_within_a_percent_of_dynamic_programming(seed: int) -> N
     tail = np.zeros(13)
     best = _open_length(_held_karp(far, lead, tail), far, lead, tail)
     found = shortest_order(far, lead if seed % 2 else None)
-    assert found.lower <= best + 1e-9
     assert best - 1e-9 <= found.length <= 1.01 * best
+    assert least_length(far, lead) <= best + 1e-9
+
+
+def least_length(far: Array, lead: Array) -> float:
+    """Lower bound of open tours: spanning trees under prices of the nodes (Held and Karp 1970).
+
+    A tour with its start and an end at 1 m from all points is a tree, in which these two have one edge and
+    each point two. So much as a node costs for every edge, a tour costs besides, and a tree may cost less.
+    """
+    n = len(far) + 2
+    weights, asked = np.ones((n, n)), np.full(n, 2)
+    weights[0, 1:-1], weights[1:-1, 1:-1] = 1 + lead, 1 + far
+    asked[[0, -1]] = 1
+    price, best, step = np.zeros(n), -np.inf, 0.02
+    for _ in range(150):
+        priced = weights + price + price[:, None]
+        low = priced.min() - 1  # edges of no weight would count as none
+        tree = minimum_spanning_tree(np.triu(priced - low, 1)).tocoo()
+        best = max(best, float(tree.data.sum() + (n - 1) * (low - 1) - price @ asked))
+        price += step * (np.bincount([*tree.row, *tree.col], minlength=n) - asked)
+        step *= 0.97
+    return best
 
 
 @pytest.mark.parametrize(("count", "started"), [(60, True), (336, False)])
-def test_long_tours_are_within_three_percent_of_their_bound(count: int, started: bool) -> None:
+def test_long_tours_are_within_three_percent_of_a_bound(count: int, started: bool) -> None:
     rng = np.random.default_rng(count)
     far = distances(rng.uniform(0, 1, (count, 2)))
-    found = shortest_order(far, rng.uniform(0, 2, count) if started else None)
+    lead = rng.uniform(0, 2, count) if started else np.zeros(count)
+    found = shortest_order(far, lead)
     assert sorted(found.order) == list(range(count))
-    assert found.lower <= found.length <= 1.03 * found.lower
+    least = least_length(far, lead)
+    assert least <= found.length <= 1.03 * least
 
 
 def test_a_grid_of_holes_is_done_row_by_row() -> None:
@@ -118,4 +139,3 @@ def test_a_grid_of_holes_is_done_row_by_row() -> None:
     rows, columns = np.divmod(np.arange(245), 7)
     found = shortest_order(distances(0.025 * np.column_stack([rows, columns])))
     assert found.length == pytest.approx(244 * 0.025)
-    assert found.lower == pytest.approx(found.length, rel=1e-3)

@@ -1,12 +1,11 @@
-"""Closed tours through all nodes of a weighted graph: local search with kicks, and a bound from 1-trees.
+"""Closed tours through all nodes of a weighted graph: local search with kicks.
 
 The search is 2-opt (Croes 1958) and Or-opt (Or 1976) over near neighbours, restarted at the ends of random
-double bridges (Martin, Otto and Felten 1991). The bound is that of Held and Karp (1970): a 1-tree under any
-prices of the nodes costs no more than the shortest tour, and subgradient steps raise the prices.
+double bridges (Martin, Otto and Felten 1991).
 
 PyVRP 0.14.1, with one vehicle, comes to the same tours through 20 and 60 points; after 2000 iterations its
-tour of a grid of 245 is 1.6 % over the bound and that of 336 points 4.9 %, in 1.4 and 2.6 processor seconds.
-Here they are at the bound and 1.2 % over it, in 0.15 and 0.36.
+tour of a grid of 245 is 1.6 % over the bound of 1-trees (Held and Karp 1970) and that of 336 points 4.9 %, in
+1.4 and 2.6 processor seconds. Here they are at the bound and 1.2 % over it, in 0.15 and 0.36.
 """
 
 from __future__ import annotations
@@ -21,8 +20,6 @@ LONGEST = 3  # of a part that Or-opt moves
 KICKS = 60  # for each node
 SPREAD = 40  # nodes within which a double bridge lies
 GAIN = 1e-10  # below which a tour counts as no shorter
-ASCENTS = 400  # of the prices
-SHRINK = 0.97  # of a step that did not raise the bound
 
 
 def improved_tour(far: Array) -> Index:
@@ -38,68 +35,6 @@ def improved_tour(far: Array) -> Index:
     cuts[:, 0] = rng.integers(0, n, len(cuts))
     _search(far, np.ascontiguousarray(near), tour, cuts)
     return tour
-
-
-@compiled
-def one_tree_bound(far: Array, upper: float) -> float:
-    """Lower bound of the length of closed tours by symmetric weights (n, n); ``upper`` is that of one."""
-    n = len(far)
-    price, best, scale = np.zeros(n), -np.inf, 1.0
-    degree = np.zeros(n, dtype=np.int64)
-    for _ in range(ASCENTS):
-        bound = _one_tree(far, price, degree)
-        off = 0.0
-        for i in range(n):
-            off += (degree[i] - 2) * (degree[i] - 2)
-        if bound > best:
-            best = bound
-        else:
-            scale *= SHRINK
-        if off == 0.0 or upper - bound <= GAIN:
-            break
-        step = scale * (upper - bound) / off
-        for i in range(n):
-            price[i] += step * (degree[i] - 2)
-    return best
-
-
-@compiled
-def _one_tree(far: Array, price: Array, degree: Index) -> float:
-    """Least 1-tree under prices, less twice their sum: a tree on all but node 0 (Prim), two edges at 0."""
-    n = len(far)
-    cost, root = np.full(n, np.inf), np.full(n, 1)
-    degree[:] = 0
-    total = 0.0
-    for i in range(n):
-        total -= 2.0 * price[i]
-    inside = np.zeros(n, dtype=np.bool_)
-    inside[0] = inside[1] = True
-    for i in range(2, n):
-        cost[i] = far[1, i] + price[1] + price[i]
-    for _ in range(n - 2):
-        k, least = -1, np.inf
-        for i in range(2, n):
-            if not inside[i] and cost[i] < least:
-                k, least = i, cost[i]
-        inside[k] = True
-        total += least
-        degree[k] += 1
-        degree[root[k]] += 1
-        for i in range(2, n):
-            edge = far[k, i] + price[k] + price[i]
-            if not inside[i] and edge < cost[i]:
-                cost[i], root[i] = edge, k
-    for _ in range(2):
-        k, least = -1, np.inf
-        for i in range(1, n):
-            edge = far[0, i] + price[0] + price[i]
-            if inside[i] and edge < least:
-                k, least = i, edge
-        inside[k] = False
-        total += least
-        degree[k] += 1
-        degree[0] += 1
-    return total
 
 
 @compiled

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import LineString, Point
 from shapely.geometry.base import BaseGeometry
 
-from regionik.planners.coverage.or_opt import improved_tour, one_tree_bound
+from regionik.planners.coverage.or_opt import improved_tour
 from regionik.worlds.arrays import Array
 
 MOST_EXACT = 12  # points whose best order is found by dynamic programming over subsets
@@ -29,13 +29,12 @@ class VisitingOrder:
 
     order: tuple[int, ...]
     length: float  # from the start, if there is one, to the last point [m]
-    lower: float  # no order is shorter [m]
 
 
 def shortest_order(
     distance: ArrayLike, lead: ArrayLike | None = None, tail: ArrayLike | None = None
 ) -> VisitingOrder:
-    """Order in which to visit all points, and a lower bound of its length.
+    """Return a short order in which to visit all points.
 
     Few points by dynamic programming over subsets (Held and Karp 1962), which is exact; more by local search
     (`or_opt`) on the closed tour through one node besides, as far from every point as the start is.
@@ -50,22 +49,17 @@ def shortest_order(
     Examples
     --------
     >>> shortest_order(np.abs(np.subtract.outer([3.0, 1.0, 2.0], [3.0, 1.0, 2.0])))
-    VisitingOrder(order=(1, 2, 0), length=2.0, lower=2.0)
+    VisitingOrder(order=(1, 2, 0), length=2.0)
     """
     far = np.asarray(distance, dtype=np.float64)
     first, last = _ends(far, lead), _ends(far, tail)
     if len(far) <= MOST_EXACT:
         order = _held_karp(far, first, last)
-        length = _open_length(order, far, first, last)
-        return VisitingOrder(tuple(order), length, length)
-    closed = _closed(far, first, last)
-    tour = improved_tour(closed)
+        return VisitingOrder(tuple(order), _open_length(order, far, first, last))
+    tour = improved_tour(_closed(far, first, last))
     tour = np.roll(tour, -int(np.flatnonzero(tour == 0)[0]))
     way = (tour[:1:-1] if tour[1] == 1 else tour[1:-1]) - 2
-    length = _open_length(way, far, first, last)
-    shift = closed[0, 1] + float(far.max())
-    lower = one_tree_bound(closed, length + shift) - shift
-    return VisitingOrder(tuple(way.tolist()), length, max(0.0, min(length, lower)))
+    return VisitingOrder(tuple(way.tolist()), _open_length(way, far, first, last))
 
 
 def shortest_tour_of_sets(
@@ -75,8 +69,8 @@ def shortest_tour_of_sets(
 
     A generalised travelling salesman problem (Noon and Bean 1991): few sets by dynamic programming over
     subsets, which is exact. Of more the order for given points (`shortest_order`) and the best points for
-    that order (`shortest_choice`) take turns until nothing is gained; the bound takes the distance of two
-    sets as that of their nearest points.
+    that order (`shortest_choice`) take turns until nothing is gained, at first with the distance of two sets
+    as that of their nearest points.
 
     Parameters
     ----------
@@ -91,25 +85,23 @@ def shortest_tour_of_sets(
     --------
     >>> apart = np.abs(np.subtract.outer([0.0, 5.0, 6.0, 1.0], [0.0, 5.0, 6.0, 1.0]))
     >>> shortest_tour_of_sets(apart, [0, 0, 1, 2])
-    VisitingOrder(order=(3, 1, 2), length=5.0, lower=5.0)
+    VisitingOrder(order=(3, 1, 2), length=5.0)
     """
     far, own = np.asarray(distance, dtype=np.float64), np.asarray(owner, dtype=np.intp)
     first, last = _ends(far, lead), _ends(far, tail)
     count = int(own.max()) + 1
     if count <= MOST_EXACT:
         exact = _held_karp(far, first, last, own)
-        length = _open_length(exact, far, first, last)
-        return VisitingOrder(tuple(exact), length, length)
+        return VisitingOrder(tuple(exact), _open_length(exact, far, first, last))
     members = [np.flatnonzero(own == k) for k in range(count)]
     by = np.concatenate(members)
     begins = np.cumsum([0, *(len(some) for some in members[:-1])])
     rows = np.minimum.reduceat(far[:, by], begins, axis=1)[by]
     nearest = np.minimum.reduceat(rows, begins, axis=0)
     ends = [np.minimum.reduceat(row[by], begins) for row in (first, last)]
-    found = shortest_order(nearest, *ends)
+    order = shortest_order(nearest, *ends).order
     best, length = list[int](), np.inf
-    order = found.order
-    for _ in range(_ALTERNATIONS):
+    for _ in range(ALTERNATIONS):
         chosen = shortest_choice(far, [members[k] for k in order], first, last)
         now = _open_length(chosen, far, first, last)
         if now >= length - GAIN:
@@ -118,7 +110,7 @@ def shortest_tour_of_sets(
         some = np.array(best)
         again = shortest_order(far[np.ix_(some, some)], first[some], last[some])
         order = tuple(int(own[some[n]]) for n in again.order)
-    return VisitingOrder(tuple(best), length, min(length, found.lower))
+    return VisitingOrder(tuple(best), length)
 
 
 def shortest_choice(distance: Array, layers: Sequence[Index], lead: Array, tail: Array) -> list[int]:
@@ -156,7 +148,7 @@ def _closed(far: Array, first: Array, last: Array) -> Array:
     weights = np.zeros((len(far) + 2, len(far) + 2))
     longest = float(far.max())
     weights[0, 2:] = weights[2:, 0] = first
-    weights[1, 2:] = weights[2:, 1] = longest + last  # once in every tour, so that trees have it for a leaf
+    weights[1, 2:] = weights[2:, 1] = longest + last  # once in every tour
     weights[2:, 2:] = far
     weights[0, 1] = weights[1, 0] = -4.0 * (longest + float(first.max() + last.max()) + 1.0)
     return weights

@@ -13,7 +13,13 @@ import shapely
 from pydantic import Field
 from shapely.geometry import MultiPolygon, Polygon
 
-from regionik.storage.plan_document import PARTS, VERSIONS, kept_figures
+from regionik.storage.files import write_atomic
+from regionik.storage.plan_document import (
+    PARTS,
+    VERSIONS,
+    kept_figures,
+    plan_to_text,
+)
 from regionik.values import Configuration, Motion, Plan, PlannedArea, Skipped, Stop
 from regionik.worlds.documents.world_file import world_from_document
 from regionik.worlds.errors import InputError, Verdict, located
@@ -138,8 +144,30 @@ class PlanRecord(Strict):
     )
 
 
+def save_plan(plan: Plan, path: str | os.PathLike[str]) -> None:
+    """Write a plan to a file, whole or not at all; `load_plan` reads it back.
+
+    Parameters
+    ----------
+    plan : Plan
+    path : path
+        The file that is written: JSON, which holds the world and the robot in full.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be written, or is too large to be read back.
+
+    Warns
+    -----
+    FileNote
+        When areas are left out, as the file could not be read back with them.
+    """
+    write_atomic(path, plan_to_text(plan))
+
+
 def load_plan(path: str | os.PathLike[str]) -> Plan:
-    """Read a plan that `Plan.save` wrote.
+    """Read a plan that `save_plan` wrote.
 
     Only the form of the file is checked; `regionik.verify` checks the plan.
 

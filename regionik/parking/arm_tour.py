@@ -31,34 +31,32 @@ ROUNDS = 120  # in all, until a tour is chosen of which every way round is known
 ROUNDING = 1e-9  # [s]
 
 
-def in_short_order(placements: PlacementSearch, group: StopGroup) -> tuple[StopGroup, VisitingOrder]:
+def in_short_order(placements: PlacementSearch, group: StopGroup) -> tuple[StopGroup, float]:
     """Group with its set-points along a short tour at its widest place, and the arm's time for that [s].
 
-    The bound is that of any order of the postures that were found there. Where a place gives the arm its
-    posture there are no others, and the tool keeps to its path where it can: the order is that of its way.
+    Where a place gives the arm its posture there are no others, and the tool keeps to its path where it can:
+    the order is that of its way.
     """
     if group.held is not None:
         held, tour = _toured(placements.scene, group, group.held)
         setpoints = tuple(group.setpoints[n] for n in tour.order)
-        return replace(group, setpoints=setpoints, held=held), tour
-    scene = placements.scene
+        return replace(group, setpoints=setpoints, held=held), tour.length
+    scene = placements.world
     spots = np.array([scene.task[i].position for i in group.setpoints])
     way = shortest_order(cdist(spots, spots)).order
     ordered = group.of(tuple(group.setpoints[n] for n in way))
     return ordered, _timed(placements, ordered)
 
 
-def _timed(placements: PlacementSearch, group: StopGroup) -> VisitingOrder:
-    """The arm's time for what the widest place serves of a group, in its order, and a bound of all orders."""
+def _timed(placements: PlacementSearch, group: StopGroup) -> float:
+    """The arm's time for what the widest place serves of a group, in its order [s]."""
     placement = placements.widest(group)
     if placement is None:
-        return VisitingOrder((), 0.0, 0.0)
-    pivot = pivot_index(placements.scene.robot.chain)
+        return 0.0
+    pivot = pivot_index(placements.world.robot.chain)
     joints = np.array([placements.joints_at(n, placement) for n in range(len(placement.setpoints))])
     joints[:, pivot] = placement.near[:, pivot]
-    far = _times(joints, _velocity(placements.scene))
-    length = float(np.diagonal(far, 1).sum())
-    return VisitingOrder(tuple(range(len(far))), length, min(length, shortest_order(far).lower))
+    return float(np.diagonal(_times(joints, _velocity(placements.world)), 1).sum())
 
 
 def _velocity(scene: Scene) -> Array:
@@ -124,7 +122,7 @@ class _ArmTour:
     def proven(self, branches: _Branches) -> tuple[_Branches, VisitingOrder]:
         """The shortest tour found of postures that hold, those known among them, which come first.
 
-        Its length counts motions that are not clear by the way round; its bound counts all as clear.
+        Its length counts motions that are not clear by the way round.
         """
         far, left = _times(branches.joints, self.velocity), np.ones(len(branches.owner), dtype=bool)
         holds = np.arange(len(left)) < len(self.held.joints)
@@ -137,9 +135,7 @@ class _ArmTour:
             left[new] = holds[new]
             if holds[order].all() and not self._ways_round(branches, order, far):
                 break
-        rest = branches.of(some)
-        lower = self._shortest(rest, _times(rest.joints, self.velocity)).lower
-        return branches.of(order), replace(tour, lower=min(lower, tour.length))
+        return branches.of(order), tour
 
     def _holds(self, branches: _Branches, n: int) -> bool:
         """True if a posture is clear, kept all round, and joined to the roadmap."""

@@ -12,7 +12,7 @@ from shapely.geometry import LineString
 from shapely.geometry.base import BaseGeometry
 
 from regionik.parking.parking_areas import ParkingAreas, StopGroup, reordered
-from regionik.planners.coverage.tours import VisitingOrder, short_tour, shortest_order
+from regionik.planners.coverage.tours import short_tour, shortest_order
 from regionik.planners.geometry.shortest_paths import shortest_path
 from regionik.postures.poses import axis_of
 from regionik.scene import Scene
@@ -28,8 +28,8 @@ class StopSequence:
     parking_areas: ParkingAreas
     groups: tuple[StopGroup, ...]  # of set-points that follow one another
     spots: tuple[Array | None, ...]  # (2,) position of the arm axis at each; None leaves it to the criterion
-    # Lengths and lower bounds of the drives between the middles of stops and of the tool's way in them [m],
-    # and of the arm's time in them [s], where any order will do
+    # Lengths of the drives between the middles of stops and of the tool's way in them [m], and the arm's time
+    # in them [s], where any order will do
     tours: Mapping[str, float]
 
     def after(self, k: int, done: int) -> StopSequence:
@@ -100,13 +100,7 @@ def _along_tour(
     for a, b in combinations(range(len(spots)), 2):
         far[a, b] = far[b, a] = _drive(floor, spots[a], spots[b])
     drive = shortest_order(far, lead)
-    work = [_tool_tour(scene, group) for group in groups]
-    tours = {
-        "drive": drive.length,
-        "drive_lower_bound": drive.lower,
-        "tool": sum(tour.length for tour in work),
-        "tool_lower_bound": float(sum(tour.lower for tour in work)),
-    }
+    tours = {"drive": drive.length, "tool": sum(_tool_way(scene, group) for group in groups)}
     return tuple(groups[n] for n in drive.order), tours
 
 
@@ -126,9 +120,7 @@ def _middle(group: StopGroup) -> Array:
     return np.array(shapely.maximum_inscribed_circle(area).coords[0])
 
 
-def _tool_tour(scene: Scene, group: StopGroup) -> VisitingOrder:
-    """The tool's way along a group's set-points, and a bound of every order of them [m]."""
+def _tool_way(scene: Scene, group: StopGroup) -> float:
+    """Length of the tool's way along a group's set-points [m]."""
     spots = np.array([scene.task[i].position for i in group.setpoints])
-    shortest = shortest_order(np.linalg.norm(spots[:, None] - spots[None], axis=2))
-    length = float(np.linalg.norm(np.diff(spots, axis=0), axis=1).sum())
-    return VisitingOrder(tuple(range(len(spots))), length, min(length, shortest.lower))
+    return float(np.linalg.norm(np.diff(spots, axis=0), axis=1).sum())

@@ -140,11 +140,7 @@ def in_sequence(scene: Scene, parking: Parking) -> StopSequence:
     placements = PlacementSearch(scene, areas)
     toured = [in_short_order(placements, group) for group in groups]
     sequence = stop_sequence(scene, areas, tuple(group for group, _ in toured))
-    arm = {
-        "arm": sum(tour.length for _, tour in toured),
-        "arm_lower_bound": float(sum(tour.lower for _, tour in toured)),
-    }
-    return replace(sequence, tours={**sequence.tours, **arm})
+    return replace(sequence, tours={**sequence.tours, "arm": sum(time for _, time in toured)})
 
 
 def _on_the_best_floor(scene: Scene, parking: Parking) -> tuple[ParkingAreas, tuple[StopGroup, ...]]:

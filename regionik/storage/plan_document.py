@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import shapely
@@ -18,12 +18,10 @@ from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from regionik.storage.files import json_values
+from regionik.values import Plan, Skipped, Stop
 from regionik.worlds.documents.world_file import world_to_document
 from regionik.worlds.errors import FileNote, InputError
 from regionik.worlds.readers.text import MAX_BYTES
-
-if TYPE_CHECKING:
-    from regionik.values import Plan, Skipped, Stop
 
 VERSIONS = (1, 2)  # that are read; the last is written. In 1 all features have three parts.
 DECIMALS = 7  # of corners of areas [m]
