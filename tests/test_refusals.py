@@ -19,6 +19,7 @@ from regionik.view.world_picture import picture_of_explanation
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Start, Target, World
+from tests import MINUTES
 from tests.test_random_worlds import random_world
 from tests.test_skipping import SPOTS, hall
 
@@ -76,7 +77,7 @@ def test_too_little_room_to_park_is_mended_by_a_smaller_circle() -> None:
 
 
 @pytest.mark.parametrize(
-    "seeds", [(8, 17), pytest.param(range(30), marks=pytest.mark.slow)], ids=["few", "many"]
+    "seeds", [(4, 24), pytest.param((8, 17), marks=pytest.mark.slow), pytest.param(range(60), marks=MINUTES)]
 )
 def test_both_doors_say_the_same(seeds: range) -> None:
     verdicts = set()
