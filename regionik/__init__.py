@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from regionik.area_verification import verify_areas
     from regionik.mfabrik import Solver
-    from regionik.output.export import export
-    from regionik.output.field_file import write_field
+    from regionik.output.export import export, write_field
     from regionik.output.plan_file import load_plan, save_plan
     from regionik.papers.comparison import compare
     from regionik.parking.replanning import replan_stop
@@ -66,8 +65,7 @@ _HOME = {
         "area_verification": "verify_areas",
         "comparison": "compare",
         "mfabrik": "Solver",
-        "output.export": "export",
-        "output.field_file": "write_field",
+        "output.export": "export write_field",
         "output.plan_file": "load_plan save_plan",
         "parking.replanning": "replan_stop",
         "parking.stops": "stops",

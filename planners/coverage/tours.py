@@ -101,7 +101,7 @@ def shortest_tour_of_sets(
     ends = [np.minimum.reduceat(row[by], begins) for row in (first, last)]
     order = shortest_order(nearest, *ends).order
     best, length = list[int](), np.inf
-    for _ in range(ALTERNATIONS):
+    for _ in range(_ALTERNATIONS):
         chosen = shortest_choice(far, [members[k] for k in order], first, last)
         now = _open_length(chosen, far, first, last)
         if now >= length - GAIN:

@@ -41,7 +41,7 @@ def in_short_order(placements: PlacementSearch, group: StopGroup) -> tuple[StopG
         held, tour = _toured(placements.scene, group, group.held)
         setpoints = tuple(group.setpoints[n] for n in tour.order)
         return replace(group, setpoints=setpoints, held=held), tour.length
-    scene = placements.world
+    scene = placements.scene
     spots = np.array([scene.task[i].position for i in group.setpoints])
     way = shortest_order(cdist(spots, spots)).order
     ordered = group.of(tuple(group.setpoints[n] for n in way))
@@ -53,10 +53,10 @@ def _timed(placements: PlacementSearch, group: StopGroup) -> float:
     placement = placements.widest(group)
     if placement is None:
         return 0.0
-    pivot = pivot_index(placements.world.robot.chain)
+    pivot = pivot_index(placements.scene.robot.chain)
     joints = np.array([placements.joints_at(n, placement) for n in range(len(placement.setpoints))])
     joints[:, pivot] = placement.near[:, pivot]
-    return float(np.diagonal(_times(joints, _velocity(placements.world)), 1).sum())
+    return float(np.diagonal(_times(joints, _velocity(placements.scene)), 1).sum())
 
 
 def _velocity(scene: Scene) -> Array:
