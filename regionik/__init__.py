@@ -63,7 +63,7 @@ _HOME = {
     name: f"regionik.{module}"
     for module, names in {
         "area_verification": "verify_areas",
-        "comparison": "compare",
+        "papers.comparison": "compare",
         "mfabrik": "Solver",
         "output.export": "export write_field",
         "output.plan_file": "load_plan save_plan",

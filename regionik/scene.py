@@ -54,7 +54,8 @@ class Scene:
     --------
     >>> from regionik.worlds.documents.world_file import load_world
     >>> scene = Scene(load_world("pillar"))
-    >>> scene.changed(task=scene.task[:1]).ground is scene.ground
+    >>> ground = scene.ground
+    >>> scene.changed(task=scene.task[:1]).ground is ground
     True
     """
 

@@ -109,7 +109,7 @@ def test_areas_hold_places_that_work_and_outer_ones_all_of_them(goal: Goal) -> N
                 there = YOUBOT.tool(found.base[None], found.joints[None])[0]
                 assert deviation(target, there[:3, :3]) <= cone + 1e-8
                 held += 1
-    assert held > 40
+    assert held > seen
     assert wider >= 0.9 * seen
     assert arm.exact
 
