@@ -30,7 +30,7 @@ from regionik.worlds.links import capsules_along
 from regionik.worlds.obstacles import Box, Cylinder, Prism, Sphere
 from regionik.worlds.robot import Robot
 
-SCENES = 90
+SCENES = 150
 PROOFS = 4  # swept
 TOLERANCE = 1e-3
 BUDGET = 3_000  # boxes, so that hard scenes stay undecided soon
@@ -63,7 +63,7 @@ def flat_robot(links: int = 4, radius: float = 1e-6) -> Robot:
 @pytest.mark.slow
 def test_no_answer_collides() -> None:
     found = [(one, answer) for one, answer in answers() if answer.joints is not None]
-    assert len(found) > 0.6 * SCENES
+    assert len(found) > 100
     for one, answer in found:
         assert answer.verdict == Verdict.PROVEN
         assert answer.joints is not None
@@ -77,7 +77,7 @@ def test_no_answer_collides() -> None:
 def test_every_stage_and_every_kind_has_its_part() -> None:
     told = Counter((answer.verdict, answer.steps[-1]) for _, answer in answers())
     assert all(told[Verdict.PROVEN, stage] >= 2 for stage in ("passes", "avoidance", "search"))
-    assert told[Verdict.RULED_OUT, "search"] >= 0.1 * SCENES
+    assert told[Verdict.RULED_OUT, "search"] >= 15
     undecided = sum(count for (verdict, _), count in told.items() if verdict == Verdict.OPEN)
     assert undecided <= 0.15 * SCENES
 

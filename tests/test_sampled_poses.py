@@ -60,7 +60,7 @@ def few_poses(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("few_poses")
 def test_no_cover_by_the_poses_drawn_has_fewer() -> None:
     """What each pose serves is proven of all, where the cover asks for it only of those that it takes."""
-    world = holes(4, 2)
+    world = holes(6, 2)
     parking = park(scene_of(world))
     cover = PoseCover(scene_of(world), parking.parking_areas)
     found = cover.fewest()

@@ -32,7 +32,7 @@ def test_the_base_turns_little_in_the_depot_and_the_tool_keeps_its_speed() -> No
 PROGRAMS = {
     "four links among circles": lambda: bench_avoidance.main(scenes=2),
     "few targets are undecided": lambda: bench_decided.main(worlds=4, targets=60, drawn=20, starts=2000),
-    "postures in clutter": lambda: bench_postures.main(scenes=20, sample=1, first=200),
+    "postures in clutter": lambda: bench_postures.main(scenes=20, sample=1, first=0),
     "points in areas and outside": lambda: bench_reach.main(pairs=6, points=10, starts=200),
     "causes and smallest repairs": lambda: bench_why.main(3, count(55)),
 }

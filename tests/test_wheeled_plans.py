@@ -26,7 +26,7 @@ def corridor(width: float, base: BaseKind = "omni") -> World:
     """Two rooms and a corridor between them, 2 m long; the tool goes through it."""
     shape = shapely.box(0, 0, 2, 2) | shapely.box(1.9, 0.7, 4, 0.7 + width) | shapely.box(3.9, 0, 6, 2)
     robot = replace(robot_named("youbot-real"), base=base, turning_radius=RADIUS if base == "car" else 0.0)
-    path = [Target(np.array([x, 0.7 + width / 2, 0.25])) for x in np.linspace(1.0, 5, 21)]
+    path = [Target(np.array([x, 0.7 + width / 2, 0.25])) for x in np.linspace(1.0, 5, 41)]
     start = Start(np.array([0.7, 1.0, 1.57]), robot.carry)
     return World("corridor", robot, Floor(shape), (), tuple(path), Rules(clearance=0.0), start)
 
