@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from numpy.typing import ArrayLike
@@ -12,10 +14,10 @@ from regionik.areas.surroundings import about_path
 from regionik.explain import arm_failures, failures
 from regionik.explain.changes import repaired
 from regionik.explain.questions import ArmQuestion, Oracles, PathQuestion
-from regionik.explain.several import failures_of, in_order, naming_all, naming_as_given
+from regionik.explain.several import failures_of, in_order, naming_all, naming_as_given, numbered
 from regionik.explain.skipping import Explained, leaving_out, naming_each, with_skipped
 from regionik.explain.steps import near_setpoint
-from regionik.explain.tried_changes import mended_motion, mended_start
+from regionik.explain.tried_changes import mended_motion, mended_start, tries_for
 from regionik.explain.why import Say, explained, explained_target, target_name, unsaid
 from regionik.motion import connect_setpoints
 from regionik.moving.path_search import JoinedMotion
@@ -26,13 +28,13 @@ from regionik.parking.stop_motion import connect_stops
 from regionik.parking.stops import check as check_stops
 from regionik.parking.stops import in_sequence
 from regionik.planners.progress import Progress, listening
-from regionik.planners.tries import count_tries, counted
+from regionik.planners.tries import TooManyTriesError, at_most, count_tries, counted
 from regionik.postures.poses import lift_offs, motion_stats
 from regionik.pruning import spans, whole_path
 from regionik.reachability.any_base import can_search, search_any_base
 from regionik.reachability.reach import reach
 from regionik.reachability.target_search import TargetSearch
-from regionik.reachability.unreached import unreached
+from regionik.reachability.unreached import first_unreached
 from regionik.regions import has_no_known_place, planned_areas
 from regionik.smoothing.smooth_motion import smooth_motion
 from regionik.tracker import can_track, plan_tracked
@@ -46,11 +48,12 @@ from regionik.worlds.errors import (
     InputError,
     NoPlanFound,
     Repair,
-    SetpointFailure,
 )
 from regionik.worlds.scene import Target, World
 
-ASKED = 60  # set-points, up to which `reach` is asked for all that may lack a clear posture besides one
+# Set-points that `reach` is asked for where one lacks a clear posture, and those not reached after which
+# it is asked no more: each of these takes seconds
+ASKED, CLOSELY = 60, 12
 ORACLES = Oracles(
     reach=lambda world: reach(world, world.task),
     seen=lambda world: TargetSearch(world, world.task[0]).in_areas() is not None,
@@ -112,17 +115,26 @@ def _naming_all(world: World, first: Explanation) -> Explanation:
     """The first refusal with all set-points named that cannot be done, by areas and by `reach`."""
     every = naming_each(world, first, _check_areas)
     if any(one.verdict == "no-posture" for one in failures_of(first)):
-        every = replace(every, failures=in_order([*failures_of(every), *_unreached(world, every)]))
+        return _naming_unreached(world, every)
     return naming_all(every, len(world.task))
 
 
-def _unreached(world: World, found: Explanation) -> Iterator[SetpointFailure]:
-    """Other set-points that `reach` does not reach, of those that the plan did not get to; none of many."""
+def _naming_unreached(world: World, found: Explanation) -> Explanation:
+    """A refusal that also names set-points that `reach` does not reach, of those the plan did not get to.
+
+    It says which were not looked at.
+    """
     known, buried = {one.setpoint for one in failures_of(found)}, arm_failures.target_in_solid(world)
     if buried is None and world.rules.order == "given":
         known |= set(range(found.setpoint or 0))
     rest = [i for i in range(len(world.task)) if i not in known]
-    yield from unreached(world, rest if len(rest) <= ASKED else [])
+    failures, left = first_unreached(world, rest, ASKED, CLOSELY)
+    every = replace(found, failures=in_order([*failures_of(found), *failures]))
+    told, count = naming_all(every, len(world.task)), len(world.task)
+    if not left:
+        return told
+    words = f"{numbered(left, count)} {'was' if len(left) == 1 else 'were'} not looked at."
+    return replace(told, reason=f"{told.reason} {words}")
 
 
 def _check_areas(world: World) -> None:
@@ -240,7 +252,7 @@ def _explained(world: World, quick: Explanation, seed: int, say: Say) -> Explana
             mended_start(world, quick, lambda left: failures.blocked_start(left) is not None, plans), say
         )
     if quick.verdict == "ladder-broken" and i is not None and not spans(world):
-        return explained(PathQuestion(world, i, spans, plans), quick, say)
+        return explained(PathQuestion(world, i, spans, partial(_soon_planned, seed=seed)), quick, say)
     if quick.verdict in ("unreachable", "undecided") and i is not None:
         if has_no_known_place(near_setpoint(world, i)):
             return explained_target(world, i, quick, ORACLES, say)
@@ -287,6 +299,13 @@ def _can_be_planned(world: World, seed: int) -> bool:
     except NoPlanFound:
         return False
     return True
+
+
+def _soon_planned(world: World, seed: int) -> bool:
+    """True where a world is planned with few tries: there may be many changes to ask about."""
+    with suppress(TooManyTriesError), at_most(tries_for(world)):
+        return _can_be_planned(world, seed)
+    return False
 
 
 def search(world: World, seed: int = 0) -> Plan:
