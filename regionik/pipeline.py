@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from numpy.typing import ArrayLike
@@ -11,10 +13,10 @@ from numpy.typing import ArrayLike
 from regionik.explain import arm_failures, failures
 from regionik.explain.changes import repaired
 from regionik.explain.questions import ArmQuestion, Oracles, PathQuestion
-from regionik.explain.several import failures_of, in_order, naming_all, naming_as_given
+from regionik.explain.several import failures_of, in_order, naming_all, naming_as_given, numbered
 from regionik.explain.skipping import Explained, leaving_out, naming_each, with_skipped
 from regionik.explain.steps import near_setpoint
-from regionik.explain.tried_changes import mended_motion, mended_start
+from regionik.explain.tried_changes import mended_motion, mended_start, tries_for
 from regionik.explain.why import Say, explained, explained_target, target_name, unsaid
 from regionik.motion import connect_setpoints
 from regionik.moving.path_search import JoinedMotion
@@ -26,13 +28,13 @@ from regionik.parking.stop_motion import connect_stops
 from regionik.parking.stops import check as check_stops
 from regionik.parking.stops import in_sequence
 from regionik.planners.progress import Progress, listening
-from regionik.planners.tries import count_tries, counted
+from regionik.planners.tries import TooManyTriesError, at_most, count_tries, counted
 from regionik.postures.poses import lift_offs, motion_stats
 from regionik.pruning import spans, whole_path
 from regionik.reachability.any_base import can_search, search_any_base
 from regionik.reachability.reach import reached
 from regionik.reachability.target_search import TargetSearch
-from regionik.reachability.unreached import unreached
+from regionik.reachability.unreached import first_unreached
 from regionik.regions import has_no_known_place, planned_areas
 from regionik.scene import Scene, scene_of
 from regionik.smoothing.smooth_motion import smooth_motion
@@ -46,11 +48,12 @@ from regionik.worlds.errors import (
     InputError,
     NoPlanFound,
     Repair,
-    SetpointFailure,
 )
 from regionik.worlds.scene import Target, World
 
-ASKED = 60  # set-points, up to which `reach` is asked for all that may lack a clear posture besides one
+# Set-points that `reach` is asked for where one lacks a clear posture, and those not reached after which
+# it is asked no more: each of these takes seconds
+ASKED, CLOSELY = 60, 40
 ORACLES = Oracles(
     reach=lambda scene: reached(scene, scene.task),
     seen=lambda scene: TargetSearch(scene, scene.task[0]).in_areas() is not None,
@@ -114,17 +117,26 @@ def _naming_all(scene: Scene, first: Explanation) -> Explanation:
     """The first refusal with all set-points named that cannot be done, by areas and by `reach`."""
     every = naming_each(scene, first, _check_areas)
     if any(one.verdict == "no-posture" for one in failures_of(first)):
-        every = replace(every, failures=in_order([*failures_of(every), *_unreached(scene, every)]))
+        return _naming_unreached(scene, every)
     return naming_all(every, len(scene.task))
 
 
-def _unreached(scene: Scene, found: Explanation) -> Iterator[SetpointFailure]:
-    """Other set-points that `reach` does not reach, of those that the plan did not get to; none of many."""
+def _naming_unreached(scene: Scene, found: Explanation) -> Explanation:
+    """A refusal that also names set-points that `reach` does not reach, of those the plan did not get to.
+
+    It says which were not looked at.
+    """
     known, buried = {one.setpoint for one in failures_of(found)}, arm_failures.target_in_solid(scene)
     if buried is None and scene.rules.order == "given":
         known |= set(range(found.setpoint or 0))
     rest = [i for i in range(len(scene.task)) if i not in known]
-    yield from unreached(scene, rest if len(rest) <= ASKED else [])
+    failures, left = first_unreached(scene, rest, ASKED, CLOSELY)
+    every = replace(found, failures=in_order([*failures_of(found), *failures]))
+    told, count = naming_all(every, len(scene.task)), len(scene.task)
+    if not left:
+        return told
+    words = f"{numbered(left, count)} {'was' if len(left) == 1 else 'were'} not looked at."
+    return replace(told, reason=f"{told.reason} {words}")
 
 
 def _check_areas(scene: Scene) -> None:
@@ -242,7 +254,7 @@ def _explained(scene: Scene, quick: Explanation, seed: int, say: Say) -> Explana
             mended_start(scene, quick, lambda left: failures.blocked_start(left) is not None, plans), say
         )
     if quick.verdict == "ladder-broken" and i is not None and not spans(scene):
-        return explained(PathQuestion(scene, i, spans, plans), quick, say)
+        return explained(PathQuestion(scene, i, spans, partial(_soon_planned, seed=seed)), quick, say)
     if quick.verdict in ("unreachable", "undecided") and i is not None:
         if has_no_known_place(near_setpoint(scene, i)):
             return explained_target(scene, i, quick, ORACLES, say)
@@ -289,6 +301,13 @@ def _can_be_planned(scene: Scene, seed: int) -> bool:
     except NoPlanFound:
         return False
     return True
+
+
+def _soon_planned(scene: Scene, seed: int) -> bool:
+    """True where a scene is planned with few tries: there may be many changes to ask about."""
+    with suppress(TooManyTriesError), at_most(tries_for(scene)):
+        return _can_be_planned(scene, seed)
+    return False
 
 
 def search(scene: Scene, seed: int = 0) -> Plan:

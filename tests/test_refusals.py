@@ -13,6 +13,7 @@ from regionik.parking.stops import stops
 from regionik.pipeline import plan, why
 from regionik.planners.tries import count_tries, counted
 from regionik.reachability.reach import reach
+from regionik.reachability.unreached import first_unreached
 from regionik.scene import Scene, scene_of
 from regionik.view.page import to_html
 from regionik.view.world_picture import picture_of_explanation
@@ -64,6 +65,46 @@ def test_a_blocked_start_is_mended_by_a_short_step() -> None:
         after = repaired(scene_of(replace(world, obstacles=(POST,), start=start)), repair)
         assert blocked_start(after) is None
         assert plan(after.world)
+
+
+@pytest.mark.parametrize("count", [1, 60])
+def test_a_blocked_start_is_mended_with_a_number_of_tries_that_goes_with_the_path(count: int) -> None:
+    world = replace(hall(*SPOTS[:1] * count), obstacles=(POST,))
+    world = replace(world, start=Start(np.array([-0.5, 0.0, 0.0]), world.robot.carry))
+    scene, asked = scene_of(world), list[Scene]()
+    quick = blocked_start(scene)
+    assert quick is not None
+
+    def blocked(changed: Scene) -> bool:
+        asked.append(changed)
+        return blocked_start(changed) is not None
+
+    def endless(_: Scene) -> bool:
+        while True:
+            count_tries()
+
+    with counted() as tries:
+        found = tried_changes.mended_start(scene, quick, blocked, endless)
+    assert len(asked) < 10  # worlds made for it: each would be cut into ground again
+    assert tries.made <= tried_changes.tries_for(scene) + len(found.repairs)
+    assert found.repairs
+    assert all("did not show whether the path is planned" in one.text for one in found.repairs)
+
+
+def test_an_obstacle_that_frees_no_start_between_two_is_no_repair() -> None:
+    world = hall(SPOTS[0])
+    posts = (POST, replace(POST, name="other"))
+    start = Start(np.array([-0.5, 0.0, 0.0]), world.robot.carry)
+    found = refused(replace(world, obstacles=posts, start=start))
+    assert {repair.kind for repair in found.repairs} == {"move-start"}
+
+
+def test_few_set_points_are_looked_at_closely_and_the_others_are_named() -> None:
+    world = hall(*[(0.5, 0.0, 0.3 if k % 3 else 2.0 + k) for k in range(20)])
+    failures, left = first_unreached(scene_of(world), range(20), 15, 3)
+    assert [one.setpoint for one in failures] == [0, 3, 6]
+    assert left == list(range(7, 20))
+    assert first_unreached(scene_of(world), range(1, 20), 2, 3) == ([], list(range(3, 20)))
 
 
 def test_too_little_room_to_park_is_mended_by_a_smaller_circle() -> None:

@@ -26,6 +26,7 @@ from regionik.regions import (
 from regionik.scene import Scene
 from regionik.values import Violation
 from regionik.worlds.arms import reach_bound
+from regionik.worlds.arrays import Array
 from regionik.worlds.body import has_body, without_body
 from regionik.worlds.errors import Cause, CauseKind, Explanation, Repair, SetpointFailure
 from regionik.worlds.obstacles import Shadow
@@ -212,17 +213,17 @@ def blocked_start(scene: Scene) -> Explanation | None:
     """Explain why the base cannot stand where it starts; None where it can."""
     if scene.start is None:
         return None
-    robot, ground = scene.robot, scene.ground
+    ground = scene.ground
     x, y, _ = scene.start.base
-    outline = robot.outline(scene.start.base)
+    outline = scene.robot.outline(scene.start.base)
     where = f"The start at ({x:z.3f}, {y:z.3f})"
-    if not shapely.buffer(scene.world.drivable_floor, TOUCH, join_style="mitre").covers(outline):
+    if _is_off_floor(scene.world, outline):
         off = farthest_outside(outline, scene.world.drivable_floor)
         reason = f"{where} is off the floor by {off:.3f} m; the base must start on it."
         reason += narrow_floor(scene)
         return Explanation("start-blocked", None, reason, (Cause("floor", "edge of the floor", off),))
-    found = ground.nearest(outline)
-    if found is None or found[1] >= ground.clearance - TOUCH:
+    found = too_close(scene, scene.start.base)
+    if found is None:
         return None
     name, gap = found
     shadows = [shadow for n, shadow in zip(ground.names, ground.shadows, strict=True) if n == name]
@@ -234,6 +235,24 @@ def blocked_start(scene: Scene) -> Explanation | None:
         f"{ground.clearance:.3f} m. It would have to start at least {missing:.3f} m farther away."
     )
     return Explanation("start-blocked", None, reason, (Cause("obstacle", name, missing),))
+
+
+def is_blocked(scene: Scene, base: Array) -> bool:
+    """True where a base (3,) cannot start, as `blocked_start` has it."""
+    return _is_off_floor(scene.world, scene.robot.outline(base)) or too_close(scene, base) is not None
+
+
+def too_close(scene: Scene, base: Array) -> tuple[str, float] | None:
+    """The obstacle nearest to a base (3,) that stands too close to it, and its distance [m]."""
+    ground = scene.ground
+    found = ground.nearest(scene.robot.outline(base))
+    return None if found is None or found[1] >= ground.clearance - TOUCH else found
+
+
+def _is_off_floor(world: World, outline: BaseGeometry) -> bool:
+    """True where an outline lies off the floor by more than what counts as touching its edge."""
+    floor = world.drivable_floor
+    return not (floor.covers(outline) or shapely.buffer(floor, TOUCH, join_style="mitre").covers(outline))
 
 
 def invalid_plan(world: World, violations: Sequence[Violation]) -> Explanation:

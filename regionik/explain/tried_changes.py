@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 
 from regionik.explain.changes import (
-    Change,
     Move,
     lower_clearance,
     move_obstacle,
@@ -20,11 +19,13 @@ from regionik.explain.changes import (
     smallest_first,
 )
 from regionik.explain.constraints import ARM_CLEARANCE, CLEARANCE, mended
-from regionik.explain.minimal_change import Scan, circle
-from regionik.planners.tries import TooManyTriesError, at_most
+from regionik.explain.failures import is_blocked, too_close
+from regionik.explain.minimal_change import Holds, Scan, circle
+from regionik.planners.tries import TooManyTriesError, at_most, counted
 from regionik.scene import Scene
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Explanation, Repair
+from regionik.worlds.scene import Start
 
 Asked = Callable[[Scene], bool]
 
@@ -33,7 +34,11 @@ LENGTHS = (0.1, 0.3)  # of moves [m]
 SPARE_TRIES = 100  # of searches for repairs, beside as many as half of those of the search that failed
 ASKED = 2  # of the smallest repairs, whether the whole path is planned with them
 FEW = 4  # set-points, up to which a whole path is asked about where a part of it can be planned
-START = Scan(40, 1e-3, 0.01)  # of lengths by which a start is moved
+TRIES_EACH = 2  # besides, for each set-point, of plans from a start that is mended
+START, LOWERED = (
+    Scan(40, 1e-3, 0.01),
+    Scan(1, 1e-3, 0.01),
+)  # of lengths that a start is moved by, of clearance
 SPARE = 1e-3  # of a start beyond what frees it, so that the base can drive off [m]
 FARTHEST = 2.0  # of them [m]
 
@@ -104,36 +109,64 @@ def _away(scene: Scene, i: int, name: str) -> Array:
 def mended_start(scene: Scene, quick: Explanation, blocked: Asked, plans: Asked) -> Explanation:
     """The explanation of a base that cannot stand where it starts, with the changes that free it.
 
-    A repair says so where the path is not planned with it.
+    A repair says so where the path is not planned with it, or was not with as many tries as are made at most.
     """
     found = list[Repair]()
     lower = lower_clearance(scene)
     deep = any((cause.margin or 0.0) >= scene.world.base_clearance for cause in quick.causes)
     if lower is not None and not deep:  # no clearance helps a base that stands in a solid, or off the floor
-        amount = START.first(lambda cut: not blocked(lower.at(cut)), lower.most)
+        amount = LOWERED.first(lambda cut: not blocked(lower.at(cut)), lower.most)
         found += [] if amount is None else [lower.repair(min(amount + SPARE, lower.most))]
     solids = (move_obstacle(scene, cause.name) for cause in quick.causes if cause.kind == "obstacle")
     moves = [move_start(scene), *(move for move in solids if move is not None)]
-    found += [one for one in (_shortest(move, blocked) for move in moves) if one is not None]
-    repairs = [
-        one if plans(repaired(scene, one)) else replace(one, text=f"{one.text}, which frees the start alone")
-        for one in smallest_first(scene, found)
-    ]
+    found += [one for one in map(_shortest, moves) if one is not None and not blocked(repaired(scene, one))]
+    repairs = list(_told(scene, smallest_first(scene, found), plans))
     told = mended(repairs, [f"move {move.name} by up to {FARTHEST:g} m" for move in moves])
     return replace(quick, reason=f"{quick.reason} {told}", repairs=tuple(repairs))
 
 
-def _shortest(move: Move, blocked: Asked) -> Repair | None:
+def tries_for(scene: Scene) -> int:
+    """Tries that plans of a changed world may make where nothing has been searched before."""
+    return SPARE_TRIES + TRIES_EACH * len(scene.task)
+
+
+def _told(scene: Scene, found: Iterable[Repair], plans: Asked) -> Iterator[Repair]:
+    """Yield repairs of a start that tell whether the path is planned with them, as far as tries go."""
+    most = tries_for(scene)
+    with counted() as tries:
+        begun = tries.made
+        for one in found:
+            left = begun + most - tries.made
+            words = f", which frees the start; {most} tries did not show whether the path is planned then"
+            with suppress(TooManyTriesError), at_most(left):
+                words = "" if plans(repaired(scene, one)) else ", which frees the start alone"
+            yield replace(one, text=f"{one.text}{words}")
+
+
+def _shortest(move: Move) -> Repair | None:
     """The shortest of some steps on the floor that free the start, if any does."""
-    best, found = FARTHEST, None
+    frees, best, found = _frees(move), FARTHEST, None
     for way in circle(16):
-        change = move.along(way, FARTHEST)
-        length = START.first(_frees(change, blocked), best)
+        length = START.first(_along(frees, way), best)
         if length is not None and (found is None or length < best):
-            best, found = length, change.repair(length + SPARE)
+            best, found = length, move.repair((length + SPARE) * way)
     return found
 
 
-def _frees(change: Change, blocked: Asked) -> Callable[[float], bool]:
-    """Test whether amounts of a change free the start."""
-    return lambda amount: not blocked(change.at(amount))
+def _frees(move: Move) -> Callable[[Array], bool]:
+    """Test whether a step (2,) of the start, or of the one obstacle in its way, frees the start.
+
+    A step of an obstacle is one of the base the other way, with nothing else about.
+    """
+    scene = move.scene
+    start = Start(np.zeros(3), scene.robot.carry) if scene.start is None else scene.start
+    if move.kind == "move-start":
+        return lambda step: not is_blocked(scene, start.base + [*step, 0.0])
+    obstacles = tuple(one for one in scene.world.obstacles if one.name == move.name)
+    alone = scene.changed(obstacles=obstacles, floor=replace(scene.floor, cells=()))
+    return lambda step: too_close(alone, start.base - [*step, 0.0]) is None
+
+
+def _along(frees: Callable[[Array], bool], way: Array) -> Holds:
+    """Test whether steps of a length along a direction free the start."""
+    return lambda length: frees(length * way)

@@ -21,3 +21,18 @@ def unreached(scene: Scene, setpoints: Sequence[int]) -> Iterator[SetpointFailur
         verdict: Verdict = "unreachable" if answer.verdict[k] == "unreachable" else "undecided"
         i = setpoints[k]
         yield SetpointFailure(i, verdict, as_setpoint(answer.reason[k], i, len(scene.task)))
+
+
+def first_unreached(
+    scene: Scene, setpoints: Sequence[int], most: int, enough: int
+) -> tuple[list[SetpointFailure], list[int]]:
+    """The first of some set-points that are not reached, and those that were not looked at.
+
+    No more are looked at than ``most``, nor after ``enough`` are not reached.
+    """
+    found, begin = list[SetpointFailure](), 0
+    while begin < min(most, len(setpoints)) and len(found) < enough:
+        end = min(begin + enough - len(found), most)
+        found += unreached(scene, setpoints[begin:end])
+        begin = end
+    return found, list(setpoints[begin:])
