@@ -39,6 +39,7 @@ from regionik.regions import has_no_known_place, planned_areas
 from regionik.scene import Scene, scene_of
 from regionik.smoothing.smooth_motion import smooth_motion
 from regionik.values import Plan, PlannedArea, Stop
+from regionik.verification.stops import within_reached_circles
 from regionik.verification.verifier import verify
 from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import frozen
@@ -369,7 +370,7 @@ def _plan_stops(scene: Scene, seed: int) -> Plan:
     stats: dict[str, Any] = {"stops": stops}
     if scene.rules.order == "any":
         stats |= {"order": list(work.order), "tour": dict(work.tours)}
-    return _finished(work.scene, seed, done.joined, shown, done.stops, stats)
+    return within_reached_circles(_finished(work.scene, seed, done.joined, shown, done.stops, stats))
 
 
 def _verified(found: Plan) -> Plan:

@@ -12,6 +12,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from regionik.moving.transit import TransitPlanner
 from regionik.parking import arm_tour, sampled_poses
 from regionik.parking.fewest_stops import park
 from regionik.parking.held_postures import PostureCarrier
@@ -25,6 +26,7 @@ from regionik.postures.arm_roadmap import HeldPostures
 from regionik.postures.poses import Pose
 from regionik.scene import Scene, scene_of
 from regionik.verification.verifier import verify
+from regionik.worlds.errors import NoPlanFound
 from regionik.worlds.limits import Speeds
 from regionik.worlds.links import capsules_along
 from regionik.worlds.obstacles import Box
@@ -54,6 +56,19 @@ def few_poses(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sampled_poses, "FEWEST", 100)
     monkeypatch.setattr(sampled_poses, "DENSITY", 10)
     monkeypatch.setattr(sampled_poses, "ROUNDS", 2)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("few_poses")
+def test_a_way_that_is_not_found_is_told_as_such(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Postures at the second stop are known and clear; what is missing is the way there."""
+    world = holes(7, 1)
+    monkeypatch.setattr(TransitPlanner, "carried", lambda *_: None)
+    monkeypatch.setattr(TransitPlanner, "folded", lambda *_: None)
+    monkeypatch.setattr(TransitPlanner, "sampled", lambda *_: None)
+    with pytest.raises(NoPlanFound) as caught:
+        plan(replace(world, task=(world.task[0], world.task[-1])))
+    assert "no way to one of them was found" in caught.value.explanation.reason
 
 
 @pytest.mark.slow

@@ -27,6 +27,7 @@ from regionik.regions import outer_areas, path_areas
 from regionik.scene import Scene, scene_of
 from regionik.values import Plan
 from regionik.verification.led_postures import _excess, _Goals, _residual_and_jacobian
+from regionik.verification.stops import within_reached_circles
 from regionik.verification.verifier import verify
 from regionik.view.floor_view import floor_view
 from regionik.view.plan_picture import picture_of_plan
@@ -351,6 +352,19 @@ def test_verify_finds_every_broken_promise() -> None:
     first, *rest = found.stops
     report = verify(replace(found, stops=(replace(first, tolerance=first.tolerance + 0.3), *rest)))
     assert any("no posture was found that reaches" in violation.text for violation in report.violations)
+
+
+def test_circles_end_where_postures_are_found_all_round() -> None:
+    found = planned("shelf")
+    first, *rest = found.stops
+    stats = {key: value for key, value in found.stats.items() if key != "margins"}
+    broken = replace(found, stops=(replace(first, tolerance=first.tolerance + 0.3), *rest), stats=stats)
+    assert not verify(broken).ok
+    mended = within_reached_circles(broken)
+    assert verify(mended).ok
+    assert TAU <= mended.stops[0].tolerance < broken.stops[0].tolerance
+    again = within_reached_circles(mended)  # what holds is told as it is
+    assert [one.tolerance for one in again.stops] == [one.tolerance for one in mended.stops]
 
 
 @pytest.mark.slow

@@ -105,7 +105,7 @@ class _StopConnection:
 
     sequence: StopSequence
     search: PathSearch
-    _looked_at: dict[int, list[Pose]] = field(default_factory=dict)
+    _looked_at: dict[int, list[Candidate]] = field(default_factory=dict)  # by set-point
     _carriers: dict[int, PostureCarrier] = field(default_factory=dict)
     _left: list[ArmRoadmap | None] = field(default_factory=list)  # of the stops that are done
 
@@ -181,6 +181,7 @@ class _StopConnection:
     def _best(self, group: StopGroup, spot: Array | None, here: Pose | None) -> _Attempt:
         """The place from which most of a stop is done; places of parts of it where none does all of it."""
         best: _Attempt | None = None
+        self.search.transits.refusals.clear()  # those on the way to other stops tell nothing of this one
         placements, count = self._placements, len(group.setpoints)
         while count > (len(best.candidates) if best else 0):
             part = group
@@ -199,9 +200,9 @@ class _StopConnection:
             count //= 2
         if best is None or not best.candidates:
             i = group.setpoints[0]
-            for pose in self._looked_at.get(i, []):  # only now is it measured what the arm touches
-                self.search.sampler.clear(i, pose)
-            raise NoPlanFound(self.search.why_not(i, here))
+            # Only now is it measured what the arm touches.
+            clear = [one for one in self._looked_at.get(i, []) if self.search.sampler.clear(i, one.pose)]
+            raise NoPlanFound(self.search.why_not(i, here, clear[0] if clear else None))
         return best
 
     def _attempt(self, placement: BasePlacement, here: Pose | None, hard: int) -> _Attempt:
@@ -275,6 +276,7 @@ class _StopConnection:
         found, roadmap = self._postures(placement, i, components, near), placement.roadmap
         if roadmap is not None:
             own = [self._held(placement, i)]
+            self._looked_at.setdefault(i, []).extend(own)
             way = partial(self._driven if first else self._swung, roadmap)
             return self.search.arrive(i, here, own, way, hard if first else 1)
         postures = list(islice(found, ARRIVALS if first and self.scene.rules.order == "any" else POSTURES))
@@ -341,7 +343,7 @@ class _StopConnection:
             solver = self.search.sampler.solver(k, float(base[2]))
             for found in _on_target(solver, target, base, near):
                 candidate = Candidate(replace(found, base=base), k)
-                self._looked_at.setdefault(i, []).append(candidate.pose)
+                self._looked_at.setdefault(i, []).append(candidate)
                 if self._keeps(placement, i, candidate.found.joints):
                     yield candidate
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 import shapely
@@ -25,6 +26,8 @@ _ANGLES = 2 * np.pi * np.arange(RIM_POINTS) / RIM_POINTS
 RIM = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES), np.zeros(RIM_POINTS)])  # of a radius of 1
 RIM_STEPS = 4  # on the way out to the rim, each posture the start of the next
 RESTARTS = 32  # random postures tried where the one led on fails
+SHRINK = 0.7  # of a circle on whose rim none is found
+LEAST = 1e-4  # radius below which a circle is only its middle [m]
 FOOTPRINTS = 512  # parkings after which the room of the base is looked at
 PARKED_ARMS = 256  # targets tried after parkings, in all, but after no fewer parkings than
 FEWEST = 64
@@ -179,6 +182,23 @@ def _worst_on_rim(plan: Plan, stop: Stop) -> tuple[int, float]:
     excess = _restarted(plan.world, targets, poses, excess)
     worst = int(np.argmax(excess))
     return stop.setpoints[worst // RIM_POINTS], float(excess[worst])
+
+
+def within_reached_circles(plan: Plan) -> Plan:
+    """Return a plan whose stops promise no larger circle than one on whose rim their postures are found.
+
+    Areas know that there is a posture all over a circle, not that it is found from the plan's own. What the
+    rules ask for is promised in any case.
+    """
+    stops = tuple(replace(stop, tolerance=_reached_radius(plan, stop)) for stop in plan.stops)
+    return replace(plan, stops=stops)
+
+
+def _reached_radius(plan: Plan, stop: Stop) -> float:
+    wanted, radius = plan.world.rules.stop_tolerance, stop.tolerance
+    while radius > wanted and _worst_on_rim(plan, replace(stop, tolerance=radius))[1] > 0:
+        radius = max(wanted, SHRINK * radius if radius > LEAST else 0.0)
+    return radius
 
 
 def _restarted(world: World, targets: Sequence[Target], poses: Array, excess: Array) -> Array:
