@@ -306,6 +306,13 @@ FAULTS = (
         ("tests/test_derived_fields.py",),
     ),
     Fault(
+        "scene: the ground is kept when obstacles change",
+        "regionik/scene.py",
+        '_BODY = frozenset({"robot", "floor", "obstacles", "rules"})',
+        '_BODY = frozenset({"robot", "floor", "rules"})',
+        ("tests/test_scene.py",),
+    ),
+    Fault(
         "pruning: the backward cut is skipped",
         "regionik/pruning.py",
         "keep[rung] &= _followed(keep, ladder.ahead[rung])",
