@@ -180,21 +180,19 @@ class _Connection:
         if i in self.held:
             yield self.held[i], self._standing
         if here is not None:
-            yield from self._going(i, sampler.nearest(i, kept, here))
-        yield from self._going(i, sampler.nominal(i, kept, here or goal.pose, goal))
-        yield from self._going(i, sampler.roomy(i, kept, goal.pose))
+            yield from self._going(sampler.nearest(i, kept, here))
+        yield from self._going(sampler.nominal(i, kept, here or goal.pose, goal))
+        yield from self._going(sampler.roomy(i, kept, goal.pose))
 
     def _elsewhere(self, i: int, here: Pose | None, first: Candidate) -> Iterator[Start]:
         """Where a run may begin but at a first candidate: far from joint limits, then as `_arrive` has it."""
         sampler, goal = self.search.sampler, self.nominal[i]
         kept = self._kept(i, goal)
-        yield from self._going(i, sampler.roomy(i, kept, first.pose))
-        yield from self._going(i, islice(sampler.arrivals(i, kept, here or goal.pose, goal), TRIES))
+        yield from self._going(sampler.roomy(i, kept, first.pose))
+        yield from self._going(islice(sampler.arrivals(i, kept, here or goal.pose, goal), TRIES))
 
-    def _going(self, i: int, begun: Iterator[Candidate]) -> Iterator[Start]:
+    def _going(self, begun: Iterator[Candidate]) -> Iterator[Start]:
         """Configurations from which base and joints go on together, the joints back towards their home."""
-        if not self._rolls:
-            begun = map(partial(self.search.sampler.brought_onto, i), begun)
         return ((first, partial(self._onward, self._home(first))) for first in begun)
 
     def _home(self, first: Candidate) -> Array | None:

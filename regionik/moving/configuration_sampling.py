@@ -7,7 +7,6 @@ the base in the area, and the arm's postures at each.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -230,20 +229,6 @@ class ConfigurationSampler:
         found = Configuration(way[-1].base, way[-1].joints, 0.0, 0, True)  # measured on arrival
         for k in self._by_nearness(range(*self.ladder.rungs[i : i + 2]), way[-1])[:1]:
             yield Candidate(found, k, tuple(way))
-
-    def brought_onto(self, i: int, candidate: Candidate) -> Candidate:
-        """A candidate with its tool brought onto its set-point to rounding; as it is where that fails.
-
-        What is within tolerance of a set-point is too far off its path to go on from.
-        """
-        target = self.scene.task[i]
-        aim = in_columns([aim_of(target)])
-        pose = None if self.resolved is None else self.resolved.states.state(aim, candidate.pose)
-        if pose is None:
-            return candidate
-        error = math.dist(self.scene.robot.tool(pose.base, pose.joints)[:3, 3], target.position)
-        found = replace(candidate.found, base=pose.base, joints=pose.joints, error=error)
-        return replace(candidate, found=found)
 
     def _near_postures(self, i: int, base: Array, k: int, here: Pose) -> Iterator[Candidate]:
         """Clear postures at a base pose that FABRIK and damped least squares come to from the present one."""

@@ -247,7 +247,7 @@ class ResolvedMotion:
         while ahead:
             tried = [at, *ahead[: -AT_ONCE - 1 : -1]]
             asked = _goals(a, b, tried)
-            states = self._led(asked, passed[-1], home, np.diff(tried) * count)
+            states = self._led(asked, passed[-1], home)
             done = self._held(asked[: len(states)], states)
             passed += states[1 : done + 1]
             at = tried[done]
@@ -258,14 +258,11 @@ class ResolvedMotion:
                 ahead.append((at + ahead[-1]) / 2)
         return passed[1:]
 
-    def _led(self, asked: list[Target], near: Pose, home: Array | None, hops: Array) -> list[Pose]:
-        """States at targets from ``near`` at the first, one from the other, as far as they are found.
-
-        Hops are told in strides: joints go back towards their home by as much less as a hop is shorter.
-        """
+    def _led(self, asked: list[Target], near: Pose, home: Array | None) -> list[Pose]:
+        """States at targets from ``near`` at the first, one from the other, as far as they are found."""
         states = [near]
-        for target, hop in zip(asked[1:], hops.tolist(), strict=True):
-            pose = self.states.state(in_columns([aim_of(target)]), states[-1], home=home, stride=hop)
+        for target in asked[1:]:
+            pose = self.states.state(in_columns([aim_of(target)]), states[-1], home=home)
             if pose is None or math.dist(states[-1].base[:2], pose.base[:2]) > self.scene.rules.step:
                 break
             states.append(pose)

@@ -33,7 +33,7 @@ ROUNDS = 20  # of Newton's method
 PATIENCE = 4  # of these that bring the tool no nearer than it was, after which it ends
 EXACT = 1e-6  # miss of the tool, angles as lengths [m]
 TO_SPARE = 0.002  # of what is near, left for the way between states [m]
-HOMEWARD = 0.2  # share of the way home that joints are wished to go in a stride
+HOMEWARD = 0.2  # share of the way home that joints are wished to go in a step
 NEAREST = 0.999  # share of the way from the middle of a joint's range to its end that weighs most
 
 
@@ -58,12 +58,11 @@ class ResolvedStates:
         still: Sequence[int] = (),
         bend: float = LARGEST_BEND,
         home: Array | None = None,
-        stride: float = 1.0,
     ) -> Pose | None:
         """The state that meets one aim by the least motion from a start; None for none.
 
         Some coordinates of the base's motion stay ``still``; no joint goes farther than ``bend``. What
-        redundancy leaves open goes back towards joints at ``home`` (dof,), in proportion to the ``stride``.
+        redundancy leaves open goes back towards joints at ``home`` (dof,).
         """
         if self.scene.rules.heading == "face_target":  # which no motion of base and joints together keeps
             return None
@@ -71,7 +70,7 @@ class ResolvedStates:
         motion, rows = np.zeros(len(self._speeds)), self._floor_rows(start)
         wished = np.zeros(len(motion))
         if home is not None:
-            wished[n:] = HOMEWARD * stride * (home - start.joints)
+            wished[n:] = HOMEWARD * (home - start.joints)
         low, high = np.full((2, len(motion)), [[-np.inf], [np.inf]])
         low[n:] = np.maximum(chain.lower - start.joints, -bend)
         high[n:] = np.minimum(chain.upper - start.joints, bend)
