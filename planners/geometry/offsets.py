@@ -8,6 +8,8 @@ leave a hole of some square millimetres or less.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
@@ -18,6 +20,20 @@ _QUAD_SEGMENTS = 12
 _QUANTUM = np.pi / (2 * _QUAD_SEGMENTS)  # angle of one segment of an arc [rad]
 ROUNDING = 1e-6  # a number of segments this near to the next may be rounded either way
 SHALLOW = 0.01  # of the distance: how deep bays may be that are filled
+SHRINK = 0.7  # of a circle for which something does not hold
+LEAST = 1e-4  # radius below which a circle is only its middle [m]
+
+
+def radius_that_holds(most: float, least: float, holds: Callable[[float], bool]) -> float:
+    """Return the first of ever smaller radii for which something holds; the least where none does.
+
+    >>> round(radius_that_holds(1.0, 0.1, lambda radius: radius < 0.5), 3)
+    0.49
+    """
+    radius = most
+    while radius > least and not holds(radius):
+        radius = max(least, SHRINK * radius if radius > LEAST else 0.0)
+    return radius
 
 
 def grown(shape: BaseGeometry, by: float, *, outside: bool) -> BaseGeometry:

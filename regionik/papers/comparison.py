@@ -95,9 +95,10 @@ def _mfabrik(world: World) -> Methods:
 
 def _mfabrik_in_areas(world: World) -> Methods:
     """M-FABRIK within the areas of the whole path, as plans use it."""
-    standing, _, pruned = whole_path(scene_of(world))
-    chain = choose_chain(pruned, standing, start_place(scene_of(world)))
-    return list(solvers_along(scene_of(world), pruned.ladder, standing, chain))
+    scene = scene_of(world)
+    standing, _, pruned = whole_path(scene)
+    chain = choose_chain(pruned, standing, start_place(scene))
+    return list(solvers_along(scene, pruned.ladder, standing, chain))
 
 
 def _with_sliding_base(kind: type[ArmMethod]) -> Callable[[World], Methods]:
@@ -281,7 +282,8 @@ def _start(world: World) -> tuple[Array, Array]:
 
 
 def _score(world: World, name: str, answers: Sequence[Configuration], seconds: float, ours: float) -> Score:
-    robot, room, guard = world.robot, scene_of(world).footprint, scene_of(world).guard
+    scene = scene_of(world)
+    robot, room, guard = scene.robot, scene.footprint, scene.guard
     base, joints = np.array([one.base for one in answers]), np.array([one.joints for one in answers])
     tools = robot.tool(base, joints)
     missed = np.array([goal_error(target, tool) for target, tool in zip(world.task, tools, strict=True)])

@@ -7,11 +7,13 @@ its postures at the first, and the heading of the base is one that leaves its pi
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from regionik.areas.standing import into_span
 from regionik.mfabrik import Solver
+from regionik.planners.geometry.offsets import radius_that_holds
 from regionik.planners.reach.serial_criteria import led_along
 from regionik.planners.solvers.redundancy_resolution import PathSolving, resolve_redundancy
 from regionik.planners.solvers.serial_chain import serial_arm
@@ -29,8 +31,6 @@ MORE_TRIES = 12  # motions to a posture that are looked at where few did not do
 ENOUGH = 3  # of those that serve every set-point, so many are compared
 RIM = np.arange(8) * np.pi / 4  # directions in which a circle to park in is tried [rad]
 RIM_SHARE = 0.5  # of the tolerance that the tool may miss there, so that others find the posture too
-SHRINK = 0.7  # of a circle whose rim is not reached all round
-LEAST = 1e-4  # radius below which a circle is only its middle [m]
 RIM_STEPS = 4  # on the way out to its rim, each posture the start of the next
 
 
@@ -205,8 +205,7 @@ class PostureCarrier(PostureSearch):
         """
         wanted, radius = self.world.rules.stop_tolerance, most
         for i, q in enumerate(joints):
-            while radius > wanted and not self.reaches_rim(i, base, q, radius):
-                radius = max(wanted, SHRINK * radius if radius > LEAST else 0.0)
+            radius = radius_that_holds(radius, wanted, partial(self.reaches_rim, i, base, q))
         return max(radius, wanted)
 
     def _carried(

@@ -25,6 +25,7 @@ from regionik.parking.held_postures import PostureCarrier
 from regionik.parking.parking_areas import StopGroup
 from regionik.parking.placements import BasePlacement, PlacementSearch
 from regionik.parking.stop_sequence import StopSequence
+from regionik.planners.geometry.offsets import radius_that_holds
 from regionik.planners.progress import tell
 from regionik.postures.arm_roadmap import ArmRoadmap
 from regionik.postures.poses import Pose, Row, distinct
@@ -39,8 +40,6 @@ HARD_PLACES = 2  # of these, how many of a stop with more set-points are worth a
 POSTURES = 8  # at one set-point that are tried from the one before
 ARRIVALS = 3  # of them that are worth a drive, in any order
 FEW = 4  # motions to the next set-point that are tried where the tool may as well be lifted
-SHRINK = 0.7  # of a circle whose rim is not reached all round
-LEAST = 1e-4  # radius below which a circle is only its middle [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,8 +262,8 @@ class _StopConnection:
             if self.scene.model(self.scene.task[i]).exact:
                 continue
             carrier, joints = self._carrier(i), candidate.found.joints
-            while radius > wanted and not carrier.reaches_rim(0, placement.base, joints, radius):
-                radius = max(wanted, SHRINK * radius if radius > LEAST else 0.0)
+            reached = partial(carrier.reaches_rim, 0, placement.base, joints)
+            radius = radius_that_holds(radius, wanted, reached)
         return radius
 
     def _arrive(

@@ -10,7 +10,7 @@ import shapely
 from numpy.typing import NDArray
 from scipy.special import bdtr
 
-from regionik.planners.geometry.offsets import farthest_outside
+from regionik.planners.geometry.offsets import farthest_outside, radius_that_holds
 from regionik.values import Plan, Stop, Violation
 from regionik.verification.base_clearance import base_shadows, footprint_hulls
 from regionik.verification.led_postures import postures_led_to
@@ -26,8 +26,6 @@ _ANGLES = 2 * np.pi * np.arange(RIM_POINTS) / RIM_POINTS
 RIM = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES), np.zeros(RIM_POINTS)])  # of a radius of 1
 RIM_STEPS = 4  # on the way out to the rim, each posture the start of the next
 RESTARTS = 32  # random postures tried where the one led on fails
-SHRINK = 0.7  # of a circle on whose rim none is found
-LEAST = 1e-4  # radius below which a circle is only its middle [m]
 FOOTPRINTS = 512  # parkings after which the room of the base is looked at
 PARKED_ARMS = 256  # targets tried after parkings, in all, but after no fewer parkings than
 FEWEST = 64
@@ -195,10 +193,10 @@ def within_reached_circles(plan: Plan) -> Plan:
 
 
 def _reached_radius(plan: Plan, stop: Stop) -> float:
-    wanted, radius = plan.world.rules.stop_tolerance, stop.tolerance
-    while radius > wanted and _worst_on_rim(plan, replace(stop, tolerance=radius))[1] > 0:
-        radius = max(wanted, SHRINK * radius if radius > LEAST else 0.0)
-    return radius
+    def reached(radius: float) -> bool:
+        return _worst_on_rim(plan, replace(stop, tolerance=radius))[1] <= 0
+
+    return radius_that_holds(stop.tolerance, plan.world.rules.stop_tolerance, reached)
 
 
 def _restarted(world: World, targets: Sequence[Target], poses: Array, excess: Array) -> Array:
