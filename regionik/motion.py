@@ -1,8 +1,9 @@
 """The motion between configurations: the tool stays on its path wherever areas and obstacles allow it.
 
-Base and joints go on together where the tool is turned as asked, as far as that leads. A search of clear
-configurations follows what M-FABRIK found, and tries others of the same set-point where the arm would touch
-something. Where a run ends, the tool is lifted and the base drives over free floor.
+Where the tool is turned as asked, runs of base and joints together are grown from configurations at one
+set-point, and at those where they are stuck. A search of clear configurations follows what M-FABRIK found,
+and tries others of the same set-point where the arm would touch something. Where a run ends, the tool is
+lifted and the base drives over free floor.
 """
 
 from __future__ import annotations
@@ -20,23 +21,17 @@ from regionik.areas.standing import Standing
 from regionik.explain import arm_failures
 from regionik.mfabrik import configurations
 from regionik.moving.base_motion import Candidate
+from regionik.moving.grown_runs import RunGrowth
 from regionik.moving.layered_search import LayeredSearch
-from regionik.moving.path_search import Ahead, JoinedMotion, PathSearch, SearchStep, path_search
+from regionik.moving.path_search import PATIENCE, JoinedMotion, PathSearch, SearchStep, path_search
 from regionik.planners.progress import tell, track
 from regionik.postures.poses import Pose, Row
 from regionik.pruning import Pruned, choose_chain, solvers_along, start_place, start_pose
 from regionik.scene import Scene
-from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Explanation, NoPlanFound
 
 TRIES = 16  # candidates tried at the next set-point, or to begin a run from
-BEGUN = 3  # of the longest runs of base and joints together, of which one is gone on with by search
 SOON = 24  # candidates tried without getting farther before base and joints go on together
-ROOM = 0.1  # share of a joint's range that is left to its limits where a run goes back to
-FEW = 60  # set-points that they may go through and fail in any case
-WAYS = 2, 12  # times as many as the farthest of them went, and on wheels
-
-Start = tuple[Candidate, Ahead]  # of a run, and how it goes on from there without a search
 
 
 class JoinedRun(NamedTuple):
@@ -58,7 +53,7 @@ def connect_setpoints(
     if scene.robot.drive.rolls:
         layers = LayeredSearch(scene, pruned.ladder, pruned.keep, pruned.breaks, standing)
     search = path_search(scene, pruned.ladder, standing, seed, layers)
-    return _Connection(pruned, standing, held, search).made()
+    return _Connection(pruned, standing, held, search, RunGrowth(search)).made()
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +64,7 @@ class _Connection:
     standing: Standing
     held: Mapping[int, Candidate]
     search: PathSearch
+    growth: RunGrowth
 
     @property
     def scene(self) -> Scene:
@@ -114,98 +110,71 @@ class _Connection:
     def _run(self, i: int, here: Pose | None) -> JoinedRun:
         """Move to set-point i with the tool lifted, and the longest run found from there.
 
-        Where the tool is turned as asked, and on wheels, base and joints go on together first. Else, and
-        where they get stuck, configurations are searched, those of M-FABRIK first; where that leads nowhere
-        soon, base and joints go on together from elsewhere before the search ends.
+        A base that does for the whole run stands still. Else, where the tool is turned as asked, and on
+        wheels, base and joints go on together, and configurations are searched where they are stuck.
+        Elsewhere they are searched first, those of M-FABRIK before others.
         """
-        count = min((k for k in self.pruned.breaks if k > i), default=len(self.scene.task)) - i
-        best: JoinedRun | None = None
-        if self._rolls or any(one.direction is not None for one in self.scene.task[i : i + count]):
-            best = self._together(i, count, here, self._starts(i, here), resumed=not self._rolls)
-        if best is None or len(best.steps) < count:
-            best = self._searched(i, count, here, best)
-        return best
+        end = min((k for k in self.pruned.breaks if k > i), default=len(self.scene.task))
+        standing = self._stood(i, end, here)
+        if standing is not None:
+            return standing
+        if not self._rolls and all(one.direction is None for one in self.scene.task[i:end]):
+            return self._searched(i, end, here, SOON)
+        known = self._together(i, end, here)
+        return self._searched(i, end, here) if known is None else self._resumed(i, end, known)
 
-    def _searched(self, i: int, count: int, here: Pose | None, known: JoinedRun | None) -> JoinedRun:
-        """The longest run that a search finds, or that is known, or a whole one begun elsewhere."""
-        try:
-            way, first = self._arrive(i, here)
-        except NoPlanFound:
-            if known is None:
-                raise
-            return known
-        run = self.search.run(i, count, first, self._ahead)
-        if len(run.longest(SOON)) < count:
-            whole = self._together(i, count, here, self._elsewhere(i, here, first), resumed=False)
-            if whole is not None:
-                return whole
-        found = JoinedRun(way, run.longest())
-        return found if known is None or len(known.steps) < len(found.steps) else known
+    def _stood(self, i: int, end: int, here: Pose | None) -> JoinedRun | None:
+        """The whole run with the base in the one place that does for it; None for none."""
+        if i not in self.held:
+            return None
+        steps = self.search.run(i, end - i, self.held[i], self._standing).longest()
+        way = self._unfolded(i, here, self.held[i]) if len(steps) == end - i else None
+        return None if way is None else JoinedRun(way, steps)
 
-    def _together(
-        self, i: int, count: int, here: Pose | None, starts: Iterator[Start], *, resumed: bool
-    ) -> JoinedRun | None:
-        """A whole run of base and joints together from one of some starts; None for none.
-
-        The longest one is ``resumed`` by a search, which may end sooner.
-        """
-        tried = list[list[SearchStep]]()
-        for first, ahead in starts:
-            tried.append(self.search.run(i, count, first, ahead).longest())
-            if len(tried[-1]) == count and (way := self._unfolded(i, here, first)) is not None:
-                return JoinedRun(way, tried[-1])
-            if self._in_vain(tried):
-                break
-        for steps in sorted(tried, key=len, reverse=True)[: BEGUN * resumed]:
-            way = self._unfolded(i, here, steps[0].candidate)
-            if way is not None:
-                return JoinedRun(way, self.search.resumed(i, count, steps, self._ahead).longest())
+    def _together(self, i: int, end: int, here: Pose | None) -> JoinedRun | None:
+        """The longest run of base and joints together from set-point i; None for none."""
+        found = list[list[SearchStep]]()
+        for run in self.growth.runs_from(i, end, partial(self._seeds, i, here)):
+            found.append(run.between(i, end))
+            if run.end >= end and (way := self._unfolded(i, here, found[-1][0].candidate)) is not None:
+                return JoinedRun(way, found[-1])
+        for steps in found[::-1]:
+            if (way := self._unfolded(i, here, steps[0].candidate)) is not None:
+                return JoinedRun(way, steps)
         return None
 
-    def _in_vain(self, tried: list[list[SearchStep]]) -> bool:
-        """Whether no more starts are tried, by the set-points that those before went through."""
-        lengths = [len(steps) for steps in tried]
-        return sum(lengths) > max(FEW, WAYS[self._rolls] * max(lengths))
+    def _resumed(self, i: int, end: int, known: JoinedRun) -> JoinedRun:
+        """A run that is gone on with by search where it is stuck."""
+        return JoinedRun(known.way, self.search.resumed(i, end - i, known.steps, self._ahead).longest())
+
+    def _searched(self, i: int, end: int, here: Pose | None, soon: int = PATIENCE) -> JoinedRun:
+        """The longest run that a search finds; base and joints go on together where it does not end soon."""
+        way, first = self._arrive(i, here)
+        run = self.search.run(i, end - i, first, self._ahead)
+        if len(run.longest(soon)) < end - i and soon < PATIENCE:
+            whole = self._together(i, end, here)
+            if whole is not None and len(whole.steps) == end - i:
+                return whole
+        return JoinedRun(way, run.longest())
+
+    def _seeds(self, i: int, here: Pose | None, at: int) -> Iterator[Candidate]:
+        """Where a run through a set-point ``at`` may begin that is to lead from set-point i.
+
+        The least motion from here, where M-FABRIK has it, far from joint limits, and where else it is clear.
+        """
+        sampler, goal = self.search.sampler, self._goal(at)
+        kept, start = self._kept(at, goal), here or goal.pose
+        if here is not None and at == i:
+            yield from sampler.nearest(at, kept, here)
+        yield from sampler.nominal(at, kept, start, goal)
+        yield from sampler.roomy(at, kept, goal.pose)
+        yield from islice(sampler.arrivals(at, kept, start, goal), TRIES)
 
     def _unfolded(self, i: int, here: Pose | None, first: Candidate) -> list[Row] | None:
         """The way to where a run begins with the tool lifted, the arm folded on it; None without one."""
         search = self.search
         arrived = search.arrive(i, here, [first], search.transits.folded, hard=0)
         return None if arrived is None else arrived[0]
-
-    def _starts(self, i: int, here: Pose | None) -> Iterator[Start]:
-        """Where a run may begin: the one place that does for it, the least motion away, or M-FABRIK's."""
-        sampler, goal = self.search.sampler, self._goal(i)
-        kept = self._kept(i, goal)
-        if i in self.held:
-            yield self.held[i], self._standing
-        if here is not None:
-            yield from self._going(sampler.nearest(i, kept, here))
-        yield from self._going(sampler.nominal(i, kept, here or goal.pose, goal))
-        yield from self._going(sampler.roomy(i, kept, goal.pose))
-
-    def _elsewhere(self, i: int, here: Pose | None, first: Candidate) -> Iterator[Start]:
-        """Where a run may begin but at a first candidate: far from joint limits, then as `_arrive` has it."""
-        sampler, goal = self.search.sampler, self.nominal[i]
-        kept = self._kept(i, goal)
-        yield from self._going(sampler.roomy(i, kept, first.pose))
-        yield from self._going(islice(sampler.arrivals(i, kept, here or goal.pose, goal), TRIES))
-
-    def _going(self, begun: Iterator[Candidate]) -> Iterator[Start]:
-        """Configurations from which base and joints go on together, the joints back towards their home."""
-        return ((first, partial(self._onward, self._home(first))) for first in begun)
-
-    def _home(self, first: Candidate) -> Array | None:
-        """Joints that a run from a configuration goes back to: its own ones, off their limits.
-
-        On wheels the base cannot make room for that at once.
-        """
-        if self._rolls:
-            return None
-        chain = self.scene.robot.chain
-        room = np.where(np.isfinite(chain.upper - chain.lower), ROOM * (chain.upper - chain.lower), 0.0)
-        home: Array = np.clip(first.found.joints, chain.lower + room, chain.upper - room)
-        return home
 
     def _goal(self, i: int) -> Candidate:
         """What M-FABRIK finds at a set-point: at the first, before a chain is made, in its widest area."""
@@ -242,12 +211,6 @@ class _Connection:
     def _standing(self, i: int, here: Candidate) -> Iterator[Candidate]:
         """The configuration after set-point i of a run from one place."""
         return iter([self.held[i + 1]] if i + 1 in self.held else [])
-
-    def _onward(self, home: Array | None, i: int, here: Candidate) -> Iterator[Candidate]:
-        """The candidate to which base and joints go on together from set-point i."""
-        if i + 1 >= len(self.scene.task):
-            return iter(())
-        return self.search.sampler.resolved_onward(i + 1, here.pose, home)
 
     def _kept(self, i: int, goal: Candidate) -> list[int]:
         """Components of a set-point that the pruning left, that of what M-FABRIK found first."""

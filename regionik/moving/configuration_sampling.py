@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from itertools import chain as one_after_another
 from itertools import islice
 
@@ -19,7 +19,7 @@ from shapely.geometry import Point
 
 from regionik.areas.held_reach import held_reach
 from regionik.areas.reachable import reach_model
-from regionik.areas.standing import Standing, away, into_span, spread
+from regionik.areas.standing import Standing, away, into_span, into_spans, spread
 from regionik.ladder import Ladder
 from regionik.mfabrik import Solver, solver_for
 from regionik.moving.base_motion import Candidate
@@ -181,7 +181,7 @@ class ConfigurationSampler:
         assert self.resolved is not None
         aim = in_columns([aim_of(self.scene.task[i])])
         pose = self.resolved.states.state(aim, start, still, bend=np.inf)
-        if pose is None or not self.meets(pose):
+        if pose is None or abs(pose.base[2] - start.base[2]) > np.pi or not self.meets(pose):
             return
         if fits(self.scene.footprint, *pose.base) and self.clear(i, pose):
             found = Configuration(pose.base, pose.joints, 0.0, 0, True)
@@ -213,17 +213,23 @@ class ConfigurationSampler:
     def _by_nearness(self, components: Sequence[int], here: Pose) -> list[int]:
         """Components, those that the base has the least way to first."""
         axis, parts = Point(axis_of(self.scene.robot, here.base)), self.ladder.component[list(components)]
-        turns = [away(float(here.base[2]), self._span(k)) for k in components]
-        order = np.argsort(shapely.distance(parts, axis) + TURN_WEIGHT * np.array(turns), kind="stable")
+        yaw, spans = here.base[2], self._spans[self.ladder.side[list(components)]]
+        turns = np.abs(into_spans(np.full(len(spans), yaw), *spans.T) - yaw)
+        order = np.argsort(shapely.distance(parts, axis) + TURN_WEIGHT * turns, kind="stable")
         return [components[m] for m in order.tolist()]
 
-    def resolved_onward(self, i: int, here: Pose, home: Array | None = None) -> Iterator[Candidate]:
+    def resolved_onward(
+        self, i: int, here: Pose, home: Array | None = None, *, back: bool = False
+    ) -> Iterator[Candidate]:
         """The configuration to which base and joints go on together by the least motion, in any component.
+
+        They come from the set-point before, or ``back`` from the one after.
 
         Areas of set-points far apart need not overlap for that, nor need they show where it stands. See
         `ResolvedMotion.onward`.
         """
-        way = None if self.resolved is None else self.resolved.onward(i - 1, here, home)
+        left = i + 1 if back else i - 1
+        way = None if self.resolved is None else self.resolved.onward(left, here, home, back=back)
         if way is None:
             return
         found = Configuration(way[-1].base, way[-1].joints, 0.0, 0, True)  # measured on arrival
@@ -376,6 +382,11 @@ class ConfigurationSampler:
     def _span(self, k: int) -> tuple[float, float]:
         """Headings of a component [rad]."""
         return self.standing.sides[int(self.ladder.side[k])].span
+
+    @cached_property
+    def _spans(self) -> Array:
+        """Headings of each side, (s, 2) [rad]."""
+        return np.array([side.span for side in self.standing.sides])
 
     def solver(self, k: int, heading: float | None = None) -> Solver:
         """M-FABRIK inside a component, at any heading of its slab or at one."""

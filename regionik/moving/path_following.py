@@ -234,13 +234,15 @@ class ResolvedMotion:
     scene: Scene
     guard: Guard
 
-    def onward(self, i: int, here: Pose, home: Array | None = None) -> list[Pose] | None:
-        """States with the tool on its path from set-point i to the next; None where no such way is free.
+    def onward(
+        self, i: int, here: Pose, home: Array | None = None, *, back: bool = False
+    ) -> list[Pose] | None:
+        """States with the tool on its path from set-point i to the next, or ``back`` to the one before.
 
-        What redundancy leaves open goes back towards joints at ``home``. A hop that is not proven is halved,
-        as often as it may help.
+        None where no such way is free. What redundancy leaves open goes back towards joints at ``home``. A
+        hop that is not proven is halved, as often as it may help.
         """
-        a, b = self.scene.task[i : i + 2]
+        a, b = self.scene.task[i], self.scene.task[i - 1 if back else i + 1]
         count = self._count(a, b)
         least = 0.5 ** (HALVINGS[self.scene.robot.drive.rolls] - 0.5) / count  # share that is not halved
         ahead, passed, at = list(np.arange(count, 0, -1) / count), [here], 0.0  # the next share last

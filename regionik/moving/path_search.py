@@ -133,6 +133,16 @@ class PathSearch:
         arrived = self._arrived(k, goal, rows[-1].pose)
         return SearchStep(arrived, rows[:-1], ahead(k, arrived))
 
+    def led(self, k: int, here: Candidate, home: Array | None, *, back: bool) -> Candidate | None:
+        """The candidate at set-point k to which base and joints go on together; None where they do not.
+
+        They come from the set-point before it, or ``back`` from the one after.
+        """
+        found = next(self.sampler.resolved_onward(k, here.pose, home, back=back), None)
+        if found is None or not self.sampler.meets(found.pose):
+            return None
+        return self._arrived(k, found, found.pose)
+
     def _followed(self, i: int, here: Candidate, goal: Candidate) -> list[Row] | None:
         """Motion from set-point i to the next; where the base stands in no area, its way is proven free."""
         rows, resolved = self.follower.follow(i, here, goal), self.sampler.resolved

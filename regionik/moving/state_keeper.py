@@ -66,10 +66,15 @@ class StateKeeper:
         assert self.room is not None
         (x, y), c, s = self.room.corners.T, np.cos(states[:, 2:3]), np.sin(states[:, 2:3])
         turned = np.stack([c * x - s * y, s * x + c * y], axis=-1)
-        outlines = shapely.convex_hull(shapely.multipoints(turned + states[:, None, :2]))  # of one, too
         reach = float(self.room.clearance.max(initial=0.0)) + NEAR
+        far = reach + float(np.hypot(x, y).max())  # an outline takes longer than the point in it
+        spots = shapely.points(states[:, :2])
+        near = np.unique(self._floor_edges.query(spots, predicate="dwithin", distance=far)[0])
+        outlines = shapely.convex_hull(
+            shapely.multipoints((turned + states[:, None, :2])[near])
+        )  # of one, too
         k, edge = self._floor_edges.query(outlines, predicate="dwithin", distance=reach)
-        lines = shapely.shortest_line(self._floor_edges.geometries[edge], outlines[k])
+        lines, k = shapely.shortest_line(self._floor_edges.geometries[edge], outlines[k]), near[k]
         on_edge, point = shapely.get_coordinates(lines).reshape(-1, 2, 2).swapaxes(0, 1)
         away = point - on_edge
         apart = np.linalg.norm(away, axis=1)

@@ -1,0 +1,131 @@
+"""Runs of set-points that base and joints do together, grown from a configuration towards both ends.
+
+A motion with the tool on its path may be gone through either way, so a run need not begin where the path
+does. Where the farthest run is stuck others are begun, and grow back to where it began and onward past there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+
+from regionik.moving.base_motion import Candidate
+from regionik.moving.path_search import PathSearch, SearchStep
+from regionik.planners.progress import tell
+from regionik.planners.tries import count_tries
+from regionik.postures.poses import Pose, Row
+from regionik.worlds.arrays import Array
+
+ROOM = 0.1  # share of a joint's range that is left to its limits where a run goes back to
+FEW = 60  # set-points that runs may go through and get no farther in any case
+WAYS = 2, 12  # times as many as the farthest of them went, and on wheels
+
+Seeds = Callable[[int], Iterator[Candidate]]  # configurations at a set-point, the likeliest first
+
+
+@dataclass(frozen=True, eq=False)
+class GrownRun:
+    """Configurations at set-points in a row, each with the states that lead to it from the one before."""
+
+    first: int  # set-point
+    steps: list[SearchStep]
+
+    @property
+    def end(self) -> int:
+        """Set-point after the last."""
+        return self.first + len(self.steps)
+
+    def between(self, i: int, end: int) -> list[SearchStep]:
+        """Steps of some of its set-points; none leads to the first."""
+        first, *others = self.steps[i - self.first : end - self.first]
+        return [_begun(first.candidate), *others]
+
+
+@dataclass(frozen=True, eq=False)
+class RunGrowth:
+    """Grows runs, and knows those that it has grown."""
+
+    search: PathSearch
+    known: list[GrownRun] = field(default_factory=list)
+
+    def runs_from(self, i: int, end: int, seeds: Seeds) -> Iterator[GrownRun]:
+        """Yield runs through set-point i towards ``end``, none of which gets less far than one before.
+
+        They begin there, and then where the farthest is stuck as long as that leads farther.
+        """
+        farthest = at = i
+        for run in self._through(i):
+            farthest = run.end
+            yield run
+        while farthest < end:
+            passed = list[int]()
+            for seed in seeds(at):
+                run = self._grown(at, seed, range(i, end))
+                self.known.append(run)
+                passed.append(len(run.steps))
+                if run.first == i and run.end >= farthest:
+                    farthest = run.end
+                    tell("run", farthest - i, end - i)
+                    yield run
+                if farthest == end or i < at < farthest or self._in_vain(passed):
+                    break
+            if farthest == at:
+                break
+            at = farthest
+
+    def _through(self, i: int) -> list[GrownRun]:
+        """Known runs through a set-point, that which gets farthest last."""
+        return sorted((run for run in self.known if run.first <= i < run.end), key=lambda run: run.end)
+
+    def _in_vain(self, passed: list[int]) -> bool:
+        """Whether no more seeds are tried, by the set-points that runs from those before went through."""
+        return sum(passed) > max(FEW, WAYS[self.search.scene.robot.drive.rolls] * max(passed))
+
+    def _grown(self, i: int, seed: Candidate, within: range) -> GrownRun:
+        """The run through a configuration at set-point i, inside a range of set-points."""
+        home = self._home(seed)
+        before = self._led(seed, range(i - 1, within.start - 1, -1), home)
+        after = self._led(seed, range(i + 1, within.stop), home)
+        first = i - len(before)
+        met = [seed, *before][::-1]
+        steps = [_begun(met[0])]
+        for k, (here, there) in enumerate(pairwise(met), first):  # its way leads back from there to here
+            steps.append(_step(k, [*here.way[-2::-1]], there))
+        steps += [_step(k, there.way[:-1], there) for k, there in enumerate(after, i)]
+        return GrownRun(first, steps)
+
+    def _led(self, here: Candidate, setpoints: range, home: Array | None) -> list[Candidate]:
+        """Configurations at set-points to which base and joints go on together, as far as they do."""
+        found = list[Candidate]()
+        for k in setpoints:
+            count_tries()
+            there = self.search.led(k, here, home, back=setpoints.step < 0)
+            if there is None:
+                break
+            found.append(there)
+            here = there
+        return found
+
+    def _home(self, seed: Candidate) -> Array | None:
+        """Joints that a run from a configuration goes back to: its own ones, off their limits.
+
+        On wheels the base cannot make room for that at once.
+        """
+        if self.search.scene.robot.drive.rolls:
+            return None
+        chain = self.search.scene.robot.chain
+        room = np.where(np.isfinite(chain.upper - chain.lower), ROOM * (chain.upper - chain.lower), 0.0)
+        home: Array = np.clip(seed.found.joints, chain.lower + room, chain.upper - room)
+        return home
+
+
+def _begun(first: Candidate) -> SearchStep:
+    return SearchStep(first, [], iter(()))
+
+
+def _step(i: int, way: Sequence[Pose], there: Candidate) -> SearchStep:
+    """The step from set-point i to a candidate at the next, by the states strictly between."""
+    return SearchStep(there, [Row(pose, "step", i) for pose in way], iter(()))
