@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from regionik.pipeline import plan
 from regionik.verification.verifier import verify
 from tests.harness.rasters import bent_panel, carried
@@ -11,11 +9,6 @@ from tests.harness.rasters import bent_panel, carried
 
 def test_a_run_that_is_stuck_is_grown_from_there_towards_both_ends() -> None:
     """From every posture at the first pose that was tried, the arm gets to a limit halfway."""
-    found = plan(bent_panel(carried("panda"), 6, 2))
+    found = plan(bent_panel(carried("Panda"), 6, 2))
     assert found.lift_offs == 0
     assert verify(found).ok
-
-
-def test_the_base_turns_no_more_than_it_must() -> None:
-    turned = np.abs(np.diff(plan(bent_panel(carried("panda"), 6, 2)).motion.base[:, 2])).sum()
-    assert turned < np.pi
