@@ -830,6 +830,20 @@ FAULTS = (
         "(rank, rooms[n], here[n])",
         ("tests/test_configuration_sampling.py",),
     ),
+    Fault(
+        "floor: solids wholly under it are in the way",
+        "worlds/scene.py",
+        "one for one in self.obstacles if one.z_range[1] > 0 or not self.rules.solid_floor",
+        "one for one in self.obstacles",
+        ("tests/test_solid_floor.py",),
+    ),
+    Fault(
+        "tasks: a set-point given again is taken again",
+        "worlds/documents/tasks.py",
+        "if _is_same(task[k - 1], task[k])]",
+        "if False]",
+        ("tests/test_world_file.py",),
+    ),
 )
 
 

@@ -46,6 +46,45 @@ def test_no_place_is_under_the_table() -> None:
     assert field.values[(np.abs(x - 1.5) < 0.8) & (np.abs(y) < 0.4)].max() == 0
 
 
+def board(name: str, x: float, y: float, z: float, wide: float, deep: float) -> Box:
+    return Box(name, np.array([wide, deep, 0.04]), np.array([x, y, z]))
+
+
+def laboratory() -> World:
+    """Objects on a bench, on a table too wide to be worked all over, and in a shelf; a base on two wheels."""
+    robot = replace(under_a_table().robot, base="differential")
+    legs = [(x, y, 0.355) for x in (0.76, 2.24) for y in (1.66, 2.34)]
+    solids = (
+        board("bench top", 1.5, 2.0, 0.73, 1.6, 0.8),
+        board("big table top", 4.5, 2.2, 0.73, 1.8, 1.8),
+        *(Box(f"leg {k}", np.array([0.05, 0.05, 0.71]), np.array(at)) for k, at in enumerate(legs)),
+        *(board(f"board {z}", 3.0, -1.6, z, 2.0, 0.35) for z in (0.285, 0.735, 1.185)),
+    )
+    spots = [(1.2, 1.75, 0.85), (1.9, 2.25, 0.85), (3.8, 2.2, 0.85), (4.5, 2.2, 0.85), (2.8, -1.55, 0.85)]
+    rules = Rules(clearance=0.05, mode="stops", order="any", stop_tolerance=0.03, skip_unreachable=True)
+    task = tuple(Target(np.array(spot)) for spot in spots)
+    return World("laboratory", robot, Floor(shapely.box(0, -2, 6, 4)), solids, task, rules)
+
+
+def test_nothing_is_picked_from_under_a_table() -> None:
+    """Stops, single answers, the field and the plan; what lies in the middle of the wide table is left."""
+    world = laboratory()
+    under = shapely.box(0.7, 1.6, 2.3, 2.4) | shapely.box(3.6, 1.3, 5.4, 3.1)
+    body = Body(world_to_document(world), machine_of(world))
+    found, answer = rik.stops(world), rik.reach(world, world.task)
+    assert sorted(i for stop in found for i in stop.setpoints) == [0, 1, 2, 4]
+    assert answer.reachable.tolist() == [True, True, True, False, True]
+    made = rik.plan(world)
+    assert rik.verify(made).ok
+    places = [*(stop.base for stop in found), *answer.base[answer.reachable], *made.motion.base]
+    assert not any(under.contains(shapely.Point(place[:2])) for place in places)
+    assert all(body.stands_over(place[:2]) for place in places[:8])
+    field = rik.reach_field(world, world.task, cell=0.1)
+    x, y = np.meshgrid(field.x, field.y)
+    assert field.values.max() > 0
+    assert field.values[shapely.contains_xy(under, x, y)].max() == 0
+
+
 @pytest.mark.parametrize(
     "seed",
     [pytest.param(seed, marks=() if seed in DAILY else pytest.mark.slow) for seed in range(ALL)],

@@ -11,8 +11,9 @@ import shapely
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+import regionik as rik
 from regionik.output.urdf import robot_to_urdf
-from regionik.pipeline import why
+from regionik.pipeline import plan, why
 from regionik.planners.avoidance.avoiding_fabrik import links_clear
 from regionik.planners.collision.proximity import nearest
 from regionik.postures.arm_guard import SPARE
@@ -23,6 +24,7 @@ from regionik.values import Plan
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
+from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Target, World
 from regionik.worlds.self_collision import off_floor, postures_off_floor, rest_posture
@@ -150,3 +152,45 @@ def test_a_target_below_the_floor_is_unreachable_and_told() -> None:
     assert found is not None
     assert "the floor" in found.reason
     assert {cause.kind for cause in found.causes} == {"floor"}
+
+
+LINE = tuple(Target(spot) for spot in np.linspace([0.5, 0.0, 0.25], [1.8, 0.1, 0.25], 4))
+YARD = Floor(shapely.box(-0.5, -1.5, 3, 1.5))
+ROOM = World("room", robot_named("youbot"), YARD, task=LINE, rules=Rules(clearance=0.1))
+CORNERS = np.array([[1.0, 0.0, -0.02], [1.4, 0.0, -0.3], [1.0, 0.4, -0.3], [0.7, -0.3, -0.3]])
+UNDER = (
+    Box("pit", np.array([1.0, 1.0, 0.5]), np.array([1.0, 0.0, -0.3])),
+    Box("pipe", np.array([0.5, 2.9, 0.005]), np.array([1.2, 0.0, -0.01])),
+    Sphere("ball of earth", 0.5, np.array([1.0, 0.0, -0.501])),
+    Cylinder("shaft up to the floor", 0.3, 1.0, np.array([1.0, 0.0, -0.5])),
+    Prism("trench", np.array([[0.8, -1.4], [1.2, -1.4], [1.2, 1.4]]), -0.4, -0.001),
+    Mesh("stone", CORNERS, np.array([[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]])),
+)
+
+
+@pytest.fixture(scope="module")
+def driven() -> Plan:
+    return plan(ROOM)
+
+
+@pytest.mark.parametrize("sunk", UNDER, ids=[solid.name for solid in UNDER])
+def test_what_lies_under_the_floor_is_in_nobodys_way(sunk: Solid, driven: Plan) -> None:
+    """It cut the base off, and set-points over it were said to be unreachable."""
+    world = replace(ROOM, obstacles=(sunk,))
+    for target in LINE:
+        mine, bare = rik.admissible_area(world, target), rik.admissible_area(ROOM, target)
+        assert mine.inner.equals(bare.inner)
+        assert mine.outer.equals(bare.outer)
+    assert reach(world, LINE).reachable.all()
+    assert why(world) is None
+    assert verify(replace(driven, world=world)).ok
+    bottomless = replace(world, rules=replace(world.rules, solid_floor=False))
+    assert scene_of(bottomless).world.solids == (sunk,)
+
+
+def test_a_pit_under_the_floor_changes_neither_plan_nor_stops(driven: Plan) -> None:
+    world = replace(ROOM, obstacles=UNDER[:1])
+    np.testing.assert_array_equal(plan(world).motion.base, driven.motion.base)
+    parked = replace(ROOM, rules=replace(ROOM.rules, mode="stops"))
+    mine, bare = rik.stops(replace(parked, obstacles=UNDER[:1])), rik.stops(parked)
+    assert [stop.setpoints for stop in mine] == [stop.setpoints for stop in bare]

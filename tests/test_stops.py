@@ -524,3 +524,46 @@ def test_a_circle_to_park_in_ends_where_the_limits_of_the_arm_do() -> None:
     assert verify(found).ok
     by_areas = stops(found.world)[0].tolerance
     assert found.world.rules.stop_tolerance <= found.stops[0].tolerance < 0.9 * by_areas
+
+
+HOLES = """version: 1
+robot: youbot
+floor: {polygon: [[-1, 0.1], [2.2, 0.1], [2.2, 2], [-1, 2]]}
+obstacles:
+  - {name: wall, box: {size: [4, 0.1, 1], center: [0.5, -0.05, 0.5]}}
+task:
+  - csv: holes.csv
+    columns: {x: "X (mm)", y: "Y (mm)", z: "Z (mm)"}
+    delimiter: semicolon
+    scale: 0.001
+    direction: [0, -1, 0]
+    cone: 0.09
+rules: {clearance: 0.05, mode: stops, order: any, stop_tolerance: 0.03}
+"""
+LISTED = """id;X (mm);Y (mm);Z (mm)
+H0;12.95;80.00;200.00
+H1;6.03;80.00;300.00
+H2;451.44;80.00;200.00
+H3;460.30;80.00;300.00
+H4;1201.50;80.00;200.00
+H5;1217.35;80.00;300.00
+"""
+
+
+def test_holes_that_a_list_has_twice_are_done_from_the_stop_of_the_first(tmp_path: Path) -> None:
+    path, table = tmp_path / "holes.world.yaml", tmp_path / "holes.csv"
+    path.write_text(HOLES)
+    table.write_text(LISTED)
+    once = stops(load_world(path))
+    rows = LISTED.splitlines()
+    table.write_text(LISTED + f"H6;{rows[2][3:]}\nH7;{rows[5][3:]}\n")
+    world = load_world(path)
+    found = stops(world)
+    assert sorted(i for stop in found for i in stop.setpoints) == list(range(8))
+    assert all(stop.unconfirmed == () for stop in found)
+    assert len(found) == len(once)
+    assert all((1 in stop.setpoints) == (6 in stop.setpoints) for stop in found)
+    assert all((4 in stop.setpoints) == (7 in stop.setpoints) for stop in found)
+    made = plan(world)
+    assert verify(made).ok
+    assert len(made.stops) == len(found)

@@ -132,19 +132,26 @@ def test_a_circle_is_done_in_one_run_that_begins_far_from_joint_limits() -> None
     assert verify(made).ok
 
 
-@pytest.mark.slow
-@pytest.mark.long
-def test_a_car_is_told_where_it_does_not_get_through() -> None:
-    bend = shapely.box(0, 0, 0.62, 6) | shapely.box(0, 5.38, 6, 6)
+@pytest.mark.parametrize(
+    ("side", "behind", "lift_offs"),
+    [
+        pytest.param(2.6, False, 0, marks=pytest.mark.slow),
+        pytest.param(6.0, True, 1, marks=MINUTES),
+    ],
+)
+def test_a_car_is_told_where_it_does_not_get_through(side: float, behind: bool, lift_offs: int) -> None:
+    """A bend of corridors with a set-point after it, and with one before it too."""
+    bend = shapely.box(0, 0, 0.62, side) | shapely.box(0, side - 0.62, side, side)
     robot = replace(robot_named("youbot-real"), base="car", turning_radius=3.0)
-    task = tuple(Target(np.array([x, y, 0.25])) for x, y in ((0.31, 1.2), (5.0, 5.69)))
+    spots = [*([(0.31, 1.2)] if behind else []), (side - 0.8, side - 0.31)]
+    task = tuple(Target(np.array([x, y, 0.25])) for x, y in spots)
     start = Start(np.array([0.31, 0.6, np.pi / 2]), robot.carry)
     world = World("bend", robot, Floor(bend), (), task, Rules(clearance=0.0), start)
     with pytest.raises(NoPlanFound) as caught:
         plan(world)
     assert "turning radius of 3 m" in caught.value.explanation.reason
     assert caught.value.explanation.causes[0].kind == "base"
-    assert plan(replace(world, robot=replace(robot, base="omni"))).lift_offs == 1
+    assert plan(replace(world, robot=replace(robot, base="omni"))).lift_offs == lift_offs
 
 
 @pytest.mark.parametrize("heading", ["face_target", "fixed"])
