@@ -12,11 +12,12 @@ from scipy.spatial import ConvexHull
 from regionik.planners.collision.proximity import Touch, path_clear
 from regionik.planners.collision.robot_bodies import Bodies, ContactTargets
 from regionik.values import Motion
-from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, rot_x, rot_y, rot_z, translation
+from regionik.worlds.chain import Chain
 from regionik.worlds.joints import Joint
-from regionik.worlds.links import LinkBox, LinkCapsule, LinkHull, LinkSolid, capsules_along
+from regionik.worlds.links import LinkBox, LinkCapsule, LinkHull, capsules_along
 from regionik.worlds.robot import Robot
+from tests.kinds import LinkSolid
+from tests.maths import Array, rot_x, rot_y, rot_z, translation
 
 HEAVY = 1e4  # weight of "the parts add up to one" against distances
 

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -15,14 +17,15 @@ import shapely
 from shapely.geometry import MultiPolygon, Point, Polygon, box
 from shapely.ops import nearest_points
 
-from regionik.storage.plan_document import plan_to_text
+from regionik.output.plan_file import save_plan
 from regionik.values import Configuration, Motion, Plan, PlannedArea
-from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.links import capsules_along
-from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
+from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
+from tests.kinds import Solid
+from tests.maths import Array
 
 DH = (
     (0.0, 0.147, 0.033, np.pi / 2),
@@ -37,7 +40,9 @@ FOOTPRINT = ((0.29, 0.19), (-0.29, 0.19), (-0.29, -0.19), (0.29, -0.19))
 
 def plan_to_document(plan: Plan) -> dict[str, Any]:
     """A plan as its file has it."""
-    document: dict[str, Any] = json.loads(plan_to_text(plan))
+    with TemporaryDirectory() as folder:
+        save_plan(plan, file := Path(folder) / "plan.json")
+        document: dict[str, Any] = json.loads(file.read_text("utf-8"))
     return document
 
 

@@ -13,10 +13,10 @@ from regionik.planners.collision.proximity import Touch
 from regionik.postures.arm_guard import SPARE
 from regionik.postures.poses import Pose, pose_between
 from regionik.scene import scene_of
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.obstacles import Box, Cylinder, Sphere
 from regionik.worlds.scene import Floor, Rules, Target, World
+from tests.maths import Array
 from tests.witnesses import witness
 
 ROBOT = robot_named("youbot")

@@ -19,13 +19,12 @@ from regionik.verification.motion import MotionSegments
 from regionik.verification.proofs import Finding, StateNames
 from regionik.verification.self_collision import verify_self_collision
 from regionik.view.world_picture import robot_meshes
-from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, pose, translation
+from regionik.worlds.chain import Chain
 from regionik.worlds.documents.world_file import world_from_document, world_to_document
 from regionik.worlds.errors import InputError
 from regionik.worlds.joints import Joint
 from regionik.worlds.links import BASE, LinkBox, LinkCapsule
-from regionik.worlds.obstacles import Box, Solid
+from regionik.worlds.obstacles import Box
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Target, World
 from regionik.worlds.self_collision import BODY, self_collision_pairs
@@ -34,6 +33,8 @@ from regionik.worlds.urdf.collision import base_shape
 from regionik.worlds.urdf.decomposition import CollisionPart, mesh_part
 from regionik.worlds.urdf.loader import load_robot
 from tests.bodies import motion_clear, motion_through
+from tests.kinds import Solid
+from tests.maths import Array, pose, translation
 from tests.urdfs import depth
 
 PAINTER = Path(__file__).parent.parent / "examples" / "painter.urdf"

@@ -29,8 +29,9 @@ from regionik.planners.search.box_search import (
     reopen,
     verdict_of,
 )
-from regionik.worlds.arrays import Array, Index
+from regionik.worlds.arrays import Index
 from tests import examples
+from tests.maths import Array
 
 FINEST = 0.05
 EVERY = 10**6

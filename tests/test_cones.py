@@ -21,12 +21,11 @@ from regionik.reach_rows import rows_of
 from regionik.regions import admissible_area
 from regionik.scene import scene_of
 from regionik.verification.verifier import verify
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import rot_z
 from regionik.worlds.limits import Criteria
 from regionik.worlds.scene import Floor, Rules, Target, World
 from tests import examples
+from tests.maths import Array, rot_z
 
 YOUBOT = robot_named("youbot")
 FLOOR = Floor(shapely.box(-2.0, -2.0, 3.0, 2.0))

@@ -21,9 +21,8 @@ from regionik.scene import scene_of
 from regionik.verification.limits import efforts, joint_margins, manipulability
 from regionik.verification.verifier import verify
 from regionik.worlds.arms import planar_arm
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, rot_x, translation
+from regionik.worlds.chain import Chain
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.joints import Joint
@@ -32,6 +31,7 @@ from regionik.worlds.links import LinkMass, capsules_along
 from regionik.worlds.robot import GRAVITY, Robot, with_joint_margin
 from regionik.worlds.scene import Floor, Target, World
 from tests import examples
+from tests.maths import Array, rot_x, translation
 from tests.soaked import soaked_world
 
 SEEDS = st.integers(0, 10_000)

@@ -8,12 +8,12 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from regionik.worlds.arrays import Array
-from regionik.worlds.chain import pose
-from regionik.worlds.links import LinkBox, LinkSolid
+from regionik.worlds.links import LinkBox
 from regionik.worlds.urdf.bounding import bounding_solid, convex_hull, rough_volume, volume
 from regionik.worlds.urdf.decomposition import CollisionPart, clip_triangles, decompose, mesh_part
 from tests import examples
+from tests.kinds import LinkSolid
+from tests.maths import Array, pose
 from tests.urdfs import depth
 
 NO_SURFACE = np.empty((0, 3, 3))

@@ -22,11 +22,12 @@ from regionik.planners.collision.distances import (
     obstacles_from,
 )
 from regionik.planners.geometry.convex_decomposition import MOST_CORNERS, convex_pieces
-from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.links import LinkBox, LinkCapsule
-from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
+from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
 from tests import examples
+from tests.kinds import Solid
+from tests.maths import Array
 
 ELL = Polygon([(-0.4, -0.4), (0.4, -0.4), (0.4, 0.0), (0.0, 0.0), (0.0, 0.4), (-0.4, 0.4)])
 RING = Point(0, 0).buffer(0.4, quad_segs=8) - box(-0.2, -0.1, 0.2, 0.15)

@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from regionik.planners.driving.arcs import arc_end, arc_towards
 from regionik.verification import motion as verification_motion
 from regionik.verification.motion import MotionSegments
-from regionik.worlds.arrays import Array
 from regionik.worlds.drives import (
     MAX_CHORD_ERROR,
     BaseKind,
@@ -24,6 +23,7 @@ from regionik.worlds.drives import (
     drive_of,
 )
 from tests.bodies import motion_through
+from tests.maths import Array
 from tests.plans import youbot
 
 WHEELS: tuple[BaseKind, ...] = ("differential", "car")

@@ -35,11 +35,10 @@ from regionik.planners.driving.heading_slabs import (
 )
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.driving.pose_planner import SLIDE, Steering, slide_cost
-from regionik.planners.geometry.angles import wrap
 from regionik.scene import scene_of
-from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Shadow
+from tests.maths import Array, wrap
 from tests.witnesses import witness
 
 YOUBOT = np.array([[0.29, -0.19], [0.29, 0.19], [-0.29, 0.19], [-0.29, -0.19]])

@@ -19,12 +19,12 @@ from regionik.values import Plan, Report, Violation
 from regionik.verification.motion import MotionSegments
 from regionik.verification.timed_segments import timed_segments
 from regionik.verification.verifier import verify
-from regionik.worlds.arrays import Array
 from regionik.worlds.documents.world_file import world_from_document, world_to_document
 from regionik.worlds.drives import BaseKind
 from regionik.worlds.errors import InputError
 from regionik.worlds.limits import Speeds
 from tests import examples
+from tests.maths import Array
 from tests.planned import planned
 from tests.soak import against
 from tests.test_steering import ARCS, SPEEDS, Arc, driven

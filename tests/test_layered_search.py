@@ -17,10 +17,10 @@ from regionik.planners.driving.pose_lattice import spin_moves
 from regionik.postures.poses import axis_of
 from regionik.pruning import whole_path
 from regionik.scene import scene_of
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Floor, Rules, Target, World
+from tests.maths import Array
 
 COUNT = 4
 

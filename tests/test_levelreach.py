@@ -35,12 +35,12 @@ from regionik.planners.reach.outer_bounds import (
 )
 from regionik.planners.reach.rings import reach_intervals
 from regionik.worlds.arms import pivot_index, planar_arm, reach_bound
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, rot_x, translation, within_half_turns
+from regionik.worlds.chain import Chain, within_half_turns
 from regionik.worlds.joints import Joint
 from tests import examples
 from tests.bodies import on_lift, with_lift
+from tests.maths import Array, rot_x, translation
 
 SEEDS = st.integers(0, 10_000)
 SERIAL = [k for k, kind in enumerate(KINDS) if kind in ("general", "lifted", "planar, lifted")]

@@ -13,7 +13,6 @@ from regionik.mfabrik import Solver
 from regionik.moving.base_motion import BasePath, Candidate
 from regionik.moving.drivers import driver_for
 from regionik.moving.path_following import PathFollower, PathSegment, SegmentPoint, _solve, turned_as_asked
-from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.polylines import between as between_knots
 from regionik.planners.geometry.polylines import leg_lengths
 from regionik.postures.families import FRONT, Family
@@ -21,12 +20,13 @@ from regionik.postures.poses import LARGEST_BEND, Pose, Row, axis_of, pose_betwe
 from regionik.pruning import whole_path
 from regionik.scene import scene_of
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import rot_x
 from regionik.worlds.drives import BaseKind, drive_of
 from regionik.worlds.errors import NoPlanFound
-from regionik.worlds.obstacles import Box, Solid
+from regionik.worlds.obstacles import Box
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Target, World
+from tests.kinds import Solid
+from tests.maths import rot_x, wrap
 
 
 def world_of(name: str, solids: tuple[Solid, ...] = (), **rules: object) -> World:

@@ -13,15 +13,15 @@ from regionik.reachability.reach import reach
 from regionik.regions import admissible_area
 from regionik.verification.verifier import verify
 from regionik.worlds.arms import has_pivot, pivot_index, pivot_joints, reach_bound, with_pivot
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, rot_x, translation
+from regionik.worlds.chain import Chain
 from regionik.worlds.drives import BaseKind
 from regionik.worlds.errors import InputError
 from regionik.worlds.joints import Joint
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Heading, Rules, Start, Target, World
 from tests.bodies import on_lift, with_lift
+from tests.maths import Array, rot_x, translation
 
 LIFT = Joint("lift", "prismatic", 0.0, 0.3, np.eye(4))
 PIVOT = Joint("pivot", "revolute", -3.0, 3.0, translation(0, 0, 0.2))

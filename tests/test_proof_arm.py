@@ -10,14 +10,15 @@ from regionik.values import Motion
 from regionik.verification.arm_clearance import verify_arm_clearance
 from regionik.verification.motion import MotionSegments
 from regionik.verification.proofs import Finding, StateNames
-from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, translation
+from regionik.worlds.chain import Chain
 from regionik.worlds.joints import Joint
-from regionik.worlds.links import LinkBox, LinkSolid
-from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
+from regionik.worlds.links import LinkBox
+from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Target, World
 from tests.bodies import motion_through, random_robot, signed_distance
+from tests.kinds import LinkSolid, Solid
+from tests.maths import Array, translation
 
 FAR = Target(np.array([9.0, 9.0, 9.0]))
 CIRCLE = np.linspace(0, 2 * np.pi, 96, endpoint=False)

@@ -10,10 +10,10 @@ from regionik.values import Motion
 from regionik.verification.motion import MotionSegments
 from regionik.verification.proofs import Finding, StateNames
 from regionik.verification.tool_path import verify_direction, verify_orientation
-from regionik.worlds.arrays import Array
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Target, World
 from tests.bodies import random_robot
+from tests.maths import Array
 
 SAMPLES = 400
 

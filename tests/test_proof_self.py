@@ -14,13 +14,14 @@ from regionik.verification.motion import MotionSegments
 from regionik.verification.proofs import Finding, StateNames
 from regionik.verification.self_collision import verify_self_collision
 from regionik.verification.verifier import verify
-from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, rot_x, translation
+from regionik.worlds.chain import Chain
 from regionik.worlds.joints import Joint
-from regionik.worlds.links import LinkBox, LinkCapsule, LinkSolid
+from regionik.worlds.links import LinkBox, LinkCapsule
 from regionik.worlds.robot import Robot
 from regionik.worlds.self_collision import base_body
 from tests.bodies import motion_through, random_robot, signed_distance
+from tests.kinds import LinkSolid
+from tests.maths import Array, rot_x, translation
 from tests.plans import FOOTPRINT, youbot
 from tests.test_verify import motion_of, of_kind, plan_of, world_of
 

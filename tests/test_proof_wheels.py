@@ -11,11 +11,11 @@ from shapely.geometry import box
 from regionik.planners.driving.arcs import arc_end
 from regionik.values import Motion
 from regionik.verification.verifier import verify
-from regionik.worlds.arrays import Array
 from regionik.worlds.drives import BaseKind
 from regionik.worlds.obstacles import Cylinder
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules
+from tests.maths import Array
 from tests.plans import FOOTPRINT, youbot
 from tests.test_verify import drive, only, plan_of, world_of
 

@@ -25,9 +25,10 @@ from regionik.regions import admissible_area
 from regionik.scene import scene_of
 from regionik.verification.verifier import verify
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, rot_x
+from regionik.worlds.chain import Chain
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
+from tests.maths import rot_x
 
 GOALS: tuple[Goal, ...] = ("point", "direction", "orientation")
 FLOOR = Floor(shapely.box(-2, -2, 2, 2))

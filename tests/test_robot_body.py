@@ -17,17 +17,18 @@ from shapely.affinity import affine_transform
 import regionik as rik
 from regionik.planners.driving.footprint import fits, slide_is_free
 from regionik.scene import scene_of
-from regionik.worlds.arrays import Array
 from regionik.worlds.body import BodyPrism, fixed_prisms, lift_for, lift_range, lifted_prisms
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, pose, translation
+from regionik.worlds.chain import Chain
 from regionik.worlds.errors import NoPlanFound, RobotNote
 from regionik.worlds.joints import Joint
-from regionik.worlds.links import BASE, LinkBox, LinkCapsule, LinkHull, LinkSolid
-from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
+from regionik.worlds.links import BASE, LinkBox, LinkCapsule, LinkHull
+from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Target, World
 from tests import examples
+from tests.kinds import LinkSolid, Solid
+from tests.maths import Array, pose, translation
 
 FLOOR = Floor([[-4, -4], [4, -4], [4, 4], [-4, 4]])
 TABLE = Box("table top", np.array([1.6, 0.8, 0.04]), np.array([1.0, 0.5, 0.73]), 0.3)

@@ -30,13 +30,13 @@ from regionik.scene import scene_of
 from regionik.verification.limits import efforts, manipulability
 from regionik.verification.verifier import verify
 from regionik.worlds.arms import pivot_index, pivot_joints
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.errors import NoPlanFound
 from regionik.worlds.limits import Criteria
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Mode, Rules, Target, World
 from tests import MINUTES
+from tests.maths import Array
 from tests.mimics import ARMS as MIMICS
 from tests.mimics import arm as mimic_robot
 from tests.random_arms import ARMS, random_robot

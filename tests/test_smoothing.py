@@ -30,7 +30,6 @@ from regionik.smoothing.smooth_motion import Reconnection, smooth_motion
 from regionik.timing.retime import retime
 from regionik.values import Plan, Report, Violation
 from regionik.verification.verifier import verify
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.drives import BaseKind
@@ -38,6 +37,7 @@ from regionik.worlds.limits import Speeds
 from regionik.worlds.obstacles import Box, Cylinder
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Target, World
+from tests.maths import Array
 
 SMOOTHED = ("free", "l_shape", "pillar", "shelf", "slab", "wall")
 

@@ -18,11 +18,11 @@ from regionik.timing.trajectory import trajectory
 from regionik.values import Plan
 from regionik.verification import speeds
 from regionik.verification.verifier import verify
-from regionik.worlds.arrays import Array
 from regionik.worlds.drives import BaseKind, CarDrive
 from regionik.worlds.limits import Speeds
 from regionik.worlds.scene import Floor, Rules
 from tests import examples
+from tests.maths import Array
 from tests.plans import youbot
 from tests.soak import against
 from tests.test_retime import SLACK, timed

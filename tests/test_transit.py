@@ -19,14 +19,14 @@ from regionik.moving.transit import TransitPlanner
 from regionik.planners.driving import pose_planner
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.driving.sampling import connect_poses
-from regionik.planners.geometry.angles import wrap
 from regionik.postures.poses import LARGEST_BEND, Pose, axis_of, distinct, pose_between, pose_of
 from regionik.scene import scene_of
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.drives import BaseKind
-from regionik.worlds.obstacles import Box, Cylinder, Solid
+from regionik.worlds.obstacles import Box, Cylinder
 from regionik.worlds.scene import Floor, Heading, Rules, World
+from tests.kinds import Solid
+from tests.maths import Array, wrap
 
 HERE = np.array([-0.9, -0.7, 0.3])
 THERE = np.array([1.0, 0.8, -2.9])

@@ -17,14 +17,13 @@ from hypothesis import strategies as st
 import regionik as rik
 from regionik.cli import console
 from regionik.output.urdf import robot_to_urdf
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import planar_pose
 from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
 from regionik.worlds.errors import InputError, RobotNote
 from regionik.worlds.robot import Robot
 from regionik.worlds.urdf.loader import load_robot
 from tests import examples
+from tests.maths import Array, planar_pose
 from tests.test_export import awkward
 from tests.urdfs import CRANE, crane, frames_of
 

@@ -15,10 +15,8 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull, Delaunay
 from scipy.spatial.transform import Rotation
 
-from regionik.worlds.arrays import Array
-from regionik.worlds.chain import pose
 from regionik.worlds.errors import InputError, RobotNote
-from regionik.worlds.links import LINK_RADIUS, LinkBox, LinkCapsule, LinkHull, LinkSolid
+from regionik.worlds.links import LINK_RADIUS, LinkBox, LinkCapsule, LinkHull
 from regionik.worlds.readers.meshes import read_geometries
 from regionik.worlds.robot import BODY_HEIGHT, Robot
 from regionik.worlds.urdf.bounding import (
@@ -31,6 +29,8 @@ from regionik.worlds.urdf.bounding import (
 )
 from regionik.worlds.urdf.loader import load_robot
 from tests import examples
+from tests.kinds import LinkSolid
+from tests.maths import Array, pose
 from tests.urdfs import CRANE, UPPER_SIZE, crane, depth, frames_of
 
 

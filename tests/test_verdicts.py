@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from regionik.areas.reach_model import FineRows
-from regionik.cli import app
+from regionik.cli.app import run
 from regionik.pipeline import plan, why
 from regionik.reach_rows import fine_reach
 from regionik.reachability.reach import reach
@@ -146,7 +146,7 @@ def test_commands_tell_what_is_undecided(
 ) -> None:
     path = tmp_path / "turned.json"
     path.write_text(json.dumps(world_to_document(turned())))
-    assert app.run([command, str(path), "--json"]) == 1
+    assert run([command, str(path), "--json"]) == 1
     document = json.loads(capfd.readouterr().out)
     assert (document["ok"], document["verdict"], document["setpoint"]) == (False, "undecided", 0)
     assert document["reason"].startswith("No way was found to reach ")

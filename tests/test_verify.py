@@ -14,14 +14,15 @@ from regionik.values import Configuration, Motion, Plan, Report, Violation
 from regionik.verification.motion import MotionSegments, chord_deviation
 from regionik.verification.proofs import MAX_VIOLATIONS
 from regionik.verification.verifier import verify
-from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, rot_x, rot_y, translation
+from regionik.worlds.chain import Chain
 from regionik.worlds.joints import Joint
 from regionik.worlds.links import LinkCapsule, capsules_along
-from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
+from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from regionik.worlds.self_collision import off_floor
+from tests.kinds import Solid
+from tests.maths import Array, rot_x, rot_y, translation
 from tests.plans import FOOTPRINT, youbot
 
 Q = np.array([0.0, 1.2, -1.0, 1.0, 0.0])  # the tool 0.424 m ahead of the base and 0.239 m up

@@ -17,9 +17,9 @@ from regionik.values import Motion, Plan
 from regionik.verification.motion import MotionSegments
 from regionik.verification.timed_segments import TimedSegments
 from regionik.verification.verifier import verify
-from regionik.worlds.arrays import Array
 from regionik.worlds.drives import BaseKind
 from regionik.worlds.limits import Speeds
+from tests.maths import Array
 from tests.plans import youbot
 from tests.test_steering import SPEEDS, driven
 from tests.test_verify import of_kind, plan_of, straight, world_of

@@ -31,12 +31,11 @@ from regionik.planners.driving.pose_planner import (
 )
 from regionik.planners.driving.reeds_shepp import words_between
 from regionik.planners.driving.sampling import connect_poses
-from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.shortest_paths import shortest_path
-from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Shadow
 from tests import examples
+from tests.maths import Array, wrap
 
 RADIUS = 0.7
 MORE = [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (0, *range(2, 6)))]
