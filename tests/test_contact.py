@@ -30,9 +30,8 @@ from regionik.worlds.robot import Robot
 from tests import examples
 from tests.kinds import LinkSolid, Solid
 from tests.maths import Array, translation
-from tests.plans import youbot
+from tests.plans import RULES, Q, motion_of, of_kind, only, plan_of, world_of, youbot
 from tests.test_proximity import box_mesh
-from tests.test_verify import RULES, Q, motion_of, of_kind, only, plan_of, world_of
 
 TIP = youbot().tool(np.zeros(3), Q)
 STANDING = np.zeros(3)

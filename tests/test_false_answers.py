@@ -31,7 +31,7 @@ from regionik.worlds.obstacles import Box, Mesh, Sphere
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from tests.maths import Array, translation
-from tests.test_verify import motion_of, of_kind, plan_of
+from tests.plans import motion_of, of_kind, plan_of
 
 FLOOR = Floor([[-3, -3], [3, -3], [3, 3], [-3, 3]])
 QUICK = Speeds(joint_velocity=50, joint_acceleration=500, base_velocity=50, base_acceleration=500)

@@ -26,9 +26,9 @@ from regionik.worlds.limits import Speeds
 from tests import examples
 from tests.maths import Array
 from tests.planned import planned
+from tests.plans import of_kind
 from tests.soak import against
 from tests.test_steering import ARCS, SPEEDS, Arc, driven
-from tests.test_verify import of_kind
 
 JERKS = {"base_jerk": 4.0, "turn_jerk": 6.0, "joint_jerk": 5.0}
 KINDS: tuple[BaseKind, ...] = ("omni", "differential", "car")

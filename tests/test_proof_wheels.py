@@ -16,8 +16,7 @@ from regionik.worlds.obstacles import Cylinder
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules
 from tests.maths import Array
-from tests.plans import FOOTPRINT, youbot
-from tests.test_verify import drive, only, plan_of, world_of
+from tests.plans import FOOTPRINT, drive, only, plan_of, world_of, youbot
 
 RULES = Rules(clearance=0.1, step=0.205)
 

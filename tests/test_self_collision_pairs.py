@@ -16,7 +16,7 @@ from regionik.worlds.robot import Robot, without_limits
 from regionik.worlds.self_collision import BODY, base_body, self_collision_pairs
 from tests.kinds import LinkSolid
 from tests.maths import Array, translation
-from tests.test_verify import motion_of, only, plan_of, world_of
+from tests.plans import motion_of, only, plan_of, world_of
 
 SQUARE = np.array([[0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.2, -0.2]])
 POINT = np.zeros((1, 2))

@@ -28,9 +28,8 @@ from regionik.worlds.self_collision import off_floor, postures_off_floor, rest_p
 from tests import examples
 from tests.maths import Array
 from tests.opinion.judge import posture_objections
-from tests.plans import plan_to_document
+from tests.plans import motion_of, plan_of, plan_to_document, world_of
 from tests.retold import facts_of
-from tests.test_verify import motion_of, plan_of, world_of
 
 HALL = Floor(shapely.box(-3, -3, 3, 3))
 HERE = np.zeros(3)

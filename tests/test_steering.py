@@ -23,10 +23,9 @@ from regionik.worlds.limits import Speeds
 from regionik.worlds.scene import Floor, Rules
 from tests import examples
 from tests.maths import Array
-from tests.plans import youbot
+from tests.plans import drive, plan_of, world_of, youbot
 from tests.soak import against
 from tests.test_retime import SLACK, timed
-from tests.test_verify import drive, plan_of, world_of
 
 RADIUS = 0.4  # of the car's tightest arc [m]
 SPEEDS = Speeds(base_velocity=0.6, turn_velocity=1.2, turn_acceleration=1.5, steering_velocity=0.7)
