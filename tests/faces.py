@@ -8,31 +8,32 @@ FACES = frozenset(
     f"regionik.{room}.{name}"
     for room, names in {
         # robots, worlds and their files
+        "worlds.arms": "planar_arm",
         "worlds.bundled": "robot_named world_names",
         "worlds.documents.world_file": "world_from_document world_to_document",
-        "worlds.drives": "BaseKind",
         "worlds.errors": "Explanation FileNote",
         "worlds.links": "BASE LinkMass capsules_along",
         "worlds.readers.gcode": "read_gcode",
         "worlds.readers.occupancy_map": "load_map",
-        "worlds.scene": "Heading",
+        "worlds.self_collision": "base_body self_collision_pairs",
         # values that public functions take and hand out
         "postures.poses": "Pose",
         "reachability.field": "Field",
         "values": "Answer Configuration Motion PlannedArea Report Stop Violation",
         # the scene, and stages
+        "moving.drivers": "driver_for",
+        "moving.transit": "TransitPlanner",
         "pipeline": "search",
         "regions": "path_areas",
         "scene": "scene_of",
         "verification.motion": "MotionSegments",
         # engines
-        "planners.collision.proximity": "Touch nearest path_clear",
-        "planners.collision.robot_bodies": "Bodies ContactTargets bodies_from",
-        "planners.driving.arcs": "arc_end",
+        "planners.collision.distances": "hull_separation nearest_distance obstacles_from",
         "planners.solvers.multistart_ik": "ArmSolver",
         # what comes out
         "cli.app": "run",
         "output.urdf": "robot_to_urdf",
+        "storage.files": "write_atomic",
     }.items()
     for name in names.split()
 )

@@ -52,3 +52,10 @@ def planar_pose(x: float, y: float, yaw: float, z: float = 0.0) -> Array:
 def wrap(angle: float) -> float:
     """Return an angle without its whole turns, in (-pi, pi]."""
     return float(angle - 2 * np.pi * np.ceil((angle - np.pi) / (2 * np.pi)))
+
+
+def arc_end(x: float, y: float, yaw: float, length: float, turn: float) -> tuple[float, float, float]:
+    """Return the pose at the end of an arc (or a line, or a turn on the spot); its heading is not wrapped."""
+    half = 0.5 * turn
+    chord = length * float(np.sinc(half / np.pi))
+    return x + chord * float(np.cos(yaw + half)), y + chord * float(np.sin(yaw + half)), yaw + turn

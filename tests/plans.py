@@ -45,10 +45,15 @@ FOOTPRINT = ((0.29, 0.19), (-0.29, 0.19), (-0.29, -0.19), (0.29, -0.19))
 
 def plan_to_document(plan: Plan) -> dict[str, Any]:
     """A plan as its file has it."""
+    document: dict[str, Any] = json.loads(plan_text(plan))
+    return document
+
+
+def plan_text(plan: Plan) -> str:
+    """The text of a plan's file."""
     with TemporaryDirectory() as folder:
         save_plan(plan, file := Path(folder) / "plan.json")
-        document: dict[str, Any] = json.loads(file.read_text("utf-8"))
-    return document
+        return file.read_text("utf-8")
 
 
 def youbot(

@@ -14,12 +14,11 @@ import shapely
 
 from regionik.output.urdf import robot_to_urdf
 from regionik.worlds.chain import Chain
-from regionik.worlds.drives import BaseKind
 from regionik.worlds.joints import Joint
 from regionik.worlds.links import LinkBox, capsules_along
 from regionik.worlds.robot import Robot
 from regionik.worlds.urdf.loader import load_robot
-from tests.kinds import LinkSolid
+from tests.kinds import BaseKind, LinkSolid
 from tests.maths import Array, rot_x, rot_z, translation
 
 ARMS = (

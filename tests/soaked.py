@@ -10,12 +10,12 @@ import shapely
 from regionik.worlds.bundled import world_names
 from regionik.worlds.chain import Chain
 from regionik.worlds.documents.world_file import load_world
-from regionik.worlds.drives import BaseKind
 from regionik.worlds.limits import Criteria, Speeds
 from regionik.worlds.links import capsules_along
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Start, World
 from tests.grounds import floor_of
+from tests.kinds import BaseKind
 from tests.random_arms import through_urdf
 from tests.test_overhead_worlds import overhead_world
 from tests.test_random_worlds import random_world

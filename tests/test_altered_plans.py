@@ -17,7 +17,7 @@ from regionik.cli.app import run
 from regionik.output.plan_file import load_plan
 from regionik.pipeline import search
 from regionik.scene import scene_of
-from regionik.storage.plan_document import FIGURES, plan_to_text
+from regionik.storage.plan_document import FIGURES
 from regionik.timing.retime import retime
 from regionik.values import Plan
 from regionik.verification.verifier import verify
@@ -25,6 +25,7 @@ from regionik.worlds.documents.world_file import load_world, world_to_document
 from regionik.worlds.errors import InputError
 from regionik.worlds.limits import Speeds
 from regionik.worlds.scene import World
+from tests.plans import plan_to_document
 
 Place = tuple[str | int, ...]
 
@@ -47,7 +48,7 @@ def planned(how: str) -> Plan:
 
 
 def document(how: str) -> dict[str, Any]:
-    said: dict[str, Any] = json.loads(plan_to_text(planned(how)))
+    said: dict[str, Any] = plan_to_document(planned(how))
     return said
 
 

@@ -11,9 +11,9 @@ import yaml
 
 import regionik as rik
 from regionik.cli.app import run
-from regionik.storage.plan_document import plan_to_text
 from regionik.worlds.documents.world_file import world_from_document
 from regionik.worlds.scene import World
+from tests.plans import plan_to_document
 
 WORLD_FILE = """
 version: 1
@@ -75,7 +75,7 @@ def test_a_plan_names_no_doubts() -> None:
     world = cupboard()
     found = rik.plan(replace(world, task=world.task[::2]))
     assert all(stop.unconfirmed == () for stop in found.stops)
-    assert all("unconfirmed" not in stop for stop in json.loads(plan_to_text(found))["stops"])
+    assert all("unconfirmed" not in stop for stop in plan_to_document(found)["stops"])
 
 
 def test_a_field_says_that_areas_alone_count() -> None:

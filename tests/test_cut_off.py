@@ -18,9 +18,9 @@ from regionik.worlds.joints import Joint
 from regionik.worlds.links import capsules_along
 from regionik.worlds.obstacles import Box
 from regionik.worlds.robot import Robot
-from regionik.worlds.scene import Floor, Mode, Rules, Start, Target, World
+from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from tests import MINUTES
-from tests.kinds import Solid
+from tests.kinds import Mode, Solid
 from tests.maths import translation
 
 POINTED, LONG = robot_named("youbot"), robot_named("youbot-real")

@@ -11,7 +11,6 @@ import shapely
 from shapely import affinity, box
 from shapely.geometry import LineString, MultiPolygon, Point, Polygon
 
-from regionik.planners.driving.arcs import arc_end
 from regionik.planners.driving.footprint import arc_is_free, fits, slide_is_free
 from regionik.planners.driving.footprint_planner import (
     FootprintPath,
@@ -38,7 +37,7 @@ from regionik.planners.driving.pose_planner import SLIDE, Steering, slide_cost
 from regionik.scene import scene_of
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Shadow
-from tests.maths import Array, wrap
+from tests.maths import Array, arc_end, wrap
 from tests.witnesses import witness
 
 YOUBOT = np.array([[0.29, -0.19], [0.29, 0.19], [-0.29, 0.19], [-0.29, -0.19]])

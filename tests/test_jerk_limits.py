@@ -20,10 +20,10 @@ from regionik.verification.motion import MotionSegments
 from regionik.verification.timed_segments import timed_segments
 from regionik.verification.verifier import verify
 from regionik.worlds.documents.world_file import world_from_document, world_to_document
-from regionik.worlds.drives import BaseKind
 from regionik.worlds.errors import InputError
 from regionik.worlds.limits import Speeds
 from tests import examples
+from tests.kinds import BaseKind
 from tests.maths import Array
 from tests.planned import planned
 from tests.plans import of_kind

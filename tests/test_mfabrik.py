@@ -15,7 +15,8 @@ from regionik.regions import path_areas
 from regionik.scene import scene_of
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.errors import InputError
-from regionik.worlds.scene import Floor, Heading, Rules, Target, World
+from regionik.worlds.scene import Floor, Rules, Target, World
+from tests.kinds import Heading
 from tests.maths import Array
 
 YOUBOT = robot_named("youbot")

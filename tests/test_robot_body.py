@@ -20,7 +20,7 @@ from regionik.scene import scene_of
 from regionik.worlds.body import BodyPrism, fixed_prisms, lift_for, lift_range, lifted_prisms
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
-from regionik.worlds.errors import NoPlanFound, RobotNote
+from regionik.worlds.errors import FileNote, NoPlanFound
 from regionik.worlds.joints import Joint
 from regionik.worlds.links import BASE, LinkBox, LinkCapsule, LinkHull
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
@@ -314,7 +314,7 @@ def two_arms(folder: Path, torso: str = '<box size="0.2 0.2 0.6"/>', inertial: s
 
 def test_a_second_arm_stands_on_the_base_as_it_rests(tmp_path: Path) -> None:
     path = two_arms(tmp_path)
-    with pytest.warns(RobotNote, match=r"joints of the base .*right_1.* stand still"):
+    with pytest.warns(FileNote, match=r"joints of the base .*right_1.* stand still"):
         robot = rik.load_robot(path, tip="left_b")
     assert max(solid.corners[:, 2].max() for solid in robot.base_solids) > 1.2
     assert any("right" in solid.name for solid in robot.base_solids)
@@ -323,7 +323,7 @@ def test_a_second_arm_stands_on_the_base_as_it_rests(tmp_path: Path) -> None:
         "</group_state></robot>"
     )
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RobotNote)
+        warnings.simplefilter("ignore", FileNote)
         folded = rik.load_robot(path, tip="left_b")
     highest = max(solid.corners[:, 2].max() for solid in folded.base_solids if "right" in solid.name)
     assert highest == pytest.approx(1.03, abs=0.02)
@@ -335,7 +335,7 @@ def test_a_torso_without_its_mesh_still_stands_there(tmp_path: Path) -> None:
         'ixy="0" ixz="0" iyz="0"/></inertial>'
     )  # of the solid box
     path = two_arms(tmp_path, '<mesh filename="gone.stl"/>', inertial)
-    with pytest.warns(RobotNote) as told:
+    with pytest.warns(FileNote) as told:
         robot = rik.load_robot(path, tip="left_b")
     assert any(
         "mesh gone.stl" in str(one.message) and "its mass and joints" in str(one.message) for one in told

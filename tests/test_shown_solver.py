@@ -16,7 +16,7 @@ from regionik.output.urdf import robot_to_urdf
 from regionik.planners.solvers.damped_least_squares import ORIENTATION, POSITION, Aim
 from regionik.planners.solvers.multistart_ik import ArmSolver
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.scene import Heading
+from tests.kinds import Heading
 from tests.known_arms import NAMES, known_robot
 from tests.maths import Array
 

@@ -29,11 +29,11 @@ from regionik.simulation.simulate import SUBSTEPS, BaseDrives, simulate
 from regionik.simulation.tracking import MOST_ADDED, TrackingController
 from regionik.timing.retime import retime
 from regionik.values import Motion, Plan
-from regionik.worlds.drives import BaseKind
 from regionik.worlds.errors import EngineError, InputError
 from regionik.worlds.limits import Speeds
 from regionik.worlds.robot import Robot
 from tests import examples
+from tests.kinds import BaseKind
 from tests.planned import planned
 from tests.plans import every_solid, youbot
 from tests.test_export import awkward

@@ -19,7 +19,6 @@ from regionik.worlds.links import LinkCapsule, capsules_along
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Start, Target, World
-from regionik.worlds.self_collision import off_floor
 from tests.kinds import Solid
 from tests.maths import Array, rot_x, rot_y, translation
 from tests.plans import (
@@ -644,8 +643,8 @@ def sampled_gap(world: World, motion: Motion, hop: int) -> float:
     arms = motion.joints[hop] + s[:, None] * (motion.joints[hop + 1] - motion.joints[hop])
     frames = world.robot.frames(bases, arms)
     least = np.inf
-    for capsule, raised in zip(world.robot.solids, off_floor(world.robot), strict=True):
-        around = world.arm_solids if raised else world.solids
+    for capsule in world.robot.solids:
+        around = world.arm_solids if capsule.link else world.solids  # the first turns on the pivot alone
         for t in np.linspace(0, 1, 7):
             spot = (1 - t) * capsule.corners[0] + t * capsule.corners[1]
             points = frames[:, capsule.link, :3, :3] @ spot + frames[:, capsule.link, :3, 3]

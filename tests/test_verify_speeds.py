@@ -17,8 +17,8 @@ from regionik.values import Motion, Plan
 from regionik.verification.motion import MotionSegments
 from regionik.verification.timed_segments import TimedSegments
 from regionik.verification.verifier import verify
-from regionik.worlds.drives import BaseKind
 from regionik.worlds.limits import Speeds
+from tests.kinds import BaseKind
 from tests.maths import Array
 from tests.plans import of_kind, plan_of, straight, world_of, youbot
 from tests.test_steering import SPEEDS, driven

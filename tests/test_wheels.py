@@ -18,7 +18,7 @@ from shapely import box
 from shapely.geometry import MultiPolygon, Point, Polygon
 
 from regionik.planners.driving import pose_planner
-from regionik.planners.driving.arcs import Segment, WheeledPath, arc_end, path_of_motions
+from regionik.planners.driving.arcs import Segment, WheeledPath, path_of_motions
 from regionik.planners.driving.footprint import arc_is_free
 from regionik.planners.driving.footprint_scene import FootprintScene, footprint_scene
 from regionik.planners.driving.point_planner import NoPathError
@@ -35,7 +35,7 @@ from regionik.planners.geometry.shortest_paths import shortest_path
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Shadow
 from tests import examples
-from tests.maths import Array, wrap
+from tests.maths import Array, arc_end, wrap
 
 RADIUS = 0.7
 MORE = [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (0, *range(2, 6)))]

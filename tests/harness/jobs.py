@@ -13,7 +13,6 @@ from scipy.spatial.transform import Rotation, Slerp
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
 from regionik.worlds.documents.world_file import load_world
-from regionik.worlds.drives import BaseKind
 from regionik.worlds.joints import Joint
 from regionik.worlds.limits import Criteria, Execution, ParkingAccuracy
 from regionik.worlds.links import LinkMass, capsules_along
@@ -22,7 +21,7 @@ from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from tests.furnished import disc
 from tests.harness.rasters import carried
-from tests.kinds import Solid
+from tests.kinds import BaseKind, Solid
 from tests.known_arms import known_robot
 from tests.maths import translation
 from tests.mimics import arm

@@ -8,12 +8,11 @@ import numpy as np
 import shapely
 
 from regionik.worlds.chain import Chain
-from regionik.worlds.drives import BaseKind
 from regionik.worlds.links import capsules_along
 from regionik.worlds.obstacles import Box, Mesh
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Target, World
-from tests.kinds import Solid
+from tests.kinds import BaseKind, Solid
 from tests.known_arms import H, known_robot
 from tests.maths import Array
 
