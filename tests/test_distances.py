@@ -260,12 +260,6 @@ def test_convex_pieces_tile_the_polygon(rectangles: list[tuple[float, ...]], bit
         assert shapely.union_all(pieces).symmetric_difference(polygon).area < 1e-10
 
 
-def test_rectangles_of_a_map_become_few_pieces() -> None:
-    assert len(obstacles_from([SOLIDS["ell"]]).pieces) <= 3
-    stairs = shapely.union_all([box(0, k, 20 - k, k + 1) for k in range(20)])
-    assert len(convex_pieces(stairs)) <= 30  # 38 triangles
-
-
 def test_pieces_know_their_solid() -> None:
     obstacles: Obstacles = obstacles_from(list(SOLIDS.values()))
     assert sorted(set(obstacles.owner.tolist())) == list(range(len(SOLIDS)))
