@@ -11,13 +11,16 @@ from scipy.spatial import ConvexHull
 
 from regionik.planners.collision.proximity import Touch, path_clear
 from regionik.planners.collision.robot_bodies import Bodies, ContactTargets
+from regionik.postures.poses import Pose
 from regionik.values import Motion
-from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, rot_x, rot_y, rot_z, translation
+from regionik.worlds.chain import Chain
 from regionik.worlds.joints import Joint
-from regionik.worlds.links import LinkBox, LinkCapsule, LinkHull, LinkSolid, capsules_along
+from regionik.worlds.links import LinkBox, LinkCapsule, LinkHull, capsules_along
 from regionik.worlds.robot import Robot
+from tests.kinds import LinkSolid
+from tests.maths import Array, rot_x, rot_y, rot_z, translation
 
+LARGEST_BEND = 0.5  # change of a joint between two states above which the arm has jumped [rad]
 HEAVY = 1e4  # weight of "the parts add up to one" against distances
 
 
@@ -99,6 +102,12 @@ def on_lift(robot: Robot, travel: float = 0.3) -> Robot:
         solids=tuple(replace(solid, link=solid.link + 1) for solid in robot.solids),
         carry=np.array([travel / 4, *robot.carry]),
     )
+
+
+def pose_between(here: Pose, there: Pose, share: float, robot: Robot) -> Pose:
+    """Part of the way between two states, as every reader of a plan fills it in."""
+    joints = here.joints + share * (there.joints - here.joints)
+    return Pose(robot.drive.between(here.base, there.base, share), joints)
 
 
 def motion_clear(

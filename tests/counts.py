@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import ast
+import re
 import sys
 import tokenize
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from functools import cache
 from io import StringIO
 from pathlib import Path
@@ -13,8 +14,11 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from tests.faces import FACES
+
 ROOMS = "regionik", "planners", "worlds"  # the last two are linked into the first
 LINKED = "regionik/planners", "regionik/worlds"
+PATCHED = re.compile(r"regionik(\.\w+)+")
 CACHES = "lru_cache", "cache"
 EMPTY = {getattr(tokenize, name) for name in ("COMMENT", "NL", "NEWLINE", "INDENT", "DEDENT", "ENDMARKER")}
 
@@ -24,7 +28,7 @@ def counts(tree: Path) -> dict[str, float]:
     modules = _modules(tree)
     parsed = {name: ast.parse(text) for name, text in modules.items()}
     lines = [line for text in modules.values() for line in text.splitlines()]
-    public = _exported(parsed["regionik"])
+    public, tests, shares = _exported(parsed["regionik"]), _tests(tree), shares_of_tests(tree, FACES)
     return {
         "modules": len(modules),
         "lines": len(lines),
@@ -34,8 +38,9 @@ def counts(tree: Path) -> dict[str, float]:
         "module constants with a number": sum(1 for module in parsed.values() for _ in _constants(module)),
         "names without an underscore": sum(1 for module in parsed.values() for _ in _names(module)),
         "names of regionik itself": len(public),
-        "lines of tests": sum(len(text.splitlines()) for text in _tests(tree)),
-        "% of lines of test functions by public names": _public_share(tree, public),
+        "lines of tests": sum(len(text.splitlines()) for name, text in tests.items() if ".test_" in name),
+        "% of lines of test functions by public names": shares[0],
+        "% of them by public names and faces": shares[1],
     }
 
 
@@ -128,33 +133,93 @@ def _exported(module: ast.Module) -> tuple[str, ...]:
     return ()
 
 
-def _tests(tree: Path) -> list[str]:
-    return [path.read_text("utf-8") for path in sorted((tree / "tests").rglob("test_*.py"))]
+def _tests(tree: Path) -> dict[str, str]:
+    """Return the texts of tests and of what helps them, by their dotted names."""
+    paths = sorted((tree / "tests").rglob("*.py"))
+    return {
+        path.relative_to(tree).with_suffix("").as_posix().replace("/", "."): path.read_text("utf-8")
+        for path in paths
+    }
 
 
-def _public_share(tree: Path, public: tuple[str, ...]) -> float:
-    """Return the share of lines of functions in test files that use public names only [%].
+def shares_of_tests(tree: Path, allowed: Collection[str]) -> tuple[float, float]:
+    """Return shares of lines of functions in test files [%].
 
-    A function that calls one of its file that uses others does not.
+    Those that use public names only, and those that use these and allowed ones ("regionik.scene.scene_of").
+    A function uses what it names, and what functions, fixtures and constants use that it names, of its file
+    or of one that helps it; a name that is patched by its path is used too.
     """
-    all_lines = public_lines = 0
-    for module in map(ast.parse, _tests(tree)):
-        functions = [node for node in module.body if isinstance(node, ast.FunctionDef)]
-        used = {one.name: {n.id for n in ast.walk(one) if isinstance(n, ast.Name)} for one in functions}
-        inner = set(_taken_from_inside(module)) - set(public)
-        while more := {name for name, names in used.items() if names & inner} - inner:
-            inner |= more
-        lines = {one.name: (one.end_lineno or one.lineno) - one.lineno + 1 for one in functions}
-        all_lines += sum(lines.values())
-        public_lines += sum(count for name, count in lines.items() if name not in inner)
-    return round(100 * public_lines / max(1, all_lines), 1)
+    known = {name: _Uses(ast.parse(text)) for name, text in _tests(tree).items()}
+    public = set(_exported(ast.parse((tree / "regionik/__init__.py").read_text("utf-8"))))
+    lines, by_public, by_allowed = 0, 0, 0
+    for name, uses in known.items():
+        for node in uses.functions if name.rpartition(".")[2].startswith("test_") else ():
+            count = (node.end_lineno or node.lineno) - node.lineno + 1
+            inner = {one for one in _reached(known, name, node.name) if not _is_public(one, public)}
+            lines += count
+            by_public += count * (not inner)
+            by_allowed += count * inner.issubset(allowed)
+    return round(100 * by_public / max(1, lines), 1), round(100 * by_allowed / max(1, lines), 1)
 
 
-def _taken_from_inside(module: ast.Module) -> Iterator[str]:
-    """Yield names that a test file imports from modules of the package."""
-    for node in ast.walk(module):
-        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("regionik."):
-            yield from (alias.asname or alias.name for alias in node.names)
+def _is_public(name: str, public: Collection[str]) -> bool:
+    return name.rpartition(".")[2] in public
+
+
+class _Uses:
+    """What a file of tests defines, takes from elsewhere, and names in each of its definitions."""
+
+    def __init__(self, module: ast.Module) -> None:
+        self.functions = [node for node in module.body if isinstance(node, ast.FunctionDef)]
+        self.taken = dict[str, str]()
+        for node in ast.walk(module):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(("regionik", "tests")):
+                self.taken |= {one.asname or one.name: f"{node.module}.{one.name}" for one in node.names}
+        fixtures = {one.name for one in self.functions if "fixture" in map(_named, one.decorator_list)}
+        self.named = dict[str, set[str]]()
+        for node in module.body:
+            for name in _defined(node):
+                self.named[name] = self.named.get(name, set()) | set(_mentioned(node, fixtures))
+
+
+def _defined(node: ast.stmt) -> Iterator[str]:
+    """Yield names that a statement of a file gives a meaning to."""
+    if isinstance(node, ast.FunctionDef | ast.ClassDef):
+        yield node.name
+    elif isinstance(node, ast.Assign | ast.AnnAssign):
+        targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+        yield from (one.id for target in targets for one in ast.walk(target) if isinstance(one, ast.Name))
+
+
+def _mentioned(node: ast.AST, fixtures: Collection[str]) -> Iterator[str]:
+    """Yield names, fixtures that are asked for, and paths of what is patched."""
+    for one in ast.walk(node):
+        if isinstance(one, ast.Name):
+            yield one.id
+        elif isinstance(one, ast.arg) and one.arg in fixtures:
+            yield one.arg
+        elif isinstance(one, ast.Constant) and PATCHED.fullmatch(str(one.value)):
+            yield str(one.value)
+
+
+def _reached(known: Mapping[str, _Uses], module: str, name: str) -> set[str]:
+    """Return paths of all names of the package that one of a file of tests comes to use."""
+    found, seen, ahead = set[str](), set[tuple[str, str]](), [(module, name)]
+    while ahead:
+        here = ahead.pop()
+        if here in seen or here[0] not in known:
+            continue
+        seen.add(here)
+        uses = known[here[0]]
+        for one in uses.named.get(here[1], ()) if here[1] in uses.named else (here[1],):
+            path = one if PATCHED.fullmatch(one) else uses.taken.get(one, "")
+            if path.startswith("regionik"):
+                found.add(path)
+            elif path:
+                ahead.append((path.rpartition(".")[0], path.rpartition(".")[2]))
+            elif one in uses.named:
+                ahead.append((here[0], one))
+    return found
 
 
 def main() -> None:

@@ -6,8 +6,9 @@ from collections import Counter
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.standing import spread
 from regionik.output.urdf import robot_to_urdf
 from regionik.parking.stops import stops
 from regionik.pipeline import search
@@ -16,10 +17,10 @@ from regionik.reachability.reach import reach
 from regionik.regions import admissible_area
 from regionik.scene import scene_of
 from regionik.values import Answer, Stop
-from regionik.worlds.arrays import Array
 from regionik.worlds.documents.world_file import world_to_document
 from regionik.worlds.errors import NoPlanFound
 from regionik.worlds.scene import Target, World
+from tests.maths import Array
 from tests.opinion.body import Body
 from tests.opinion.judge import posture_objections
 from tests.opinion.search import find_clear_at
@@ -29,6 +30,14 @@ PLACES = 6  # of an inner area, and of a field
 AREAS = 2  # targets whose areas are looked at
 CELL = 0.2  # of fields [m]
 LEAST = 1e-6  # areas that are smaller are none [m2]
+
+
+def _spread(area: BaseGeometry, seed: int) -> Array:
+    """Places all over an area (n, 2), at most `PLACES` and at least one."""
+    low, high = np.reshape(area.bounds, (2, 2))
+    drawn = np.random.default_rng(seed).uniform(low, high, (50 * PLACES, 2))
+    found: Array = drawn[shapely.contains_xy(area, drawn)][:PLACES]
+    return found if len(found) else np.array(area.representative_point().coords)
 
 
 @dataclass(eq=False)
@@ -70,7 +79,7 @@ class Doors:
         for i, target in enumerate(self.world.task[:AREAS]):
             inner = admissible_area(self.world, target).inner
             if inner.area > LEAST:
-                self._stand(body, spread(inner, PLACES, i), f"the inner area of set-point {i + 1}")
+                self._stand(body, _spread(inner, i), f"the inner area of set-point {i + 1}")
 
     def field(self) -> None:
         """Places of a field that reach something, the best ones first, at which base and body stand."""

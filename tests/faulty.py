@@ -221,13 +221,13 @@ def _ended(child: int) -> int | None:
 
 def main() -> None:
     """Run all cases and print what came of each, as one JSON document."""
-    from regionik.cli import app
+    from regionik.cli.app import run
 
     away = Path(sys.argv[1])
     table = away / "targets.csv"
     table.write_text("x,y,z\n1,0,0.3\n")
     for command in ("plan free -o {0}/plan.json --html {0}/plan.html", "why free", "stops l_shape"):
-        app.run(command.format(away).split())  # all is imported, and compiled
+        run(command.format(away).split())  # all is imported, and compiled
     for case in CASES.values():
         import_module(case.function.rpartition(".")[0])
     names = {"world": "free", "table": str(table)}

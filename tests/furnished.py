@@ -7,16 +7,16 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from regionik.worlds.arms import reach_bound
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, translation
+from regionik.worlds.chain import Chain
 from regionik.worlds.joints import Joint
-from regionik.worlds.links import BASE, LinkBox, LinkCapsule, LinkSolid, capsules_along
-from regionik.worlds.obstacles import Box, Cylinder, Solid
+from regionik.worlds.links import BASE, LinkBox, LinkCapsule, capsules_along
+from regionik.worlds.obstacles import Box, Cylinder
 from regionik.worlds.robot import Robot
-from regionik.worlds.scene import Floor, Heading, Order, Rules, Target, World
-from tests.random_arms import random_arm, random_footprint, random_links
+from regionik.worlds.scene import Floor, Rules, Target, World
+from tests.kinds import LinkSolid, Solid
+from tests.maths import Array, translation
+from tests.random_arms import random_arm, random_footprint, random_links, span_of
 from tests.soaked import made_robot
 
 BODIES = ("column", "mast", "torso", "plain")  # of robots, on their bases
@@ -28,23 +28,23 @@ def furnished_world(seed: int) -> World:
     """A room of tables, shelves and columns; set-points lie over tables and in shelves, done from stops."""
     rng = np.random.default_rng([seed, 11])
     robot = robot_with(BODIES[seed % len(BODIES)], rng)
-    span = reach_bound(robot.chain)
-    shoulder = span.height + float(robot.mount[2])
+    height, length = span_of(robot.chain)
+    shoulder = height + float(robot.mount[2])
     solids, spots = list[Solid](), list[Array]()
     for k in range(rng.integers(1, 4)):
-        top = max(float(shoulder + rng.uniform(-0.5, 0.2) * span.length), robot.body_height + 0.05)
+        top = max(float(shoulder + rng.uniform(-0.5, 0.2) * length), robot.body_height + 0.05)
         piece, over = (table if rng.random() < 0.7 else shelf)(f"{k}", top, rng)
         solids += piece
         spots += over
     solids += [column(f"column {k}", rng) for k in range(rng.integers(0, 3))]
     chosen = rng.permutation(len(spots))[: rng.integers(2, 8)]
-    heading: Heading = "fixed" if rng.random() < 0.15 and robot.base == "omni" else "free"
-    order: Order = "any" if rng.random() < 0.5 else "given"
+    is_fixed = rng.random() < 0.15 and robot.base == "omni"
+    in_any = rng.random() < 0.5
     rules = Rules(
         clearance=float(rng.uniform(0.0, 0.05)),
-        heading=heading,
+        heading="fixed" if is_fixed else "free",
         mode="stops",
-        order=order,
+        order="any" if in_any else "given",
         stop_tolerance=float(rng.uniform(0.0, 0.02)),
     )
     task = tuple(Target(spots[k]) for k in chosen.tolist())

@@ -6,10 +6,11 @@ from functools import cache
 
 import numpy as np
 
-from regionik.worlds.chain import Chain, rot_x, rot_y, rot_z, translation
+from regionik.worlds.chain import Chain
 from regionik.worlds.joints import Joint
 from regionik.worlds.links import capsules_along
 from regionik.worlds.robot import Robot
+from tests.maths import rot_x, rot_y, rot_z, translation
 
 H = np.pi / 2
 

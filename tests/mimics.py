@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, rot_z, translation
+from regionik.worlds.chain import Chain
 from regionik.worlds.joints import Joint, Mimic
 from regionik.worlds.robot import Robot
 from regionik.worlds.urdf.loader import load_robot
+from tests.maths import Array, rot_z, translation
 
 ROOMY = "-9 9"
 

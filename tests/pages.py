@@ -17,7 +17,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from regionik.cli import app
+from regionik.cli.app import run
 
 DOCS = Path(__file__).parent.parent / "docs"
 PLAYED = ("tutorial.md", *sorted(f"howto/{path.name}" for path in (DOCS / "howto").glob("*.md")))
@@ -72,7 +72,7 @@ def _run(line: str) -> int:
     program, *arguments = shlex.split(line)
     if program != "regionik":
         raise AssertionError(f"expected a command of regionik, got {line}")
-    return app.run(arguments)
+    return run(arguments)
 
 
 def rewrite(path: Path) -> None:

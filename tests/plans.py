@@ -1,4 +1,4 @@
-"""Worlds and plans made by hand, for tests of what reads plans.
+"""Worlds and plans made by hand, good and broken, for tests of what reads and checks plans.
 
 The plan is honest where it is cheap to be: areas are cut by their solids, bases stand inside them, the tool
 is on every set-point by closed-form inverse kinematics, and states between set-points are interpolated.
@@ -7,22 +7,27 @@ is on every set-point by closed-form inverse kinematics, and states between set-
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
 from shapely.geometry import MultiPolygon, Point, Polygon, box
 from shapely.ops import nearest_points
 
-from regionik.storage.plan_document import plan_to_text
-from regionik.values import Configuration, Motion, Plan, PlannedArea
-from regionik.worlds.arrays import Array
+from regionik.output.plan_file import save_plan
+from regionik.values import Configuration, Motion, Plan, PlannedArea, Report, Violation
+from regionik.verification.verifier import verify
 from regionik.worlds.chain import Chain
 from regionik.worlds.links import capsules_along
-from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
+from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
+from tests.kinds import Solid
+from tests.maths import Array
 
 DH = (
     (0.0, 0.147, 0.033, np.pi / 2),
@@ -32,13 +37,23 @@ DH = (
     (0.0, 0.2175, 0.0, 0.0),
 )
 LIMITS: Array = np.radians(np.array([[-169, 169], [0, 155], [-146, 151], [-12.5, 192.5], [-167.5, 167.5]]))
+Q = np.array([0.0, 1.2, -1.0, 1.0, 0.0])  # the tool 0.424 m ahead of the base and 0.239 m up
+FLOOR = box(-1.0, -1.5, 3.0, 1.5)
+RULES = Rules(clearance=0.2, step=0.1)
 FOOTPRINT = ((0.29, 0.19), (-0.29, 0.19), (-0.29, -0.19), (0.29, -0.19))
 
 
 def plan_to_document(plan: Plan) -> dict[str, Any]:
     """A plan as its file has it."""
-    document: dict[str, Any] = json.loads(plan_to_text(plan))
+    document: dict[str, Any] = json.loads(plan_text(plan))
     return document
+
+
+def plan_text(plan: Plan) -> str:
+    """The text of a plan's file."""
+    with TemporaryDirectory() as folder:
+        save_plan(plan, file := Path(folder) / "plan.json")
+        return file.read_text("utf-8")
 
 
 def youbot(
@@ -196,3 +211,99 @@ def timed(plan: Plan, rate: float = 0.37) -> Plan:
     means = (rates[1:] + rates[:-1]) / 2
     spans = np.divide(far, means, out=np.zeros_like(far), where=means > 0)
     return replace(plan, motion=replace(motion, time=np.concatenate([[0.0], np.cumsum(spans)])))
+
+
+# Plans that are held against their proofs, and what is found of them
+
+
+def motion_of(rows: Sequence[tuple[Array, Array, str, int]]) -> Motion:
+    base, joints, kind, owner = zip(*rows, strict=True)
+    return Motion(
+        np.array(base), np.array(joints), np.array(kind), np.array(owner), np.full(len(rows), np.nan)
+    )
+
+
+def plan_of(world: World, motion: Motion, lift_offs: int = 0) -> Plan:
+    at = [
+        np.flatnonzero((motion.kind == "setpoint") & (motion.setpoint == i)) for i in range(len(world.task))
+    ]
+    configurations = tuple(
+        configuration(world, i, motion.base[k[0]], motion.joints[k[0]]) for i, k in enumerate(at) if len(k)
+    )
+    return Plan(world, 0, configurations, motion, (), lift_offs)
+
+
+def configuration(world: World, i: int, base: Array, joints: Array) -> Configuration:
+    """Base and joints at a set-point, with the error that they have."""
+    error = float(np.linalg.norm(world.robot.tool(base, joints)[:3, 3] - world.task[i].position))
+    return Configuration(base, joints, error, 1, True)
+
+
+def straight(count: int = 5, between: int = 1, pitch: float = 0.1) -> Motion:
+    """The base goes along x and carries the arm as it is."""
+    rows = []
+    for k in range(count * (between + 1) - between):
+        i, part = divmod(k, between + 1)
+        base = np.array([pitch * (i + part / (between + 1)), 0.0, 0.0])
+        rows.append((base, Q, "step" if part else "setpoint", i))
+    return motion_of(rows)
+
+
+def world_of(
+    motion: Motion, *solids: Solid, robot: Robot | None = None, rules: Rules = RULES, axes: bool = False
+) -> World:
+    """A world whose set-points are where the motion puts the tool."""
+    robot = robot or youbot()
+    at = np.flatnonzero(motion.kind == "setpoint")
+    tools = robot.tool(motion.base[at], motion.joints[at])
+    task = tuple(Target(T[:3, 3], T[:3, 2] if axes else None) for T in tools)
+    return World("by hand", robot, Floor(FLOOR), solids, task, rules)
+
+
+def moved(
+    motion: Motion, state: int, base: Sequence[float] = (0, 0, 0), joints: Sequence[float] = (0,) * 5
+) -> Motion:
+    bases, arms = motion.base.copy(), motion.joints.copy()
+    bases[state] += base
+    arms[state] += joints
+    return replace(motion, base=bases, joints=arms)
+
+
+def drive(*bases: Sequence[float], joints: Array = Q) -> Motion:
+    """One set-point, and from there with the tool lifted."""
+    first, *rest = (np.array(base, dtype=float) for base in bases)
+    return motion_of([(first, joints, "setpoint", 0), *((base, joints, "transit", -1) for base in rest)])
+
+
+def of_kind(report: Report, kind: str) -> list[Violation]:
+    found = [violation for violation in report.violations if violation.kind == kind]
+    assert found, [violation.text for violation in report.violations]
+    assert not report.ok
+    return found
+
+
+def only(report: Report, kind: str) -> Violation:
+    assert {violation.kind for violation in report.violations} == {kind}, report.violations
+    return report.violations[0]
+
+
+class Proof(NamedTuple):
+    """What one check of a plan found; the margin is infinite where there was nothing to measure."""
+
+    margin: float
+    violations: tuple[Violation, ...]
+
+
+def proofs_of(world: World, motion: Motion, *kinds: str) -> tuple[Proof, ...]:
+    """Return what `verify` finds of some kinds in a motion, whatever else is wrong with it as a plan."""
+    report = verify(Plan(world, 0, (), motion, (), 0))
+    return tuple(
+        Proof(report.margins.get(kind, np.inf), tuple(one for one in report.violations if one.kind == kind))
+        for kind in kinds
+    )
+
+
+def far_off(robot: Robot, *solids: Solid, **rules: Any) -> World:
+    """Return a wide hall whose one set-point is far away, for motions that have none."""
+    task = (Target(np.array([9.0, 9.0, 9.0])),)
+    return World("by hand", robot, Floor(box(-9, -9, 9, 9)), solids, task, Rules(**rules))

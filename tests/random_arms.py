@@ -13,13 +13,13 @@ import numpy as np
 import shapely
 
 from regionik.output.urdf import robot_to_urdf
-from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, rot_x, rot_z, translation
-from regionik.worlds.drives import BaseKind
+from regionik.worlds.chain import Chain
 from regionik.worlds.joints import Joint
-from regionik.worlds.links import LinkBox, LinkSolid, capsules_along
+from regionik.worlds.links import LinkBox, capsules_along
 from regionik.worlds.robot import Robot
 from regionik.worlds.urdf.loader import load_robot
+from tests.kinds import BaseKind, LinkSolid
+from tests.maths import Array, rot_x, rot_z, translation
 
 ARMS = (
     "wrists",
@@ -145,6 +145,20 @@ def _turned_to(axis: Array) -> Array:
     side = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     side /= np.linalg.norm(side)
     return np.column_stack([side, np.cross(axis, side), axis])
+
+
+def span_of(chain: Chain) -> tuple[float, float]:
+    """Return the height of the shoulder over the arm's base, and the length of what a pivot swings [m].
+
+    Lifts before the pivot stand in the middle of their travel, which the arm makes up for by half of it.
+    """
+    pivot = next(k for k, joint in enumerate(chain.joints) if joint.kind == "revolute")
+    middle, steps = np.zeros(chain.dof), chain.link_vectors
+    middle[:pivot] = (chain.lower[:pivot] + chain.upper[:pivot]) / 2
+    T = chain.frames(middle)[pivot]
+    travel = sum(joint.upper - joint.lower for joint in chain.joints[:pivot]) / 2
+    length = float(sum(np.linalg.norm(step) for step in steps[pivot + 1 :])) + travel
+    return float((T[:3, 3] + T[:3, :3] @ steps[pivot])[2]), length
 
 
 def random_footprint(rng: np.random.Generator) -> Array:

@@ -26,7 +26,7 @@ from regionik.pipeline import search
 from regionik.reachability.reach import reach
 from regionik.scene import scene_of
 from regionik.timing.retime import retime
-from regionik.timing.trajectory import is_timed, sample_plan
+from regionik.timing.trajectory import trajectory
 from regionik.values import Plan
 from regionik.worlds.bundled import world_names
 from regionik.worlds.documents.world_file import world_to_document
@@ -95,9 +95,11 @@ def against(made: Plan) -> tuple[str, ...]:
 
 def track_of(made: Plan) -> np.ndarray | None:
     """Rows of a timed plan's trajectory, as its exports have them: time, base and joints."""
-    if not is_timed(made.motion):
+    end = float(made.motion.time[-1])
+    if np.isnan(end):
         return None
-    sample = sample_plan(made, min(RATE, LONG / max(float(made.motion.time[-1]), 1.0))).sample
+    rate = min(RATE, LONG / max(end, 1.0))
+    sample = trajectory(made).sample(np.append(np.arange(np.ceil(end * rate - 1e-6)) / rate, end))
     return np.column_stack([sample.time, sample.base, sample.joints])
 
 

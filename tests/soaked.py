@@ -10,12 +10,12 @@ import shapely
 from regionik.worlds.bundled import world_names
 from regionik.worlds.chain import Chain
 from regionik.worlds.documents.world_file import load_world
-from regionik.worlds.drives import BaseKind
 from regionik.worlds.limits import Criteria, Speeds
 from regionik.worlds.links import capsules_along
 from regionik.worlds.robot import Robot
-from regionik.worlds.scene import Heading, Order, Start, World
+from regionik.worlds.scene import Start, World
 from tests.grounds import floor_of
+from tests.kinds import BaseKind
 from tests.random_arms import through_urdf
 from tests.test_overhead_worlds import overhead_world
 from tests.test_random_worlds import random_world
@@ -110,6 +110,5 @@ def on_wheels(world: World, seed: int) -> World:
 
 def standing_still(world: World, seed: int) -> World:
     """The same, done from stops, in the order given or in any."""
-    order: Order = "any" if seed % 2 else "given"
-    heading: Heading = "free" if world.rules.heading == "face_target" else world.rules.heading
-    return replace(world, rules=replace(world.rules, mode="stops", order=order, heading=heading))
+    rules = replace(world.rules, mode="stops", order="any" if seed % 2 else "given")
+    return replace(world, rules=replace(rules, heading="free") if rules.heading == "face_target" else rules)

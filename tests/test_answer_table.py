@@ -18,7 +18,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from regionik.cli import app
+from regionik.cli.app import run
 from regionik.cli.reach import workers_for
 from regionik.output import answers as module
 from regionik.output.answers import csv_header, csv_rows, parse_targets, stream_answers, write_answers
@@ -243,7 +243,7 @@ def test_too_many_for_memory_is_one_line(
     monkeypatch.setattr("regionik.output.answers.MAX_IN_MEMORY", 100)
     table = table_of(tmp_path, 110)
     for more in (["-o", str(tmp_path / "answers.json")], ["--json"], []):
-        assert app.run(["reach", "free", "--csv", str(table), *more]) == 2
+        assert run(["reach", "free", "--csv", str(table), *more]) == 2
         out, err = capfd.readouterr()
         assert out == ""
         assert f"{table}: 110 targets are more than the 100 that are answered at once" in err
@@ -251,7 +251,7 @@ def test_too_many_for_memory_is_one_line(
 
 
 def test_workers_or_dask(capfd: pytest.CaptureFixture[str]) -> None:
-    assert app.run(["reach", "free", "--workers", "2", "--dask", "tcp://localhost:1"]) == 2
+    assert run(["reach", "free", "--workers", "2", "--dask", "tcp://localhost:1"]) == 2
     assert "--workers and --dask" in capfd.readouterr().err
 
 
@@ -281,6 +281,6 @@ def test_killed_runs_give_the_bytes_of_an_unbroken_one(tmp_path: Path) -> None:
     last = subprocess.run([*command, "--workers", "2"], capture_output=True, text=True, check=False)
     assert last.returncode == 1, last.stderr
     unbroken = tmp_path / "unbroken.csv"
-    assert app.run(["reach", "free", "--csv", str(table), "-o", str(unbroken)]) == 1
+    assert run(["reach", "free", "--csv", str(table), "-o", str(unbroken)]) == 1
     assert output.read_bytes() == unbroken.read_bytes()
     assert not parts.exists()

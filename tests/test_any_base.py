@@ -26,11 +26,11 @@ from regionik.reachability.reach import reach
 from regionik.scene import scene_of
 from regionik.verification.verifier import verify_answers
 from regionik.worlds.arms import planar_arm
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.obstacles import Box, Sphere
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from tests import examples
+from tests.maths import Array
 from tests.test_random_worlds import random_world
 
 HALL = Floor(shapely.box(-3, -3, 3, 3))

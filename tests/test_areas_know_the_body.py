@@ -10,13 +10,13 @@ import shapely
 
 import regionik as rik
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import translation
 from regionik.worlds.documents.world_file import world_to_document
 from regionik.worlds.links import BASE, LinkBox
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Floor, Rules, Target, World
 from tests.doors import Doors
 from tests.furnished import furnished_world
+from tests.maths import translation
 from tests.opinion.body import Body
 from tests.retold import machine_of
 

@@ -11,12 +11,13 @@ import shapely
 from regionik.pipeline import search
 from regionik.planners.collision.proximity import Touch
 from regionik.postures.arm_guard import SPARE
-from regionik.postures.poses import Pose, pose_between
+from regionik.postures.poses import Pose
 from regionik.scene import scene_of
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.obstacles import Box, Cylinder, Sphere
 from regionik.worlds.scene import Floor, Rules, Target, World
+from tests.bodies import pose_between
+from tests.maths import Array
 from tests.witnesses import witness
 
 ROBOT = robot_named("youbot")
@@ -80,7 +81,7 @@ def test_a_motion_that_is_not_stopped_is_clear_all_along() -> None:
         b = Pose(a.base + rng.uniform(-0.1, 0.1, 3), np.clip(
             a.joints + rng.uniform(-0.4, 0.4, 5), ROBOT.chain.lower, ROBOT.chain.upper
         ))  # fmt: skip
-        way = [pose_between(a, b, share, ROBOT.drive) for share in np.linspace(0, 1, 9)]
+        way = [pose_between(a, b, share, ROBOT) for share in np.linspace(0, 1, 9)]
         touch = guard.stop([a, b])
         if touch is None:
             passed += 1

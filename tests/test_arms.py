@@ -8,20 +8,20 @@ import shapely
 
 from regionik.areas.reachable import planar_reach, reach_model
 from regionik.mfabrik import Solver
-from regionik.planners.geometry.angles import wrap
 from regionik.planners.reach.level_reach import inner_reach, outer_reach
 from regionik.postures.families import FRONT, Family
 from regionik.postures.planar_solver import PlanarSolver
-from regionik.postures.poses import axis_of, pose_of
 from regionik.postures.serial_solver import SerialSolver, serial_solver
 from regionik.worlds.arms import reach_bound
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, translation
+from regionik.worlds.chain import Chain
 from regionik.worlds.joints import Joint
 from regionik.worlds.robot import Robot, without_limits
-from regionik.worlds.scene import Heading, Target
+from regionik.worlds.scene import Target
 from tests.bodies import on_lift, with_lift
+from tests.kinds import Heading
+from tests.maths import Array, translation, wrap
+from tests.measures import axis_of, pose_of
 
 COUNT = 40
 BARE = ("hinge5", "dof10", "pioneer7")

@@ -13,13 +13,14 @@ from regionik.planners.avoidance.avoiding_fabrik import (
     whole_pieces,
 )
 from regionik.planners.collision.robot_bodies import Bodies, ContactTargets, bodies_from
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, rot_x, rot_y, translation
+from regionik.worlds.chain import Chain
 from regionik.worlds.joints import Joint
 from regionik.worlds.links import LinkBox, LinkCapsule, capsules_along
-from regionik.worlds.obstacles import Box, Cylinder, Mesh, Solid, Sphere
+from regionik.worlds.obstacles import Box, Cylinder, Mesh, Sphere
 from regionik.worlds.robot import Robot
+from tests.kinds import Solid
+from tests.maths import Array, rot_x, rot_y, translation
 
 TOLERANCE = 1e-3
 HERE = np.zeros(3)

@@ -14,26 +14,24 @@ from regionik.output.urdf import robot_to_urdf
 from regionik.planners.collision.proximity import describe, nearest
 from regionik.planners.collision.robot_bodies import bodies_from
 from regionik.values import Motion
-from regionik.verification.arm_clearance import verify_arm_clearance
-from regionik.verification.motion import MotionSegments
-from regionik.verification.proofs import Finding, StateNames
-from regionik.verification.self_collision import verify_self_collision
 from regionik.view.world_picture import robot_meshes
-from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, pose, translation
+from regionik.worlds.chain import Chain
 from regionik.worlds.documents.world_file import world_from_document, world_to_document
 from regionik.worlds.errors import InputError
 from regionik.worlds.joints import Joint
 from regionik.worlds.links import BASE, LinkBox, LinkCapsule
-from regionik.worlds.obstacles import Box, Solid
+from regionik.worlds.obstacles import Box
 from regionik.worlds.robot import Robot
-from regionik.worlds.scene import Floor, Rules, Target, World
+from regionik.worlds.scene import Floor, Target, World
 from regionik.worlds.self_collision import BODY, self_collision_pairs
 from regionik.worlds.urdf.bounding import convex_hull
 from regionik.worlds.urdf.collision import base_shape
 from regionik.worlds.urdf.decomposition import CollisionPart, mesh_part
 from regionik.worlds.urdf.loader import load_robot
 from tests.bodies import motion_clear, motion_through
+from tests.kinds import Solid
+from tests.maths import Array, pose, translation
+from tests.plans import Proof, far_off, proofs_of
 from tests.urdfs import depth
 
 PAINTER = Path(__file__).parent.parent / "examples" / "painter.urdf"
@@ -55,12 +53,8 @@ def boom(turned: float = 0.0) -> Robot:
     return Robot("boom", "omni", SQUARE, mount, chain, tuple(rods), 0.2, np.zeros(2), base_solids=(MAST,))
 
 
-def prove(robot: Robot, motion: Motion, *solids: Solid) -> tuple[Finding, Finding]:
-    far = Target(np.array([9.0, 9.0, 9.0]))
-    world = World("by hand", robot, Floor(shapely.box(-9, -9, 9, 9)), solids, (far,), Rules())
-    segments, names = MotionSegments(robot, motion), StateNames(motion, 1)
-    arm = verify_arm_clearance(world, segments, names)[0]
-    return arm, verify_self_collision(segments, names)
+def prove(robot: Robot, motion: Motion, *solids: Solid) -> tuple[Proof, ...]:
+    return proofs_of(far_off(robot, *solids), motion, "arm", "self")
 
 
 # --- pairs and questions

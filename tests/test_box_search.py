@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from regionik.planners.kernels import compiled
 from regionik.planners.search.box_search import (
-    CLOSED,
     JUDGED,
     PROVEN,
     QUEUED,
@@ -29,8 +28,9 @@ from regionik.planners.search.box_search import (
     reopen,
     verdict_of,
 )
-from regionik.worlds.arrays import Array, Index
+from regionik.worlds.arrays import Index
 from tests import examples
+from tests.maths import Array
 
 FINEST = 0.05
 EVERY = 10**6
@@ -126,14 +126,6 @@ def test_the_largest_key_comes_first() -> None:
     for k in range(1, len(key)):
         assert key[k] <= key[(k - 1) // 2]
     assert key.max() <= 2 * key.min()  # what is widest was bisected, so all are about as wide
-
-
-def test_slots_are_kept_apart() -> None:
-    boxes = search(Ring(0.5, 0.7), *square(), EVERY, EVERY)
-    assert sorted(boxes.order.tolist()) == list(range(len(boxes.order)))
-    assert boxes.tally[QUEUED] == 0
-    assert len(proven(boxes)) == boxes.tally[PROVEN]
-    assert len(proven(boxes)) + len(left_open(boxes)) == boxes.tally[CLOSED]
 
 
 def test_a_box_that_is_reopened_is_searched_on() -> None:

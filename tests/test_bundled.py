@@ -11,12 +11,12 @@ import shapely
 from shapely.geometry import MultiPoint, Point, Polygon, box
 from shapely.geometry.base import BaseGeometry
 
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import DATA, robot_named, robot_names, world_names, world_path
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError
 from regionik.worlds.robot import without_limits
 from regionik.worlds.scene import World
+from tests.maths import Array
 
 DEGREES = np.pi / 180
 

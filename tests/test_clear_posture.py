@@ -21,14 +21,14 @@ from regionik.planners.collision.robot_bodies import ContactTargets, bodies_from
 from regionik.planners.search.box_search import Verdict
 from regionik.planners.search.fixed_base import PostureTask, redundant_joints, search_fixed_base
 from regionik.planners.search.posture_boxes import segment_distance
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, planar_pose
+from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
 from regionik.worlds.joints import Joint
 from regionik.worlds.links import capsules_along
 from regionik.worlds.obstacles import Box, Cylinder, Prism, Sphere
 from regionik.worlds.robot import Robot
+from tests.maths import Array, planar_pose
 
 SCENES = 150
 PROOFS = 4  # swept

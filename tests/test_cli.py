@@ -19,7 +19,8 @@ from typing import Any, NamedTuple
 import pytest
 
 from regionik import __version__
-from regionik.cli import app, console
+from regionik.cli import console
+from regionik.cli.app import run as run_command
 from regionik.storage.plan_document import kept_figures
 from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
 from regionik.worlds.errors import EngineError
@@ -59,7 +60,7 @@ def run(capfd: pytest.CaptureFixture[str]) -> Run:
 
     def run(*arguments: object) -> Outcome:
         capfd.readouterr()
-        code = app.run([str(argument) for argument in arguments])
+        code = run_command([str(argument) for argument in arguments])
         return Outcome(code, *capfd.readouterr())
 
     return run
@@ -81,7 +82,7 @@ def spawned(*arguments: object, **options: Any) -> Iterator[subprocess.Popen[str
 def planned(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A plan of ``pillar``, made once."""
     path = tmp_path_factory.mktemp("planned") / "plan.json"
-    assert app.run(["plan", "pillar", "-o", str(path)]) == 0
+    assert run(["plan", "pillar", "-o", str(path)]) == 0
     return path
 
 

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from regionik.planners.solvers.closed_form import EXACTLY, decomposition, postures_at
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
+from tests.maths import Array
 
 H = np.pi / 2
 UR: list[tuple[float, ...]] = [

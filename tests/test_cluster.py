@@ -15,7 +15,7 @@ import distributed
 import numpy as np
 import pytest
 
-from regionik.cli import app
+from regionik.cli.app import run
 from regionik.executors import dask_executor, map_unordered
 from regionik.reachability.reach import reach
 from regionik.worlds.documents.world_file import load_world
@@ -80,8 +80,8 @@ def test_the_command_works_on_the_cluster(
 ) -> None:
     table, there, here = (tmp_path / name for name in ("targets.csv", "there.csv", "here.csv"))
     table.write_text("0.5,-0.1,0.3\n0,0,3\n0.6,-0.2,0.3\n")
-    assert app.run(["reach", "free", "--csv", str(table), "-o", str(there), "--dask", address]) == 1
-    assert app.run(["reach", "free", "--csv", str(table), "-o", str(here)]) == 1
+    assert run(["reach", "free", "--csv", str(table), "-o", str(there), "--dask", address]) == 1
+    assert run(["reach", "free", "--csv", str(table), "-o", str(here)]) == 1
     assert there.read_bytes() == here.read_bytes()
     assert "2 of 3 targets are reachable" in capfd.readouterr().err
 
@@ -99,7 +99,7 @@ def test_no_scheduler_is_one_line(
     address: str, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("regionik.executors.CONNECT_TIMEOUT", 1)
-    assert app.run(["reach", "free", "--dask", address]) == 2
+    assert run(["reach", "free", "--dask", address]) == 2
     out, err = capfd.readouterr()
     assert out == ""
     assert "expected the address of a Dask scheduler" in err

@@ -14,7 +14,6 @@ from shapely.geometry.base import BaseGeometry
 from regionik.papers.tracker import can_track
 from regionik.pipeline import search
 from regionik.planners.collision.proximity import nearest
-from regionik.postures.poses import axis_of
 from regionik.reachability.field import reach_field, reach_slice
 from regionik.regions import outer_areas
 from regionik.scene import scene_of
@@ -31,6 +30,7 @@ from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import NoPlanFound
 from regionik.worlds.scene import World
 from tests import MINUTES, examples
+from tests.measures import axis_of
 from tests.planned import planned
 from tests.test_random_worlds import random_world
 from tests.test_whatif import crowded

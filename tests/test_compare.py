@@ -11,22 +11,15 @@ import numpy as np
 import pytest
 
 import regionik as rik
-from regionik.cli import app
-from regionik.papers.comparison import (
-    DEFAULT,
-    METHODS,
-    Comparison,
-    Score,
-    compare,
-    prepare_methods,
-)
+from regionik.cli.app import run
+from regionik.papers.comparison import DEFAULT, METHODS, Comparison, Score, compare, prepare_methods
 from regionik.values import Configuration
 from regionik.worlds.arms import sliding_chain
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import Target
+from tests.maths import Array
 
 HINGES = """
 version: 1
@@ -170,13 +163,13 @@ def test_no_task() -> None:
 
 def test_the_command(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     table, document = tmp_path / "scores.csv", tmp_path / "scores.json"
-    assert app.run(["compare", "pillar", "--methods", "mfabrik,dls", "-o", str(table)]) == 0
+    assert run(["compare", "pillar", "--methods", "mfabrik,dls", "-o", str(table)]) == 0
     out, err = capfd.readouterr()
     assert out.splitlines()[1].startswith("mfabrik    15/15")
     assert "dls beats mfabrik" in err
     rows = list(csv.DictReader(table.read_text().splitlines()))
     assert [(row["method"], row["success"]) for row in rows] == [("mfabrik", "15"), ("dls", "15")]
-    assert app.run(["compare", "pillar", "--methods", "dls", "--json", "-o", str(document)]) == 0
+    assert run(["compare", "pillar", "--methods", "dls", "--json", "-o", str(document)]) == 0
     out, _ = capfd.readouterr()
     for text in (out, document.read_text()):
         found = json.loads(text)
@@ -192,7 +185,7 @@ def test_the_command(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
 def test_wrong_input_is_one_line_and_exit_code_2(
     arguments: tuple[str, ...], capfd: pytest.CaptureFixture[str]
 ) -> None:
-    assert app.run(["compare", *arguments]) == 2
+    assert run(["compare", *arguments]) == 2
     out, err = capfd.readouterr()
     assert out == ""
     assert len(err.splitlines()) == 1

@@ -14,19 +14,18 @@ from regionik.areas.reachable import reach_model
 from regionik.mfabrik import Solver
 from regionik.pipeline import plan
 from regionik.planners.geometry.cones import pitches_within, swings_about, swings_within
-from regionik.postures.arm import Goal, deviation
 from regionik.postures.families import BACK, FRONT
-from regionik.postures.poses import pose_of
 from regionik.reach_rows import rows_of
 from regionik.regions import admissible_area
 from regionik.scene import scene_of
 from regionik.verification.verifier import verify
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import rot_z
 from regionik.worlds.limits import Criteria
 from regionik.worlds.scene import Floor, Rules, Target, World
 from tests import examples
+from tests.kinds import Goal
+from tests.maths import Array, rot_z
+from tests.measures import deviation, pose_of
 
 YOUBOT = robot_named("youbot")
 FLOOR = Floor(shapely.box(-2.0, -2.0, 3.0, 2.0))

@@ -18,12 +18,13 @@ from regionik.moving.configuration_sampling import HEADINGS, KEPT, PLACES, Confi
 from regionik.moving.path_following import ResolvedMotion
 from regionik.moving.path_search import PathSearch
 from regionik.planners.collision.proximity import Touch
-from regionik.planners.geometry.angles import wrap
-from regionik.postures.poses import Pose, axis_of
+from regionik.postures.poses import Pose
 from regionik.pruning import Pruned, choose_chain, solvers_along, start_place, start_pose, whole_path
 from regionik.scene import scene_of
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.scene import World
+from tests.maths import wrap
+from tests.measures import axis_of
 
 
 @cache

@@ -10,10 +10,10 @@ import pytest
 import yaml
 
 import regionik as rik
-from regionik.cli import app
-from regionik.storage.plan_document import plan_to_text
+from regionik.cli.app import run
 from regionik.worlds.documents.world_file import world_from_document
 from regionik.worlds.scene import World
+from tests.plans import plan_to_document
 
 WORLD_FILE = """
 version: 1
@@ -53,7 +53,7 @@ def test_what_no_posture_is_known_for_is_told_apart() -> None:
 def test_the_command_counts_them_apart(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path, output = tmp_path / "cupboard.world.yaml", tmp_path / "stops.geojson"
     path.write_text(WORLD_FILE)
-    assert app.run(["stops", str(path), "-o", str(output)]) == 0
+    assert run(["stops", str(path), "-o", str(output)]) == 0
     told = capsys.readouterr()
     lines = told.out.splitlines()
     assert lines[0].endswith("tolerance [m]  unconfirmed")
@@ -61,11 +61,11 @@ def test_the_command_counts_them_apart(tmp_path: Path, capsys: pytest.CaptureFix
     assert "confirmed: 2 set-points have a posture that is clear; unconfirmed, by areas alone: 2 " in told.err
     made = json.loads(output.read_text())["features"]
     assert sorted(i for one in made for i in one["properties"]["unconfirmed"]) == [1]
-    assert app.run(["stops", str(path), "--json"]) == 0
+    assert run(["stops", str(path), "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert document["unconfirmed"] == [1]
     assert sorted(i for stop in document["stops"] for i in stop["unconfirmed"]) == [1]
-    assert app.run(["stops", "pillar"]) == 0
+    assert run(["stops", "pillar"]) == 0
     told = capsys.readouterr()
     assert "unconfirmed" not in told.out + told.err
     assert "confirmed: from its stop each of the 15 set-points has a posture that is clear" in told.err
@@ -75,7 +75,7 @@ def test_a_plan_names_no_doubts() -> None:
     world = cupboard()
     found = rik.plan(replace(world, task=world.task[::2]))
     assert all(stop.unconfirmed == () for stop in found.stops)
-    assert all("unconfirmed" not in stop for stop in json.loads(plan_to_text(found))["stops"])
+    assert all("unconfirmed" not in stop for stop in plan_to_document(found)["stops"])
 
 
 def test_a_field_says_that_areas_alone_count() -> None:

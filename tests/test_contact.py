@@ -24,15 +24,14 @@ from regionik.verification.contact import (
     shrunk_weights,
 )
 from regionik.verification.verifier import verify
-from regionik.worlds.arrays import Array
-from regionik.worlds.chain import translation
-from regionik.worlds.links import LinkBox, LinkCapsule, LinkSolid
-from regionik.worlds.obstacles import Box, Cylinder, Mesh, Solid, Sphere
+from regionik.worlds.links import LinkBox, LinkCapsule
+from regionik.worlds.obstacles import Box, Cylinder, Mesh, Sphere
 from regionik.worlds.robot import Robot
 from tests import examples
-from tests.plans import youbot
+from tests.kinds import LinkSolid, Solid
+from tests.maths import Array, translation
+from tests.plans import RULES, Q, motion_of, of_kind, only, plan_of, world_of, youbot
 from tests.test_proximity import box_mesh
-from tests.test_verify import RULES, Q, motion_of, of_kind, only, plan_of, world_of
 
 TIP = youbot().tool(np.zeros(3), Q)
 STANDING = np.zeros(3)

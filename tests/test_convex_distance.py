@@ -12,11 +12,11 @@ from regionik.verification.self_collision import (
     prism_hull,
     signed_distances,
 )
-from regionik.worlds.arrays import Array
-from regionik.worlds.chain import translation
-from regionik.worlds.links import LinkBox, LinkCapsule, LinkHull, LinkSolid
+from regionik.worlds.links import LinkBox, LinkCapsule, LinkHull
 from regionik.worlds.obstacles import Prism
 from tests.bodies import random_frame, signed_distance
+from tests.kinds import LinkSolid
+from tests.maths import Array, translation
 
 HEPTAGON = Prism("body", Polygon(Point(0, 0).buffer(0.2, 2).exterior.coords[:-2]), 0.0, 0.15)
 

@@ -18,12 +18,12 @@ from regionik.timing.limits import THICKNESS, MotionLimits
 from regionik.timing.retime import retime
 from regionik.values import Motion
 from regionik.verification.verifier import verify
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError
 from regionik.worlds.limits import Speeds
 from tests import examples
+from tests.maths import Array
 from tests.planned import planned
 
 JERKS = {"base_jerk": 10.0, "turn_jerk": 30.0, "joint_jerk": 30.0}

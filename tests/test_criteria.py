@@ -18,12 +18,11 @@ from regionik.planners.reach.rings import FREE
 from regionik.planners.solvers.posture_criteria import Thresholds, posture_margin, thresholds_of
 from regionik.regions import admissible_area, outer_areas
 from regionik.scene import scene_of
-from regionik.verification.limits import efforts, joint_margins, manipulability
+from regionik.verification import limits
 from regionik.verification.verifier import verify
 from regionik.worlds.arms import planar_arm
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, rot_x, translation
+from regionik.worlds.chain import Chain
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.joints import Joint
@@ -32,6 +31,8 @@ from regionik.worlds.links import LinkMass, capsules_along
 from regionik.worlds.robot import GRAVITY, Robot, with_joint_margin
 from regionik.worlds.scene import Floor, Target, World
 from tests import examples
+from tests.maths import Array, rot_x, translation
+from tests.measures import efforts, joint_margins, manipulability
 from tests.soaked import soaked_world
 
 SEEDS = st.integers(0, 10_000)
@@ -143,7 +144,9 @@ def test_manipulability_of_two_hinges_on_a_pivot() -> None:
     robot = replace(robot_named("youbot"), chain=chain, solids=(), carry=np.zeros(3))
     q = np.random.default_rng(0).uniform(-3, 3, (50, 3))
     r = np.abs(a1 * np.cos(q[:, 1]) + a2 * np.cos(q[:, 1] + q[:, 2]))
-    np.testing.assert_allclose(manipulability(robot, q), r * a1 * a2 * np.abs(np.sin(q[:, 2])), atol=1e-9)
+    np.testing.assert_allclose(
+        limits.manipulability(robot, q), r * a1 * a2 * np.abs(np.sin(q[:, 2])), atol=1e-9
+    )
 
 
 def test_a_weight_held_out_level() -> None:
@@ -151,7 +154,7 @@ def test_a_weight_held_out_level() -> None:
     robot = replace(robot_named("youbot"), payload=2.0)
     q = np.array([0.3, 0.0, 0.0, np.pi / 2, 0.0])
     levers = np.array([0.0, 0.5075, 0.3525, 0.2175, 0.0])
-    np.testing.assert_allclose(np.abs(efforts(robot, q)), 2.0 * GRAVITY * levers, atol=1e-9)
+    np.testing.assert_allclose(np.abs(limits.efforts(robot, q)), 2.0 * GRAVITY * levers, atol=1e-9)
 
 
 @settings(max_examples=examples(30))
@@ -167,7 +170,7 @@ def test_efforts_are_the_slope_of_the_weights_height(seed: int) -> None:
 
     for k, step in enumerate(1e-6 * np.eye(len(q))):
         slope = (energy(q + step) - energy(q - step)) / 2e-6
-        assert efforts(robot, q)[k] == pytest.approx(slope, abs=1e-6)
+        assert limits.efforts(robot, q)[k] == pytest.approx(slope, abs=1e-6)
 
 
 @settings(max_examples=examples(60))

@@ -12,14 +12,16 @@ from regionik import plan, verify
 from regionik.explain.cut_off import barrier
 from regionik.scene import scene_of
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, translation
+from regionik.worlds.chain import Chain
 from regionik.worlds.errors import Explanation, NoPlanFound
 from regionik.worlds.joints import Joint
 from regionik.worlds.links import capsules_along
-from regionik.worlds.obstacles import Box, Solid
+from regionik.worlds.obstacles import Box
 from regionik.worlds.robot import Robot
-from regionik.worlds.scene import Floor, Mode, Rules, Start, Target, World
+from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from tests import MINUTES
+from tests.kinds import Mode, Solid
+from tests.maths import translation
 
 POINTED, LONG = robot_named("youbot"), robot_named("youbot-real")
 TURNS = np.arange(12) * np.pi / 6

@@ -8,12 +8,12 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from regionik.worlds.arrays import Array
-from regionik.worlds.chain import pose
-from regionik.worlds.links import LinkBox, LinkSolid
-from regionik.worlds.urdf.bounding import bounding_solid, convex_hull, rough_volume, volume
+from regionik.worlds.links import LinkBox
+from regionik.worlds.urdf.bounding import volume
 from regionik.worlds.urdf.decomposition import CollisionPart, clip_triangles, decompose, mesh_part
 from tests import examples
+from tests.kinds import LinkSolid
+from tests.maths import Array, pose
 from tests.urdfs import depth
 
 NO_SURFACE = np.empty((0, 3, 3))
@@ -123,12 +123,3 @@ def test_corners_on_the_plane_belong_to_both_sides() -> None:
     assert clip_triangles(triangle, up, 0.0).tolist() == triangle.tolist()
     below = clip_triangles(triangle, -up, 0.0)
     assert np.ptp(below.reshape(-1, 3), axis=0).tolist() == [1, 0, 0]
-
-
-@settings(max_examples=examples(30))
-@given(st.integers(0, 2**32 - 1), st.tuples(*[st.floats(0.05, 1)] * 3), _POSE)
-def test_the_quick_volume_is_near(seed: int, sizes: tuple[float, ...], T: Array) -> None:
-    cloud = convex_hull(np.random.default_rng(seed).normal(size=(60, 3)) * sizes)
-    points = cloud @ T[:3, :3].T + T[:3, 3]
-    bound = volume(bounding_solid(0, "cloud", points))
-    assert rough_volume(points) <= bound * (1 + 1e-6) <= 2.5 * rough_volume(points)

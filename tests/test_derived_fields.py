@@ -13,10 +13,9 @@ from typing import Any
 import pytest
 from shapely.affinity import scale, translate
 from shapely.geometry import mapping, shape
-from typer.testing import CliRunner
 
 from regionik.area_verification import verify_areas
-from regionik.cli.app import app
+from regionik.cli.app import run
 from regionik.output.plan_file import load_plan
 from regionik.pipeline import plan, search
 from regionik.scene import scene_of
@@ -139,13 +138,12 @@ def test_pruned_areas_are_part_of_the_admissible_ones(tmp_path: Path) -> None:
     "change", [lambda area: scale(area, 0.9, 0.9), lambda area: translate(area, 0.05)], ids=["less", "off"]
 )
 def test_the_command_finds_areas_of_another_shape(
-    part: int, change: Callable[[Any], Any], tmp_path: Path
+    part: int, change: Callable[[Any], Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "plan.json"
     path.write_text(json.dumps(tampered(replaced(part, change))))
-    outcome = CliRunner().invoke(app, ["verify", str(path), "--json"])
-    assert outcome.exit_code == 1
-    assert "set-point 8 of" in outcome.output
+    assert run(["verify", str(path), "--json"]) == 1
+    assert "set-point 8 of" in capsys.readouterr().out
 
 
 def test_the_base_of_a_stop_is_in_its_area() -> None:
@@ -162,7 +160,7 @@ def test_honest_areas_hold(tmp_path: Path) -> None:
     assert verify_areas(planned()).ok
     path = tmp_path / "plan.json"
     planned().save(path)
-    assert CliRunner().invoke(app, ["verify", str(path)]).exit_code == 0
+    assert run(["verify", str(path)]) == 0
 
 
 def test_areas_of_a_base_that_faces_its_targets_hold(tmp_path: Path) -> None:
@@ -170,7 +168,7 @@ def test_areas_of_a_base_that_faces_its_targets_hold(tmp_path: Path) -> None:
     assert world.rules.heading == "face_target"
     path = tmp_path / "plan.json"
     search(scene_of(replace(world, task=world.task[:4]))).save(path)
-    assert CliRunner().invoke(app, ["verify", str(path)]).exit_code == 0
+    assert run(["verify", str(path)]) == 0
 
 
 def test_areas_that_only_touch_have_nothing_in_common() -> None:

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, translation
+from regionik.worlds.chain import Chain
 from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
 from regionik.worlds.errors import InputError
 from regionik.worlds.joints import Joint
 from regionik.worlds.links import LinkBox
 from regionik.worlds.robot import Robot
 from regionik.worlds.self_collision import disabled_pairs, self_collision_pairs
+from tests.maths import translation
 
 THIN, WIDE = 0.04, 0.5  # [m]
 

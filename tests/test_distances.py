@@ -22,11 +22,12 @@ from regionik.planners.collision.distances import (
     obstacles_from,
 )
 from regionik.planners.geometry.convex_decomposition import MOST_CORNERS, convex_pieces
-from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.links import LinkBox, LinkCapsule
-from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
+from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
 from tests import examples
+from tests.kinds import Solid
+from tests.maths import Array
 
 ELL = Polygon([(-0.4, -0.4), (0.4, -0.4), (0.4, 0.0), (0.0, 0.0), (0.0, 0.4), (-0.4, 0.4)])
 RING = Point(0, 0).buffer(0.4, quad_segs=8) - box(-0.2, -0.1, 0.2, 0.15)
@@ -257,12 +258,6 @@ def test_convex_pieces_tile_the_polygon(rectangles: list[tuple[float, ...]], bit
         )
         assert sum(piece.area for piece in pieces) == pytest.approx(polygon.area, abs=1e-10)
         assert shapely.union_all(pieces).symmetric_difference(polygon).area < 1e-10
-
-
-def test_rectangles_of_a_map_become_few_pieces() -> None:
-    assert len(obstacles_from([SOLIDS["ell"]]).pieces) <= 3
-    stairs = shapely.union_all([box(0, k, 20 - k, k + 1) for k in range(20)])
-    assert len(convex_pieces(stairs)) <= 30  # 38 triangles
 
 
 def test_pieces_know_their_solid() -> None:

@@ -17,8 +17,8 @@ from shapely.geometry import MultiPolygon, Polygon
 from regionik.planners.driving.point_planner import NoPathError, PointPath, drive_point
 from regionik.planners.driving.sampling import PlanningProblem, connect
 from regionik.planners.geometry.polygons import FlatPolygon, segment_inside
-from regionik.worlds.arrays import Array
 from regionik.worlds.errors import RegionikError
+from tests.maths import Array
 
 SQUARE = box(-0.5, -1.5, 3, 1.5) - box(1.0, -0.2, 1.6, 0.4).buffer(0.2)  # experiment 2
 BLOCK = box(-0.5, -1.5, 3, 1.5) - box(1.175, -0.45, 1.425, 0.45).buffer(0.2)  # experiment 2b

@@ -12,18 +12,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from regionik.planners.driving.arcs import arc_end, arc_towards
+from regionik.planners.driving.arcs import arc_towards
 from regionik.verification import motion as verification_motion
 from regionik.verification.motion import MotionSegments
-from regionik.worlds.arrays import Array
-from regionik.worlds.drives import (
-    MAX_CHORD_ERROR,
-    BaseKind,
-    DifferentialDrive,
-    OmnidirectionalDrive,
-    drive_of,
-)
+from regionik.worlds.drives import MAX_CHORD_ERROR, DifferentialDrive, OmnidirectionalDrive, drive_of
 from tests.bodies import motion_through
+from tests.kinds import BaseKind
+from tests.maths import Array, arc_end
 from tests.plans import youbot
 
 WHEELS: tuple[BaseKind, ...] = ("differential", "car")

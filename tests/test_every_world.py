@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from regionik.cli import app
+from regionik.cli.app import run
 from regionik.cli.plan import EXPORT_FORMATS
 from regionik.worlds.bundled import world_names
 
@@ -20,7 +20,7 @@ QUICK = ("free", "tao3")  # the others take minutes together
 )
 def test_a_bundled_world_goes_the_whole_way(name: str, tmp_path: Path) -> None:
     def done(*arguments: object) -> bool:
-        return app.run([str(argument) for argument in arguments]) == 0
+        return run([str(argument) for argument in arguments]) == 0
 
     plan, timed = tmp_path / "plan.json", tmp_path / "timed.json"
     assert done("plan", name, "-o", plan, "--html", tmp_path / "plan.html")

@@ -20,12 +20,12 @@ from regionik.output.urdf import robot_to_urdf, roll_pitch_yaw
 from regionik.timing.limits import tool_velocity
 from regionik.timing.trajectory import TrajectorySample, trajectory
 from regionik.values import Plan
-from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, pose
+from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
 from regionik.worlds.joints import Joint
 from regionik.worlds.links import LinkBox, LinkCapsule
 from regionik.worlds.robot import Robot
+from tests.maths import Array, pose
 from tests.plans import FOOTPRINT, every_solid, l_shape, synthetic_plan, timed, youbot
 
 

@@ -24,10 +24,10 @@ from regionik.planners.solvers.fabrikr import (
 from regionik.planners.solvers.multistart_ik import ArmSolver
 from regionik.planners.solvers.rigid_bodies import arm_model, bodies_of
 from regionik.planners.solvers.serial_chain import serial_arm
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, rot_x, rot_y, rot_z, translation
+from regionik.worlds.chain import Chain
 from regionik.worlds.joints import Joint
+from tests.maths import Array, rot_x, rot_y, rot_z, translation
 
 ARMS = ("hinge5", "dof10", "pioneer7")
 FREE = (-np.inf, np.inf)

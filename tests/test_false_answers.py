@@ -22,8 +22,7 @@ from regionik.verification.motion import MotionSegments
 from regionik.verification.speeds import deviations
 from regionik.verification.timed_segments import timed_segments
 from regionik.verification.verifier import verify, verify_answers
-from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, translation
+from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.joints import Joint
 from regionik.worlds.limits import Execution, ParkingAccuracy, Speeds
@@ -31,7 +30,8 @@ from regionik.worlds.links import capsules_along
 from regionik.worlds.obstacles import Box, Mesh, Sphere
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
-from tests.test_verify import motion_of, of_kind, plan_of
+from tests.maths import Array, translation
+from tests.plans import motion_of, of_kind, plan_of
 
 FLOOR = Floor([[-3, -3], [3, -3], [3, 3], [-3, 3]])
 QUICK = Speeds(joint_velocity=50, joint_acceleration=500, base_velocity=50, base_acceleration=500)

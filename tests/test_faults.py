@@ -21,7 +21,7 @@ import shapely
 from numba.core.caching import FunctionCache
 
 import regionik
-from regionik.cli import app
+from regionik.cli.app import run
 from regionik.planners import kernels
 from regionik.storage.files import write_atomic
 from regionik.view import viewer
@@ -120,7 +120,7 @@ def test_a_library_that_fails_is_one_line(
         raise error
 
     monkeypatch.setattr("regionik.pipeline.whole_path", stage)
-    assert app.run(["plan", "free", "-o", str(tmp_path / "plan.json")]) == 3
+    assert run(["plan", "free", "-o", str(tmp_path / "plan.json")]) == 3
     out, err = capfd.readouterr()
     assert out == ""
     assert len(err.splitlines()) == 1
@@ -143,7 +143,7 @@ def test_a_folder_that_goes_meanwhile_is_one_line(
         return plan(*arguments, **options)
 
     monkeypatch.setattr(pipeline, "plan", stage)
-    assert app.run(["plan", "free", "-o", str(folder / "plan.json")]) == 2
+    assert run(["plan", "free", "-o", str(folder / "plan.json")]) == 2
     assert "expected an existing folder" in capfd.readouterr().err
 
 
@@ -152,7 +152,7 @@ def test_a_folder_that_is_read_only_is_told_before_the_work(
 ) -> None:
     monkeypatch.setattr(os, "access", lambda path, mode: False)  # of root nothing is kept by modes
     monkeypatch.delattr("regionik.pipeline.plan")
-    assert app.run(["plan", "free", "-o", str(tmp_path / "plan.json")]) == 2
+    assert run(["plan", "free", "-o", str(tmp_path / "plan.json")]) == 2
     assert "nothing can be written in that folder" in capfd.readouterr().err
 
 
@@ -175,7 +175,7 @@ def test_what_is_read_is_not_written_over(
     }  # fmt: skip
     for name, text in texts.items():
         (tmp_path / name).write_text(text, "utf-8")
-    assert app.run(command.format(*(tmp_path / name for name in texts)).split()) == 2
+    assert run(command.format(*(tmp_path / name for name in texts)).split()) == 2
     assert told in capfd.readouterr().err
     assert {path.name: path.read_text("utf-8") for path in tmp_path.iterdir()} == texts
 

@@ -12,24 +12,17 @@ import rasterio
 import shapely
 from numpy.typing import NDArray
 
-from regionik.cli import app
+from regionik.cli.app import run
 from regionik.output.export import write_field
-from regionik.reachability.field import (
-    MOST_CELLS,
-    Field,
-    count_rings,
-    near_piece,
-    reach_field,
-    reach_slice,
-)
+from regionik.reachability.field import MOST_CELLS, Field, count_rings, near_piece, reach_field, reach_slice
 from regionik.reachability.reach import reach
 from regionik.regions import admissible_area
-from regionik.worlds.arrays import Array
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError
 from regionik.worlds.limits import Criteria
 from regionik.worlds.scene import Rules, Start, Target, World
 from regionik.worlds.urdf.loader import load_robot
+from tests.maths import Array
 
 CELL = 0.1
 
@@ -198,14 +191,14 @@ def test_other_files_are_refused(found: Field, tmp_path: Path, monkeypatch: pyte
 def test_the_command(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     table, output = tmp_path / "t.csv", tmp_path / "f.npz"
     table.write_text("0.5,-0.1,0.3\n0.6,-0.2,0.3\n")
-    assert app.run(["field", "free", "--targets", str(table), "--cell", "0.2", "-o", str(output)]) == 0
+    assert run(["field", "free", "--targets", str(table), "--cell", "0.2", "-o", str(output)]) == 0
     assert "free: the best place reaches 2 of 2 targets, by areas alone" in capfd.readouterr().err
-    assert app.run(["field", "free", "--height", "0.3", "--cell", "0.2", "-o", str(output)]) == 0
+    assert run(["field", "free", "--height", "0.3", "--cell", "0.2", "-o", str(output)]) == 0
     with np.load(output) as there:
         assert float(there["height"]) == 0.3
     assert "at 0.3 m the tool reaches" in capfd.readouterr().err
     asked = ["field", "pillar", "--targets", str(table), "--cell", "0.2", "--check", "-o", str(output)]
-    assert app.run(asked) == 0
+    assert run(asked) == 0
     assert "yaw 0.000 rad, 2 have a posture that is clear" in capfd.readouterr().err
     with np.load(output) as there:
         assert str(there["meaning"]) == "targets reached, of 2, by areas alone"
@@ -218,7 +211,7 @@ def test_the_command(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
         (["--targets", str(tmp_path / "no.csv"), "-o", str(output)], "there is no such file"),
     ]
     for arguments, words in wrong:
-        assert app.run(["field", "free", *arguments]) == 2
+        assert run(["field", "free", *arguments]) == 2
         out, err = capfd.readouterr()
         assert (out, len(err.splitlines())) == ("", 1)
         assert words in err

@@ -28,14 +28,15 @@ from regionik.planners.search.posture_boxes import (
     place_arm,
 )
 from regionik.planners.solvers.serial_chain import chain_jacobian, serial_arm
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, rot_x, rot_y, translation
+from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
 from regionik.worlds.joints import Joint
 from regionik.worlds.links import LinkBox, LinkCapsule, capsules_along
-from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
+from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
 from tests import examples
+from tests.kinds import Solid
+from tests.maths import Array, rot_x, rot_y, translation
 
 NOTHING = obstacles_from([])
 SOLIDS: dict[str, Solid] = {

@@ -11,16 +11,16 @@ from scipy.spatial.transform import Rotation
 
 from regionik.planners.reach.level_reach import fixed_point_reach
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, Aim
-from regionik.postures.poses import axis_of
 from regionik.reachability.reach import reach
 from regionik.regions import reach_of
 from regionik.scene import scene_of
 from regionik.worlds.arms import with_pivot
-from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Target, World
 from tests import examples
+from tests.maths import Array
+from tests.measures import axis_of
 from tests.random_arms import ARMS, random_arm, random_robot
 from tests.test_poses import robot_of, six_axes
 from tests.test_reach_model import across

@@ -11,7 +11,6 @@ import shapely
 from shapely import affinity, box
 from shapely.geometry import LineString, MultiPolygon, Point, Polygon
 
-from regionik.planners.driving.arcs import arc_end
 from regionik.planners.driving.footprint import arc_is_free, fits, slide_is_free
 from regionik.planners.driving.footprint_planner import (
     FootprintPath,
@@ -20,7 +19,7 @@ from regionik.planners.driving.footprint_planner import (
     drive_footprint,
     passage_width,
 )
-from regionik.planners.driving.footprint_scene import FootprintScene, footprint_scene, footprint_width
+from regionik.planners.driving.footprint_scene import footprint_scene, footprint_width
 from regionik.planners.driving.heading_slabs import (
     convex_scene,
     free_at_all,
@@ -35,11 +34,10 @@ from regionik.planners.driving.heading_slabs import (
 )
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.driving.pose_planner import SLIDE, Steering, slide_cost
-from regionik.planners.geometry.angles import wrap
 from regionik.scene import scene_of
-from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Shadow
+from tests.maths import Array, arc_end, wrap
 from tests.witnesses import witness
 
 YOUBOT = np.array([[0.29, -0.19], [0.29, 0.19], [-0.29, 0.19], [-0.29, -0.19]])
@@ -331,15 +329,6 @@ def test_slabs_are_a_full_turn() -> None:
     assert len(thin) == 4
 
 
-def test_neighbouring_slabs_join_where_the_base_can_turn() -> None:
-    areas = slab_areas(YOUBOT, corridor(0.5), (), 0.0, slabs(12))
-    # Along the corridor the area is in one piece, across it in two.
-    pieces = [len(shapely.get_parts(slab.inner)) for slab in areas]
-    assert pieces[3] == pieces[9] == 2
-    fine = slab_areas(YOUBOT, corridor(0.5), (), 0.0, [[-0.05, 0.05]])
-    assert len(shapely.get_parts(fine[0].inner)) == 1
-
-
 def test_widths() -> None:
     triangle = [[0, 0], [1, 0], [0.5, np.sqrt(0.75)]]
     assert footprint_width(triangle) == pytest.approx(np.sqrt(0.75))
@@ -370,22 +359,6 @@ def test_bad_drives() -> None:
         drive_footprint(YOUBOT, box(0, 0, 3, 3), [1, 1, 0], [2, 2, 0], seed=-1)
     with pytest.raises(InputError, match="goal: expected 3 numbers"):
         drive_footprint(YOUBOT, box(0, 0, 3, 3), [1, 1, 0], [2, 2], seed=0)
-
-
-def test_rooms_are_values_of_one_kind() -> None:
-    """So that the kernels are compiled once."""
-    rooms: list[FootprintScene] = [
-        footprint_scene(YOUBOT, FLOOR, OBSTACLES, 0.1),
-        footprint_scene(POINT, box(0, 0, 1, 1)),
-    ]
-    kinds = [
-        [
-            (part.dtype, part.ndim, part.flags.writeable, part.flags.c_contiguous)
-            for part in (*r[:-1], *r.upper)
-        ]
-        for r in rooms
-    ]
-    assert kinds[0] == kinds[1]
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -13,12 +13,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from regionik.output.ros2 import path_message
-from regionik.worlds.chain import pose
 from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
 from regionik.worlds.errors import InputError
 from regionik.worlds.readers.csv_path import Delimiter, read_csv_columns
 from regionik.worlds.scene import FrameNames, World
 from tests import examples
+from tests.maths import pose
 from tests.plans import l_shape, synthetic_plan, timed
 
 BASIC: dict[str, Any] = {

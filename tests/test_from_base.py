@@ -12,19 +12,19 @@ import pytest
 import shapely
 
 import regionik as rik
-from regionik.cli import app
+from regionik.cli.app import run
 from regionik.postures.poses import Pose
 from regionik.scene import scene_of
 from regionik.values import Answer
 from regionik.worlds.arms import with_pivot_limits
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import translation
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError
 from regionik.worlds.links import BASE, LinkBox
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from tests.furnished import robot_with
+from tests.maths import translation
 from tests.test_random_worlds import random_world
 
 HALL = Floor(shapely.box(-3, -3, 3, 3))
@@ -227,18 +227,18 @@ def test_the_command_answers_from_a_pose_in_every_format(
     table = tmp_path / "targets.csv"
     table.write_text("x,y,z\n0.5,0.0,0.3\n1.5,0.0,0.3\n")
     there = ["--base", "0.1", "0", "0.3"]
-    assert app.run(["reach", "pillar", *there, "--csv", str(table), "--json"]) == 1
+    assert run(["reach", "pillar", *there, "--csv", str(table), "--json"]) == 1
     told = json.loads(capsys.readouterr().out)
     assert [one["verdict"] for one in told["answers"]] == ["reachable", "unreachable"]
     assert told["answers"][0]["base"] == [0.1, 0.0, 0.3]
     for ending in (".csv", ".json", ".geojson"):
         output = tmp_path / f"answers{ending}"
-        assert app.run(["reach", "pillar", *there, "--csv", str(table), "-o", str(output)]) == 1
+        assert run(["reach", "pillar", *there, "--csv", str(table), "-o", str(output)]) == 1
         assert "cannot be reached from the base at (0.100, 0.000, 0.300)" in output.read_text()
         assert (
             "1 of 2 targets are reachable from x 0.100 m, y 0.000 m, yaw 0.300 rad" in capsys.readouterr().err
         )
-    assert app.run(["reach", "pillar", "--target", "0.5 0 0.3", *there]) == 0
+    assert run(["reach", "pillar", "--target", "0.5 0 0.3", *there]) == 0
     assert "0.100, 0.000, 0.300" in capsys.readouterr().out
 
 

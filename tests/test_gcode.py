@@ -12,10 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import regionik as rik
-from regionik.worlds.arrays import Array
 from regionik.worlds.errors import FileNote, InputError
 from regionik.worlds.readers.gcode import read_gcode
 from tests import examples
+from tests.maths import Array
 
 
 def points_of(text: str, folder: Path, chord: float = 1e-4) -> Array:

@@ -16,12 +16,12 @@ from benchmarks.tables.goals import ArmPosture, aim_at, solve_goal
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, Aim, polish
 from regionik.planners.solvers.multistart_ik import ArmSolver, solve_ik
 from regionik.planners.solvers.serial_chain import serial_arm
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, translation
+from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
 from regionik.worlds.joints import Joint
 from tests import examples
+from tests.maths import Array, translation
 
 FREE = (-np.inf, np.inf)
 

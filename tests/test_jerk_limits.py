@@ -19,16 +19,16 @@ from regionik.values import Plan, Report, Violation
 from regionik.verification.motion import MotionSegments
 from regionik.verification.timed_segments import timed_segments
 from regionik.verification.verifier import verify
-from regionik.worlds.arrays import Array
 from regionik.worlds.documents.world_file import world_from_document, world_to_document
-from regionik.worlds.drives import BaseKind
 from regionik.worlds.errors import InputError
 from regionik.worlds.limits import Speeds
 from tests import examples
+from tests.kinds import BaseKind
+from tests.maths import Array
 from tests.planned import planned
+from tests.plans import of_kind
 from tests.soak import against
 from tests.test_steering import ARCS, SPEEDS, Arc, driven
-from tests.test_verify import of_kind
 
 JERKS = {"base_jerk": 4.0, "turn_jerk": 6.0, "joint_jerk": 5.0}
 KINDS: tuple[BaseKind, ...] = ("omni", "differential", "car")

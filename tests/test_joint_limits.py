@@ -20,12 +20,12 @@ from regionik.planners.solvers.serial_chain import rotation_about
 from regionik.scene import scene_of
 from regionik.smoothing.runs import _off_limits
 from regionik.verification.verifier import verify
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, rot_x, spread_postures
+from regionik.worlds.chain import Chain, spread_postures
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from tests import examples
+from tests.maths import Array, rot_x
 from tests.test_closed_form import ARMS
 
 UR = ARMS["ur"]

@@ -18,20 +18,20 @@ from regionik.pruning import whole_path
 from regionik.reachability.reach import reach
 from regionik.regions import admissible_area, path_areas
 from regionik.scene import scene_of
-from regionik.storage.plan_document import plan_to_text
 from regionik.values import Configuration
 from regionik.verification.verifier import verify
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
 from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
 from regionik.worlds.errors import NoPlanFound
 from regionik.worlds.links import LinkCapsule
-from regionik.worlds.obstacles import Box, Cylinder, Prism, Solid, Sphere
+from regionik.worlds.obstacles import Box, Cylinder, Prism, Sphere
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from tests import examples
-from tests.plans import plan_to_document
+from tests.kinds import Solid
+from tests.maths import Array
+from tests.plans import plan_text, plan_to_document
 from tests.test_random_worlds import random_world
 
 FEW = settings(max_examples=examples(12))
@@ -262,7 +262,7 @@ def shuffled(value: Any) -> Any:
 def test_order_of_keys_gives_the_same_bytes(name: str) -> None:
     world = load_world(name)
     again = world_from_document(shuffled(world_to_document(world)))
-    assert plan_to_text(search(scene_of(again))) == plan_to_text(search(scene_of(world)))
+    assert plan_text(search(scene_of(again))) == plan_text(search(scene_of(world)))
 
 
 @pytest.mark.parametrize("seed", SOUND)

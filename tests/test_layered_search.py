@@ -14,13 +14,13 @@ from regionik.areas.held_reach import held_reach
 from regionik.moving import layered_search
 from regionik.moving.layered_search import EDGE, LIFT, Layer, LayeredSearch
 from regionik.planners.driving.pose_lattice import spin_moves
-from regionik.postures.poses import axis_of
 from regionik.pruning import whole_path
 from regionik.scene import scene_of
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Floor, Rules, Target, World
+from tests.maths import Array
+from tests.measures import axis_of
 
 COUNT = 4
 

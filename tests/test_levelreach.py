@@ -35,12 +35,12 @@ from regionik.planners.reach.outer_bounds import (
 )
 from regionik.planners.reach.rings import reach_intervals
 from regionik.worlds.arms import pivot_index, planar_arm, reach_bound
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, rot_x, translation, within_half_turns
+from regionik.worlds.chain import Chain, within_half_turns
 from regionik.worlds.joints import Joint
 from tests import examples
-from tests.bodies import on_lift, with_lift
+from tests.bodies import on_lift
+from tests.maths import Array, rot_x, translation
 
 SEEDS = st.integers(0, 10_000)
 SERIAL = [k for k, kind in enumerate(KINDS) if kind in ("general", "lifted", "planar, lifted")]
@@ -290,10 +290,3 @@ def test_areas_hold_against_solver_and_search(number: int) -> None:
         assert all(solved(one, areas, row, spot) for spot in points_in(inner, rng, 10))
     ring = area.outer.buffer(0.05) - area.outer.buffer(1e-6)
     assert all(searched(one, spot, 100, rng) > EXACT for spot in points_in(ring, rng, 3))
-
-
-def test_the_lifting_arm_of_other_tests_has_no_hole_in_its_reach() -> None:
-    chain = with_lift().chain
-    ((low, high),) = inner_reach(chain, 0.53)
-    assert low < 1e-3
-    assert high == pytest.approx(0.7, abs=1e-4)

@@ -14,7 +14,6 @@ from regionik.planners.collision.convex_bodies import inner_capsule
 from regionik.planners.collision.distances import hull_separation, obstacles_from
 from regionik.planners.collision.robot_bodies import core_of
 from regionik.verification.contact import shrunk_weights
-from regionik.worlds.chain import translation
 from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
 from regionik.worlds.errors import InputError
 from regionik.worlds.links import MIN_HULL_ROWS, LinkBox, LinkHull
@@ -22,6 +21,7 @@ from regionik.worlds.polytopes import polytope
 from regionik.worlds.urdf.bounding import MAX_CORNERS, MAX_EXCESS, bounding_solid, convex_hull
 from tests import examples
 from tests.bodies import random_frame
+from tests.maths import translation
 from tests.plans import every_solid
 from tests.urdfs import depth
 

@@ -22,11 +22,12 @@ from regionik.scene import scene_of
 from regionik.storage.plan_document import PARTS, kept_areas, plan_to_text
 from regionik.values import Configuration, Motion, Plan
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, rot_x
+from regionik.worlds.chain import Chain
 from regionik.worlds.obstacles import Box, Cylinder
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Target, World
 from tests.known_arms import known_robot
+from tests.maths import rot_x
 
 PLATFORM = np.array([[0.45, 0.3], [-0.45, 0.3], [-0.45, -0.3], [0.45, -0.3]])
 WALL = Box("wall", np.array([6.0, 0.1, 2.0]), np.array([2.0, 1.05, 1.0]))

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from regionik.planners.collision.gjk import hull_distance
 from regionik.planners.collision.meshes import LEAF, nearest_triangle, triangle_tree
-from regionik.worlds.arrays import Array
 from tests import examples
+from tests.maths import Array
 
 
 def soup(count: int, seed: int) -> tuple[Array, NDArray[np.int64]]:

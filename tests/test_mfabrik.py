@@ -13,10 +13,11 @@ from regionik.mfabrik import Solver
 from regionik.postures.families import BACK, FRONT, Family
 from regionik.regions import path_areas
 from regionik.scene import scene_of
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.errors import InputError
-from regionik.worlds.scene import Floor, Heading, Rules, Target, World
+from regionik.worlds.scene import Floor, Rules, Target, World
+from tests.kinds import Heading
+from tests.maths import Array
 
 YOUBOT = robot_named("youbot")
 

@@ -23,7 +23,6 @@ from regionik.planners.reach.level_reach import inner_reach, outer_reach, postur
 from regionik.planners.search.fixed_base import search_fixed_base
 from regionik.reachability.reach import reach
 from regionik.simulation.simulate import simulate
-from regionik.storage.plan_document import plan_to_text
 from regionik.timing.retime import retime
 from regionik.values import Plan
 from regionik.verification.verifier import verify, verify_answers
@@ -168,7 +167,7 @@ def test_a_ball_that_only_the_last_stage_meets_between_states_is_found(name: str
 @pytest.mark.parametrize("name", ARMS)
 def test_plan_files_keep_all(name: str, tmp_path: Path) -> None:
     found, path = seam_plan(name, "continuous"), tmp_path / "seam.plan.json"
-    path.write_text(plan_to_text(found))
+    found.save(path)
     again = load_plan(path)
     assert np.array_equal(again.motion.joints, found.motion.joints)
     assert verify(again).ok

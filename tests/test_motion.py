@@ -10,19 +10,17 @@ import shapely
 
 from regionik.moving import transit
 from regionik.pipeline import plan
-from regionik.planners.geometry.angles import wrap
-from regionik.postures.poses import LARGEST_BEND
 from regionik.values import Plan
 from regionik.verification.verifier import verify
 from regionik.worlds.arms import planar_arm
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import Explanation, InputError, NoPlanFound
 from regionik.worlds.obstacles import Box, Cylinder
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
-from tests.bodies import with_lift
+from tests.bodies import LARGEST_BEND, with_lift
+from tests.maths import Array, wrap
 from tests.planned import planned
 
 CROWDED = ("shelf", "pipe", "tao1", "tao2", "tao3")

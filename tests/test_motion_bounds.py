@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from regionik.verification.motion import MotionSegments, chord_deviation
-from regionik.worlds.arrays import Array
-from regionik.worlds.drives import BaseKind
 from tests.bodies import motion_through, random_robot
+from tests.kinds import BaseKind
+from tests.maths import Array
 
 H = 1e-4  # step of the differences [segments]
 SEGMENTS = 8

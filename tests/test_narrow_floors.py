@@ -11,12 +11,12 @@ import shapely
 from regionik import plan, verify
 from regionik.scene import scene_of
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.drives import BaseKind
 from regionik.worlds.errors import NoPlanFound
 from regionik.worlds.limits import Execution
-from regionik.worlds.obstacles import Box, Cylinder, Solid
+from regionik.worlds.obstacles import Box, Cylinder
 from regionik.worlds.robot import Robot
-from regionik.worlds.scene import Floor, Heading, Rules, Start, Target, World
+from regionik.worlds.scene import Floor, Rules, Start, Target, World
+from tests.kinds import BaseKind, Heading, Solid
 
 REAL, POINTED = robot_named("youbot-real"), robot_named("youbot")  # 0.58 x 0.38 m, and a point
 LENGTH = 4.6  # of the strips [m]

@@ -12,8 +12,8 @@ from regionik.planners.collision.proximity import NearPairs, near_pairs, nearest
 from regionik.planners.collision.robot_bodies import NO_CONTACT, Bodies
 from regionik.planners.collision.robot_motion import WORLD
 from regionik.scene import scene_of
-from regionik.worlds.arrays import Array
 from regionik.worlds.documents.world_file import load_world
+from tests.maths import Array
 from tests.test_proximity import AHEAD, CLUTTER, ROBOTS, distance_of, prepared, push, states
 
 WITHIN = 0.1

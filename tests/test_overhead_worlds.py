@@ -6,18 +6,19 @@ import numpy as np
 import pytest
 import shapely
 
-from regionik.areas.reachable import reach_model
 from regionik.pipeline import plan
 from regionik.verification.verifier import verify
-from regionik.worlds.arms import reach_bound
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.errors import NoPlanFound
-from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
+from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
+from tests.kinds import Solid
+from tests.maths import Array
+from tests.random_arms import span_of
 
 ROBOTS = ("youbot", "youbot-real", "hinge5", "dof10", "pioneer7")
+PLANAR = ROBOTS[:2]  # whose arms move in one plane
 FLOOR = Floor(shapely.box(-1.2, -1.5, 2.5, 1.5))
 CORNERS = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) / np.sqrt(3)
 FACES = np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]])
@@ -33,10 +34,9 @@ def overhead_world(seed: int, most: int = 12) -> World:
     if rng.random() < 0.9:  # a set-point too near to a solid is a no at once
         berth = arm_clearance + robot.solids[-1].radius + 0.005
         solids = tuple(one for one in solids if min(one.distance(spot) for spot in path) > berth)
-    direction = (
-        np.array([0.0, 0.0, -1.0]) if reach_model(robot, "point").exact and rng.random() < 0.15 else None
-    )
-    free = np.isinf(robot.chain.upper[0]) or reach_model(robot, "point").exact
+    planar = robot.name in PLANAR
+    direction = np.array([0.0, 0.0, -1.0]) if planar and rng.random() < 0.15 else None
+    free = np.isinf(robot.chain.upper[0]) or planar
     rules = Rules(
         clearance=float(rng.uniform(0, 0.15)),
         arm_clearance=arm_clearance,
@@ -50,8 +50,8 @@ def overhead_world(seed: int, most: int = 12) -> World:
 
 
 def random_path(robot: Robot, count: int, rng: np.random.Generator) -> Array:
-    span = reach_bound(robot.chain)
-    low, high = span.height + np.array([-0.4, 0.6]) * span.length
+    middle, length = span_of(robot.chain)
+    low, high = middle + np.array([-0.4, 0.6]) * length
     share = np.linspace(0, 1, count)
     along = rng.uniform(0, 0.3) + share * rng.uniform(0.1, 1.2)
     aside = rng.uniform(0.0, 0.3) * np.sin(share * rng.uniform(1, 8))

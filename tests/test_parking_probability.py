@@ -21,7 +21,6 @@ from regionik.scene import scene_of
 from regionik.values import Configuration, Plan, Stop
 from regionik.verification.stops import _reached, _rooms
 from regionik.verification.verifier import verify
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import world_from_document, world_to_document
 from regionik.worlds.errors import NoPlanFound
@@ -29,6 +28,7 @@ from regionik.worlds.limits import ParkingAccuracy
 from regionik.worlds.obstacles import Cylinder
 from regionik.worlds.scene import Floor, Rules, Target, World
 from tests import examples
+from tests.maths import Array
 
 SMALL = np.diag([0.01, 0.01, 0.02]) ** 2
 WIDE = np.diag([0.07, 0.07, 0.02]) ** 2

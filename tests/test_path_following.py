@@ -13,20 +13,22 @@ from regionik.mfabrik import Solver
 from regionik.moving.base_motion import BasePath, Candidate
 from regionik.moving.drivers import driver_for
 from regionik.moving.path_following import PathFollower, PathSegment, SegmentPoint, _solve, turned_as_asked
-from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.polylines import between as between_knots
 from regionik.planners.geometry.polylines import leg_lengths
 from regionik.postures.families import FRONT, Family
-from regionik.postures.poses import LARGEST_BEND, Pose, Row, axis_of, pose_between, pose_of
+from regionik.postures.poses import Pose, Row
 from regionik.pruning import whole_path
 from regionik.scene import scene_of
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import rot_x
-from regionik.worlds.drives import BaseKind, drive_of
+from regionik.worlds.drives import drive_of
 from regionik.worlds.errors import NoPlanFound
-from regionik.worlds.obstacles import Box, Solid
+from regionik.worlds.obstacles import Box
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Target, World
+from tests.bodies import LARGEST_BEND, pose_between
+from tests.kinds import BaseKind, Solid
+from tests.maths import rot_x, wrap
+from tests.measures import axis_of, pose_of
 
 
 def world_of(name: str, solids: tuple[Solid, ...] = (), **rules: object) -> World:
@@ -62,7 +64,7 @@ def check(world: World, here: Pose, rows: list[Row], goal: Candidate) -> None:
         assert abs(wrap(b.base[2] - a.base[2])) <= LARGEST_BEND
         assert np.hypot(*(b.base - a.base)[:2]) <= world.rules.step + 1e-9
         for share in np.linspace(0, 1, 9):
-            at = pose_between(a, b, float(share), world.robot.drive)
+            at = pose_between(a, b, float(share), world.robot)
             tool = world.robot.tool(at.base, at.joints)[:3, 3]
             along = np.clip((tool - p) @ (q - p) / ((q - p) @ (q - p)), 0, 1)
             assert np.linalg.norm(tool - p - along * (q - p)) <= world.rules.path_tolerance

@@ -5,7 +5,6 @@ import pytest
 import shapely
 
 from regionik.pipeline import plan
-from regionik.storage.plan_document import plan_to_text
 from regionik.values import Plan
 from regionik.verification.verifier import verify
 from regionik.worlds.documents.world_file import load_world
@@ -14,6 +13,7 @@ from regionik.worlds.joints import Joint
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from tests.planned import planned
+from tests.plans import plan_text
 
 
 def base_line(found: Plan) -> shapely.LineString:
@@ -69,7 +69,7 @@ def test_experiment_4_never_lifts_off() -> None:
 
 
 def test_same_world_same_seed_same_bytes() -> None:
-    assert plan_to_text(plan(load_world("slab"))) == plan_to_text(plan(load_world("slab")))
+    assert plan_text(plan(load_world("slab"))) == plan_text(plan(load_world("slab")))
 
 
 def changed(world: World, *, task: tuple[Target, ...] | None = None, **more: object) -> World:

@@ -8,20 +8,20 @@ import shapely
 
 from regionik.areas.reachable import reach_model
 from regionik.pipeline import plan
-from regionik.postures.poses import axis_of
 from regionik.reachability.reach import reach
 from regionik.regions import admissible_area
 from regionik.verification.verifier import verify
 from regionik.worlds.arms import has_pivot, pivot_index, pivot_joints, reach_bound, with_pivot
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, rot_x, translation
-from regionik.worlds.drives import BaseKind
+from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
 from regionik.worlds.joints import Joint
 from regionik.worlds.robot import Robot
-from regionik.worlds.scene import Floor, Heading, Rules, Start, Target, World
+from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from tests.bodies import on_lift, with_lift
+from tests.kinds import BaseKind, Heading
+from tests.maths import Array, rot_x, translation
+from tests.measures import axis_of
 
 LIFT = Joint("lift", "prismatic", 0.0, 0.3, np.eye(4))
 PIVOT = Joint("pivot", "revolute", -3.0, 3.0, translation(0, 0, 0.2))

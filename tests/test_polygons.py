@@ -18,8 +18,8 @@ from regionik.planners.geometry.polygons import (
     segment_inside,
 )
 from regionik.planners.kernels import compiled
-from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
+from tests.maths import Array
 
 ROOM = box(0, 0, 4, 4) - box(1, 1, 2, 2)
 

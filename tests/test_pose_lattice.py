@@ -12,8 +12,7 @@ from scipy.sparse.csgraph import dijkstra
 from regionik.planners.driving.arcs import path_of_motions
 from regionik.planners.driving.pose_lattice import HEADINGS, LatticeMove, car_moves, relax, spin_moves
 from regionik.planners.driving.reeds_shepp import words_between
-from regionik.planners.geometry.angles import wrap
-from regionik.worlds.arrays import Array
+from tests.maths import Array, wrap
 
 CELL, RADIUS, WEIGHT = 0.05, 0.4, 0.3
 SIDE = 5  # cells of a small grid

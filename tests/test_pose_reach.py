@@ -27,10 +27,10 @@ from regionik.postures.arm import aim_of as goal_aim
 from regionik.reach_rows import rows_of
 from regionik.scene import scene_of
 from regionik.verification.verifier import verify
-from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, rot_x, rot_y
+from regionik.worlds.chain import Chain
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Target, World
+from tests.maths import Array, rot_x, rot_y
 from tests.test_closed_form import ARMS, posture
 from tests.witnesses import witness
 

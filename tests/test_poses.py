@@ -10,20 +10,20 @@ import shapely
 
 from regionik.mfabrik import Solver
 from regionik.pipeline import plan
-from regionik.postures.arm import deviation, goal_between, goal_error
-from regionik.postures.poses import axis_of
+from regionik.postures.arm import goal_between
 from regionik.regions import admissible_area, path_areas
 from regionik.scene import scene_of
 from regionik.values import Plan
 from regionik.verification.verifier import verify
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, rot_x, rot_z
+from regionik.worlds.chain import Chain
 from regionik.worlds.errors import NoPlanFound
 from regionik.worlds.links import capsules_along
 from regionik.worlds.obstacles import Box
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
+from tests.maths import Array, rot_x, rot_z
+from tests.measures import axis_of, deviation, goal_error
 
 FLOOR = Floor(shapely.box(-2, -2, 4, 3))
 AT_WALL = np.column_stack([[1.0, 0, 0], [0, 0, 1.0], [0, -1.0, 0]])  # the tool's z axis along -y

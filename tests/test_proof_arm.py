@@ -4,30 +4,26 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from shapely.geometry import Polygon, box
+from shapely.geometry import Polygon
 
 from regionik.values import Motion
-from regionik.verification.arm_clearance import verify_arm_clearance
-from regionik.verification.motion import MotionSegments
-from regionik.verification.proofs import Finding, StateNames
-from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, translation
+from regionik.worlds.chain import Chain
 from regionik.worlds.joints import Joint
-from regionik.worlds.links import LinkBox, LinkSolid
-from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
+from regionik.worlds.links import LinkBox
+from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
 from regionik.worlds.robot import Robot
-from regionik.worlds.scene import Floor, Rules, Target, World
 from tests.bodies import motion_through, random_robot, signed_distance
+from tests.kinds import LinkSolid, Solid
+from tests.maths import Array, translation
+from tests.plans import Proof, far_off, proofs_of
 
-FAR = Target(np.array([9.0, 9.0, 9.0]))
 CIRCLE = np.linspace(0, 2 * np.pi, 96, endpoint=False)
 TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 
 
-def check(robot: Robot, motion: Motion, *solids: Solid, clearance: float = 0.0) -> Finding:
-    rules = Rules(arm_clearance=clearance, tool_contact=0.001, solid_floor=False)
-    world = World("by hand", robot, Floor(box(-9, -9, 9, 9)), solids, (FAR,), rules)
-    return verify_arm_clearance(world, MotionSegments(robot, motion), StateNames(motion, 1))[0]
+def check(robot: Robot, motion: Motion, *solids: Solid, clearance: float = 0.0) -> Proof:
+    world = far_off(robot, *solids, arm_clearance=clearance, tool_contact=0.001, solid_floor=False)
+    return proofs_of(world, motion, "arm")[0]
 
 
 def crane(*solids: LinkSolid) -> Robot:
@@ -157,7 +153,8 @@ def hull(solid: Solid) -> tuple[Array, float]:
 def sampled_gap(robot: Robot, motion: Motion, solid: Solid, samples: int) -> float:
     corners, radius = hull(solid)
     s = np.linspace(0, 1, samples)
-    frames = MotionSegments(robot, motion).frames_at(np.zeros(samples, dtype=np.int64), s)
+    joints = motion.joints[0] + s[:, None] * (motion.joints[1] - motion.joints[0])
+    frames = robot.frames(robot.drive.between(motion.base[0], motion.base[1], s), joints)
     least = np.inf
     for part in robot.solids:
         placed = (

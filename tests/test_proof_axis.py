@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
-import shapely
 from scipy.spatial.transform import Rotation
 
 from regionik.values import Motion
-from regionik.verification.motion import MotionSegments
-from regionik.verification.proofs import Finding, StateNames
-from regionik.verification.tool_path import verify_direction, verify_orientation
-from regionik.worlds.arrays import Array
 from regionik.worlds.robot import Robot
-from regionik.worlds.scene import Floor, Target, World
+from regionik.worlds.scene import Target
 from tests.bodies import random_robot
+from tests.maths import Array
+from tests.plans import Proof, far_off, proofs_of
 
 SAMPLES = 400
 
@@ -42,18 +41,21 @@ def farthest(turns: Array, ends: Array) -> float:
     return float(np.arccos(np.clip((traces.max(axis=1) - 1) / 2, -1, 1)).max())
 
 
-def told(robot: Robot, motion: Motion, ends: Array, cone: float) -> tuple[Finding, Finding]:
+def told(robot: Robot, motion: Motion, ends: Array, cone: float) -> tuple[Proof, ...]:
     spots = robot.tool(motion.base, motion.joints)[:, :3, 3]
     task = tuple(Target(p, cone=cone, orientation=R) for p, R in zip(spots, ends, strict=True))
-    world = World("hop", robot, Floor(shapely.box(-9, -9, 9, 9)), (), task)
-    segments, names = MotionSegments(robot, motion), StateNames(motion, 2)
-    return verify_orientation(world, segments, names), verify_direction(world, segments, names)
+    return proofs(robot, motion, task)
+
+
+def proofs(robot: Robot, motion: Motion, task: tuple[Target, ...]) -> tuple[Proof, ...]:
+    """Of frames and of axes."""
+    return proofs_of(replace(far_off(robot), task=task), motion, "orientation", "direction")
 
 
 def test_a_frame_is_proven_in_its_cone_where_it_is_and_only_there() -> None:
     rng, proven, refused = np.random.default_rng(0), 0, 0
     for _ in range(60):
-        robot = random_robot(rng, int(rng.integers(2, 6)))
+        robot = replace(random_robot(rng, int(rng.integers(2, 6))), solids=())
         motion = hop(rng, robot, float(rng.uniform(0.1, 0.8)))
         turns = frames(robot, motion)
         nudge = Rotation.from_rotvec(rng.uniform(-0.05, 0.05, (2, 3))).as_matrix()
@@ -93,6 +95,6 @@ def test_what_only_one_set_point_asks_is_not_asked_on_the_way() -> None:
     motion = hop(rng, robot, 0.5)
     spots, turns = robot.tool(motion.base, motion.joints)[:, :3, 3], frames(robot, motion)
     task = (Target(spots[0], cone=0.001, orientation=turns[0]), Target(spots[1], turns[-1][:, 2], 0.001))
-    world = World("hop", robot, Floor(shapely.box(-9, -9, 9, 9)), (), task)
-    assert verify_orientation(world, MotionSegments(robot, motion), StateNames(motion, 2)).margin == np.inf
-    assert verify_direction(world, MotionSegments(robot, motion), StateNames(motion, 2)).violations
+    frame, axis = proofs(robot, motion, task)
+    assert frame.margin == np.inf
+    assert axis.violations

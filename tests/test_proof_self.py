@@ -4,34 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from regionik.values import Motion
-from regionik.verification import self_collision
-from regionik.verification.motion import MotionSegments
-from regionik.verification.proofs import Finding, StateNames
-from regionik.verification.self_collision import verify_self_collision
 from regionik.verification.verifier import verify
-from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, rot_x, translation
+from regionik.worlds.chain import Chain
 from regionik.worlds.joints import Joint
-from regionik.worlds.links import LinkBox, LinkCapsule, LinkSolid
+from regionik.worlds.links import LinkBox, LinkCapsule
 from regionik.worlds.robot import Robot
 from regionik.worlds.self_collision import base_body
 from tests.bodies import motion_through, random_robot, signed_distance
-from tests.plans import FOOTPRINT, youbot
-from tests.test_verify import motion_of, of_kind, plan_of, world_of
+from tests.kinds import LinkSolid
+from tests.maths import Array, rot_x, translation
+from tests.plans import FOOTPRINT, Proof, far_off, motion_of, of_kind, plan_of, proofs_of, world_of, youbot
 
 BEFORE = np.array([0.0, 0.521, -1.472, 0.083, 0.0])  # the hand on one side of the first links,
 FOLDED = np.array([0.0, 0.484, -1.477, -0.393, 0.0])  # in them,
 AFTER = np.array([0.0, 0.334, -1.5, -2.297, 0.0])  # and on the other
+MEASURED = 0.05  # up to where margins go [m]
 OPEN = np.array([0.0, 1.2, -1.0, 1.0, 0.0])
 
 
-def check(robot: Robot, motion: Motion) -> Finding:
-    return verify_self_collision(MotionSegments(robot, motion), StateNames(motion, 1))
+def check(robot: Robot, motion: Motion) -> Proof:
+    return proofs_of(far_off(robot), motion, "self")[0]
 
 
 def still(*joints: Array) -> Motion:
@@ -42,7 +40,7 @@ def still(*joints: Array) -> Motion:
 def pairs_of(*pairs: tuple[int, int]) -> Iterator[None]:
     """Choose the pairs that count, whatever the robot's own would be."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(self_collision, "self_collision_pairs", lambda robot: pairs)
+        patch.setattr("regionik.verification.self_collision.self_collision_pairs", lambda robot: pairs)
         yield
 
 
@@ -79,8 +77,7 @@ def swing(start: float, end: float, shift: float = 0.0) -> Motion:
 def test_a_hand_that_sweeps_past_a_bar_between_two_states(hand_at: object, gap: float) -> None:
     robot = clock(hand_at(gap))  # type: ignore[operator]
     low = -np.pi / 2 if hand_at is hand_of else -3 * np.pi / 4
-    with pairs_of((0, 1)):
-        found = check(robot, swing(low - 1.1, low + 0.7))
+    found = check(robot, swing(low - 1.1, low + 0.7))
     assert bool(found.violations) == (gap < 0)
     for violation in found.violations:
         assert violation.kind == "self"
@@ -94,32 +91,29 @@ def test_a_sliding_joint_between_counts() -> None:
     """The hand points at the bar and is pushed through it, sideways past the bar's end."""
     hand = LinkCapsule(2, "the hand", np.zeros(3), np.array([0.35, 0, 0]), 0.02)
     down = -np.pi / 2
-    with pairs_of((1, 0)):
-        assert check(clock(hand), still(np.array([0, 0.6, down]), np.array([0, 0.8, down]))).violations == ()
-        found = check(clock(hand), still(np.array([0, 0.6, down]), np.array([0, -0.7, down])))
-        assert [v.state for v in found.violations] == [0]
-        assert "between" in found.violations[0].text
+    assert check(clock(hand), still(np.array([0, 0.6, down]), np.array([0, 0.8, down]))).violations == ()
+    found = check(clock(hand), still(np.array([0, 0.6, down]), np.array([0, -0.7, down])))
+    assert [v.state for v in found.violations] == [0]
+    assert "between" in found.violations[0].text
 
 
 def test_driving_and_turning_of_the_base_changes_nothing() -> None:
     joints = np.array([[0.0, 0.0, -2.6], [0.4, 0.0, -1.0]])
-    with pairs_of((0, 1)):
-        for gap in (1e-5, -1e-4):
-            robot = clock(hand_of(gap))
-            calm, wild = (
-                check(robot, motion_through(base, joints))
-                for base in (np.zeros((2, 3)), np.array([[0, 0, 0], [2, -1, 3.0]]))
-            )
-            assert calm == wild
+    for gap in (1e-5, -1e-4):
+        robot = clock(hand_of(gap))
+        calm, wild = (
+            check(robot, motion_through(base, joints))
+            for base in (np.zeros((2, 3)), np.array([[0, 0, 0], [2, -1, 3.0]]))
+        )
+        assert calm == wild
 
 
 def test_margin_is_the_least_distance_at_states() -> None:
-    with pairs_of((0, 1)):
-        robot = clock(hand_of(0.012))
-        assert check(robot, swing(-np.pi / 2, 1.0)).margin == pytest.approx(0.012, abs=1e-12)
-        assert check(robot, swing(1.0, 2.0)).margin == self_collision.MARGIN_RANGE
-        robot = clock(paddle(0.02))
-        assert check(robot, swing(-3 * np.pi / 4, 1.0)).margin == pytest.approx(0.02, abs=1e-12)
+    robot = clock(hand_of(0.012))
+    assert check(robot, swing(-np.pi / 2, 1.0)).margin == pytest.approx(0.012, abs=1e-12)
+    assert check(robot, swing(1.0, 2.0)).margin == MEASURED
+    robot = clock(paddle(0.02))
+    assert check(robot, swing(-3 * np.pi / 4, 1.0)).margin == pytest.approx(0.02, abs=1e-12)
 
 
 @pytest.mark.parametrize(("gap", "holds"), [(1e-5, True), (0.0, True), (-2e-5, False), (-0.02, False)])
@@ -127,15 +121,14 @@ def test_two_boxes_edge_to_face(gap: float, holds: bool) -> None:
     bar = LinkBox(0, "the bar", translation(0.5, 0, 0), np.array([1.0, 0.06, 0.06]))
     length = 0.3 - 0.03 - gap
     hand = LinkBox(2, "the hand", translation(length / 2, 0, 0) @ rot_x(0.3), np.array([length, 0.001, 0.1]))
-    with pairs_of((0, 1)):
-        found = check(clock(hand, bar), swing(-np.pi / 2, -np.pi / 2))
+    found = check(clock(hand, bar), swing(-np.pi / 2, -np.pi / 2))
     assert (not found.violations) == holds
     assert found.margin == pytest.approx(gap, abs=1e-12)
 
 
 def test_no_pairs_leave_nothing_to_measure() -> None:
-    with pairs_of():
-        assert check(youbot(), still(FOLDED, OPEN)) == Finding("self", np.inf, ())
+    alone = replace(youbot(), solids=youbot().solids[:1])
+    assert check(alone, still(FOLDED, OPEN)) == Proof(np.inf, ())
 
 
 # Pairs as the robot has them
@@ -244,6 +237,6 @@ def test_overlaps_are_as_deep_as_told() -> None:
             found = check(robot, still(*joints))
         gap = sampled_gap(robot, np.repeat(joints, 2, 0), (0, 1), 1)
         told = -found.violations[0].amount if found.violations else found.margin
-        assert told == pytest.approx(min(gap, self_collision.MARGIN_RANGE), abs=1e-6)
+        assert told == pytest.approx(min(gap, MEASURED), abs=1e-6)
         deep += gap < -1e-6
     assert deep >= 5

@@ -8,16 +8,14 @@ import numpy as np
 import pytest
 from shapely.geometry import box
 
-from regionik.planners.driving.arcs import arc_end
 from regionik.values import Motion
 from regionik.verification.verifier import verify
-from regionik.worlds.arrays import Array
-from regionik.worlds.drives import BaseKind
 from regionik.worlds.obstacles import Cylinder
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules
-from tests.plans import FOOTPRINT, youbot
-from tests.test_verify import drive, only, plan_of, world_of
+from tests.kinds import BaseKind
+from tests.maths import Array, arc_end
+from tests.plans import FOOTPRINT, drive, only, plan_of, world_of, youbot
 
 RULES = Rules(clearance=0.1, step=0.205)
 

@@ -24,10 +24,10 @@ from regionik.reach_rows import rows_of
 from regionik.regions import admissible_area
 from regionik.scene import scene_of
 from regionik.worlds.arms import pivot_index, with_pivot
-from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Target, World
+from tests.maths import Array
 from tests.random_arms import ARMS as KINDS
 from tests.random_arms import random_arm
 from tests.test_closed_form import ARMS

@@ -19,16 +19,17 @@ from regionik.planners.collision.robot_bodies import (
     span_about_tool,
 )
 from regionik.planners.collision.robot_motion import count_on_line
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, planar_pose, rot_x, rot_y, translation
+from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
 from regionik.worlds.joints import Joint
-from regionik.worlds.links import LinkBox, LinkCapsule, LinkSolid
-from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
+from regionik.worlds.links import LinkBox, LinkCapsule
+from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
 from regionik.worlds.robot import Robot
 from regionik.worlds.self_collision import base_body, self_collision_pairs
 from tests.bodies import motion_clear
+from tests.kinds import LinkSolid, Solid
+from tests.maths import Array, planar_pose, rot_x, rot_y, translation
 
 MARGIN = 0.01
 GRAIN = 0.055  # nothing of a solid is farther from its sampled points [m]

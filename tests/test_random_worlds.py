@@ -11,9 +11,10 @@ from regionik.scene import scene_of
 from regionik.verification.verifier import verify
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.errors import NoPlanFound
-from regionik.worlds.obstacles import Box, Cylinder, Solid, Sphere
+from regionik.worlds.obstacles import Box, Cylinder, Sphere
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from tests import MINUTES
+from tests.kinds import Solid
 
 FLOOR = Floor(shapely.box(-1.5, -2.5, 5, 2.5))
 

@@ -1,19 +1,12 @@
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 import shapely
-from shapely.geometry.base import BaseGeometry
 
-from regionik.planners.driving.heading_slabs import free_at_some
 from regionik.planners.reach.rings import reach_intervals
-from regionik.postures.families import Family
 from regionik.reachability.reach import reach
-from regionik.reachability.refinement import refine
-from regionik.reachability.target_search import MOST_MET, TargetSearch
 from regionik.regions import admissible_area
-from regionik.scene import scene_of
 from regionik.verification.verifier import verify_answers
 from regionik.worlds.arms import planar_arm
 from regionik.worlds.bundled import robot_named
@@ -120,25 +113,6 @@ def test_a_target_that_takes_its_link_below_a_surface_is_ruled_out() -> None:
     answer = reach(world, [[1.25, 0.0, 0.3]])
     assert answer.verdict.tolist() == ["unreachable"]
     assert "block" in answer.reason[0]
-
-
-def test_no_slab_is_made_once_the_search_gave_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where there is an inner area there is no proof, and where no posture is tried there is no answer."""
-    made, world = [], load_world("l_shape")
-
-    def counted(*given: Any) -> BaseGeometry:
-        made.append(given)
-        return free_at_some(*given)
-
-    monkeypatch.setattr("regionik.reachability.refinement.free_at_some", counted)
-
-    class Exhausted(TargetSearch):
-        def within(self, area: BaseGeometry, family: Family, span: tuple[float, float]) -> None:
-            self.met = MOST_MET
-
-    found = refine(Exhausted(scene_of(world), Target(np.array([0.5, 0.0, 0.25]))))
-    assert (found.found, found.tried, len(made)) == (None, 1, 1)
-    assert not found.left.is_empty
 
 
 def test_one_bare_point_is_enough() -> None:

@@ -14,10 +14,9 @@ from regionik.areas.standing import spread
 from regionik.mfabrik import solver_for
 from regionik.pipeline import plan
 from regionik.planners.solvers.damped_least_squares import DIRECTION
-from regionik.postures.arm import Goal, aim_of, goal_of
+from regionik.postures.arm import aim_of, goal_of
 from regionik.postures.families import BACK, FRONT, Family
 from regionik.postures.planar_solver import PlanarSolver
-from regionik.postures.poses import axis_of, pose_of
 from regionik.postures.serial_solver import SerialSolver
 from regionik.reach_rows import reach_rows
 from regionik.reachability.any_base import can_search
@@ -25,9 +24,12 @@ from regionik.regions import admissible_area
 from regionik.scene import scene_of
 from regionik.verification.verifier import verify
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, rot_x
+from regionik.worlds.chain import Chain
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
+from tests.kinds import Goal
+from tests.maths import rot_x
+from tests.measures import axis_of, pose_of
 
 GOALS: tuple[Goal, ...] = ("point", "direction", "orientation")
 FLOOR = Floor(shapely.box(-2, -2, 2, 2))

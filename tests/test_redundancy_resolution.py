@@ -16,9 +16,9 @@ from regionik.planners.solvers.redundancy_resolution import (
     self_motion_along,
 )
 from regionik.planners.solvers.serial_chain import chain_frames, chain_jacobian, serial_arm
-from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from tests import examples
+from tests.maths import Array
 from tests.random_arms import ARMS as KINDS
 from tests.random_arms import random_arm
 from tests.test_closed_form import ARMS

@@ -13,14 +13,14 @@ from scipy.spatial.transform import Rotation
 
 from regionik.moving import path_following
 from regionik.moving.path_following import ResolvedMotion
-from regionik.postures.arm import deviation
 from regionik.postures.poses import Pose, arrays
 from regionik.scene import scene_of
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.drives import BaseKind
 from regionik.worlds.obstacles import Sphere
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
+from tests.kinds import BaseKind
+from tests.maths import Array
+from tests.measures import deviation
 
 RADIUS = 0.8  # of the car's arcs [m]
 POSTURE = np.array([0.2, 0.6, 0.7, 0.5, 0.0])  # of the youbot

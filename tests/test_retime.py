@@ -23,7 +23,6 @@ from regionik.timing.smooth_path import smooth_path
 from regionik.timing.trajectory import TrajectorySample, trajectory
 from regionik.values import Motion, Plan
 from regionik.verification.verifier import verify
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named, world_names
 from regionik.worlds.chain import Chain
 from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
@@ -32,6 +31,7 @@ from regionik.worlds.errors import InputError
 from regionik.worlds.limits import Speeds
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
+from tests.maths import Array
 from tests.planned import planned
 from tests.soaked import soaked_world
 

@@ -20,10 +20,10 @@ from regionik.papers.rivals.iterative import (
 from regionik.papers.rivals.method import ArmMethod, Fabrik, FabrikPolished
 from regionik.papers.rivals.network import Network
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, POSITION, Aim
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, spread_postures
 from regionik.worlds.errors import InputError
+from tests.maths import Array
 
 COMPILED = (Fabrik, FabrikPolished, PseudoInverse, DampedLeastSquares, Transpose, CyclicDescent)
 ROBOTS = ("youbot", "pioneer7", "dof10")

@@ -17,17 +17,18 @@ from shapely.affinity import affine_transform
 import regionik as rik
 from regionik.planners.driving.footprint import fits, slide_is_free
 from regionik.scene import scene_of
-from regionik.worlds.arrays import Array
 from regionik.worlds.body import BodyPrism, fixed_prisms, lift_for, lift_range, lifted_prisms
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, pose, translation
-from regionik.worlds.errors import NoPlanFound, RobotNote
+from regionik.worlds.chain import Chain
+from regionik.worlds.errors import FileNote, NoPlanFound
 from regionik.worlds.joints import Joint
-from regionik.worlds.links import BASE, LinkBox, LinkCapsule, LinkHull, LinkSolid
-from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
+from regionik.worlds.links import BASE, LinkBox, LinkCapsule, LinkHull
+from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Target, World
 from tests import examples
+from tests.kinds import LinkSolid, Solid
+from tests.maths import Array, pose, translation
 
 FLOOR = Floor([[-4, -4], [4, -4], [4, 4], [-4, 4]])
 TABLE = Box("table top", np.array([1.6, 0.8, 0.04]), np.array([1.0, 0.5, 0.73]), 0.3)
@@ -313,7 +314,7 @@ def two_arms(folder: Path, torso: str = '<box size="0.2 0.2 0.6"/>', inertial: s
 
 def test_a_second_arm_stands_on_the_base_as_it_rests(tmp_path: Path) -> None:
     path = two_arms(tmp_path)
-    with pytest.warns(RobotNote, match=r"joints of the base .*right_1.* stand still"):
+    with pytest.warns(FileNote, match=r"joints of the base .*right_1.* stand still"):
         robot = rik.load_robot(path, tip="left_b")
     assert max(solid.corners[:, 2].max() for solid in robot.base_solids) > 1.2
     assert any("right" in solid.name for solid in robot.base_solids)
@@ -322,7 +323,7 @@ def test_a_second_arm_stands_on_the_base_as_it_rests(tmp_path: Path) -> None:
         "</group_state></robot>"
     )
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RobotNote)
+        warnings.simplefilter("ignore", FileNote)
         folded = rik.load_robot(path, tip="left_b")
     highest = max(solid.corners[:, 2].max() for solid in folded.base_solids if "right" in solid.name)
     assert highest == pytest.approx(1.03, abs=0.02)
@@ -334,7 +335,7 @@ def test_a_torso_without_its_mesh_still_stands_there(tmp_path: Path) -> None:
         'ixy="0" ixz="0" iyz="0"/></inertial>'
     )  # of the solid box
     path = two_arms(tmp_path, '<mesh filename="gone.stl"/>', inertial)
-    with pytest.warns(RobotNote) as told:
+    with pytest.warns(FileNote) as told:
         robot = rik.load_robot(path, tip="left_b")
     assert any(
         "mesh gone.stl" in str(one.message) and "its mass and joints" in str(one.message) for one in told

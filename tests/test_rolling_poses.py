@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from regionik.planners.geometry.rolling import without_slip
-from regionik.worlds.arrays import Array
 from regionik.worlds.drives import drive_of
 from tests import examples
+from tests.maths import Array
 
 
 def wave(seed: int) -> Array:

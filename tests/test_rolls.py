@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from regionik.planners.geometry.angles import wrap
 from regionik.postures.families import out_of_roll, roll_for, roll_within_limits, swings, tool_turn
 from regionik.worlds.arms import PlanarArm, planar_arm
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
+from tests.maths import Array, wrap
 
 CHAIN = robot_named("youbot").chain
 ARM = planar_arm(CHAIN)

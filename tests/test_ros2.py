@@ -18,9 +18,9 @@ from regionik.output.export import export
 from regionik.output.ros2 import joint_trajectory, message_text, nanoseconds, path_message, stamp
 from regionik.timing.trajectory import trajectory
 from regionik.values import Plan
-from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
+from tests.maths import Array
 from tests.plans import l_shape, synthetic_plan, timed
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)

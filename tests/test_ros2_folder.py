@@ -17,19 +17,19 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from shapely.geometry import box
 
-from regionik.cli import app
+from regionik.cli.app import run
 from regionik.output.export import export
 from regionik.output.ros2 import bag_files, base_trajectory, message_text
 from regionik.output.ros2_folder import arm_parameters, base_parameters, planning_scene, ros2_files
 from regionik.timing.trajectory import sample_plan, trajectory
 from regionik.values import Motion, Plan
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, FrameNames, World
 from regionik.worlds.toolpath import rotation_from_quaternion
+from tests.maths import Array
 from tests.plans import every_solid, l_shape, synthetic_plan, timed
 
 # The interface of MoveIt's messages as far as the folder uses them.
@@ -309,9 +309,9 @@ def test_the_command_and_what_it_lacks(
 ) -> None:
     file, made = tmp_path / "timed.json", tmp_path / "cell"
     plan.save(file)
-    assert app.run(["export", str(file), "--format", "ros2-folder", "--rate", "5", "-o", str(made)]) == 0
+    assert run(["export", str(file), "--format", "ros2-folder", "--rate", "5", "-o", str(made)]) == 0
     assert "execute_plan.py" in {path.name for path in made.iterdir()}
-    assert app.run(["export", str(file), "--format", "ros2-folder", "-o", str(made)]) == 2
+    assert run(["export", str(file), "--format", "ros2-folder", "-o", str(made)]) == 2
     assert "expected the name of a new folder" in capsys.readouterr().err
     monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
     with pytest.raises(InputError, match=r"a bag for ROS 2 needs regionik\[ros2\]"):

@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 
 from regionik.verification.verifier import verify
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, translation
+from regionik.worlds.chain import Chain
 from regionik.worlds.joints import Joint
-from regionik.worlds.links import LinkBox, LinkCapsule, LinkSolid
+from regionik.worlds.links import LinkBox, LinkCapsule
 from regionik.worlds.robot import Robot, without_limits
 from regionik.worlds.self_collision import BODY, base_body, self_collision_pairs
-from tests.test_verify import motion_of, only, plan_of, world_of
+from tests.kinds import LinkSolid
+from tests.maths import Array, translation
+from tests.plans import motion_of, only, plan_of, world_of
 
 SQUARE = np.array([[0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.2, -0.2]])
 POINT = np.zeros((1, 2))

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from regionik.planners.solvers.serial_chain import chain_frames, chain_jacobian, serial_arm
-from regionik.worlds.chain import Chain, rot_x, rot_y, translation
+from regionik.worlds.chain import Chain
 from regionik.worlds.joints import Joint
+from tests.maths import rot_x, rot_y, translation
 
 
 def lifted_arm() -> Chain:

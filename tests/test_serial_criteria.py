@@ -21,22 +21,22 @@ from regionik.planners.solvers.damped_least_squares import Aim
 from regionik.planners.solvers.mfabrik_serial import in_arm_frame
 from regionik.planners.solvers.rigid_bodies import span
 from regionik.planners.solvers.serial_chain import SerialArm, serial_arm
-from regionik.postures.arm import Goal, aim_of, goal_error
-from regionik.postures.poses import pose_of
+from regionik.postures.arm import aim_of
 from regionik.reach_rows import reach_rows
 from regionik.reachability.field import reach_field
 from regionik.regions import admissible_area, known_area
 from regionik.scene import scene_of
-from regionik.verification.limits import efforts, manipulability
 from regionik.verification.verifier import verify
 from regionik.worlds.arms import pivot_index, pivot_joints
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.errors import NoPlanFound
 from regionik.worlds.limits import Criteria
 from regionik.worlds.robot import Robot
-from regionik.worlds.scene import Floor, Mode, Rules, Target, World
+from regionik.worlds.scene import Floor, Rules, Target, World
 from tests import MINUTES
+from tests.kinds import Goal, Mode
+from tests.maths import Array
+from tests.measures import efforts, goal_error, manipulability, pose_of
 from tests.mimics import ARMS as MIMICS
 from tests.mimics import arm as mimic_robot
 from tests.random_arms import ARMS, random_robot

@@ -7,10 +7,9 @@ import trimesh
 
 from regionik.view import triangle_meshes
 from regionik.view.triangle_meshes import TriangleMesh
-from regionik.worlds.arrays import Array
-from regionik.worlds.chain import pose
 from regionik.worlds.links import LinkBox, LinkCapsule
-from regionik.worlds.obstacles import Solid
+from tests.kinds import Solid
+from tests.maths import Array, pose
 from tests.plans import every_solid
 
 

@@ -14,8 +14,8 @@ from regionik.pipeline import search
 from regionik.postures.poses import Pose, arrays
 from regionik.scene import scene_of
 from regionik.verification.verifier import verify
-from regionik.worlds.drives import BaseKind
 from regionik.worlds.obstacles import Box
+from tests.kinds import BaseKind
 from tests.opinion.judge import detours
 from tests.soak import told
 from tests.soaked import soaked_world

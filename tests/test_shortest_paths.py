@@ -14,7 +14,7 @@ from regionik.planners.driving.point_planner import drive_point
 from regionik.planners.geometry.polygons import FlatPolygon, segment_inside
 from regionik.planners.geometry.polylines import cut, spread_along
 from regionik.planners.geometry.shortest_paths import shortest_path
-from regionik.worlds.arrays import Array
+from tests.maths import Array
 
 SIDE, OBSTACLES = 10.0, 30
 

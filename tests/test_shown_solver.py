@@ -15,10 +15,10 @@ from benchmarks.bench_urdf import pinocchio_tools
 from regionik.output.urdf import robot_to_urdf
 from regionik.planners.solvers.damped_least_squares import ORIENTATION, POSITION, Aim
 from regionik.planners.solvers.multistart_ik import ArmSolver
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.scene import Heading
+from tests.kinds import Heading
 from tests.known_arms import NAMES, known_robot
+from tests.maths import Array
 
 TOLERANCE = 1e-4
 POSES = {"Puma 560": 980}  # of a thousand, where fewer than 99 in a hundred are met with the base held

@@ -17,7 +17,7 @@ from mcap.reader import make_reader
 from rosbags.typesys import Stores, get_typestore
 
 import regionik as rik
-from regionik.cli import app
+from regionik.cli.app import run
 from regionik.planners.solvers.serial_chain import chain_frames, serial_arm
 from regionik.simulation.noise import Noise, PoseEstimate, typical_noise
 from regionik.simulation.physics import STEP, Physics
@@ -29,11 +29,11 @@ from regionik.simulation.simulate import SUBSTEPS, BaseDrives, simulate
 from regionik.simulation.tracking import MOST_ADDED, TrackingController
 from regionik.timing.retime import retime
 from regionik.values import Motion, Plan
-from regionik.worlds.drives import BaseKind
 from regionik.worlds.errors import EngineError, InputError
 from regionik.worlds.limits import Speeds
 from regionik.worlds.robot import Robot
 from tests import examples
+from tests.kinds import BaseKind
 from tests.planned import planned
 from tests.plans import every_solid, youbot
 from tests.test_export import awkward
@@ -296,17 +296,17 @@ def test_what_odometry_may_be_off_turns_with_the_base(yaw: float, twist: tuple[f
 def test_the_command_writes_a_table_and_a_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     plan, table, page = tmp_path / "timed.json", tmp_path / "run.csv", tmp_path / "run.html"
     timed_plan().save(plan)
-    assert app.run(["simulate", str(plan), "-o", str(table), "--html", str(page)]) == 0
+    assert run(["simulate", str(plan), "-o", str(table), "--html", str(page)]) == 0
     said = capsys.readouterr().err
     assert "tool error: median" in said
     header, *rows = table.read_text().splitlines()
     assert header.startswith("time,base_x,base_y,base_yaw,joint_1")
     assert len(rows) == len(reference(timed_plan()).time)
     assert "path of the tool as planned" in page.read_text("utf-8")
-    assert app.run(["simulate", str(plan), "-o", str(tmp_path / "run.mcap")]) == 0
+    assert run(["simulate", str(plan), "-o", str(tmp_path / "run.mcap")]) == 0
     assert (tmp_path / "run.mcap").read_bytes() == run_to_mcap(simulate(timed_plan()))
     noisy = ["--noise", "position=0.05,heading=0.02", "--tolerance", "0.001"]
-    assert app.run(["simulate", str(plan), *noisy, "--json"]) == 1
+    assert run(["simulate", str(plan), *noisy, "--json"]) == 1
     told = capsys.readouterr()
     assert '"ok": false' in told.out
     assert "this run needs rules.execution: {base_error: 0." in told.err
@@ -331,7 +331,7 @@ def test_what_does_not_go_is_one_line(
 ) -> None:
     plan = tmp_path / "timed.json"
     timed_plan().save(plan)
-    assert app.run(["simulate", str(plan), *words]) == 2
+    assert run(["simulate", str(plan), *words]) == 2
     assert said in capsys.readouterr().err
 
 

@@ -10,10 +10,11 @@ import shapely
 
 from regionik.values import Configuration, Motion, Plan, PlannedArea
 from regionik.verification.verifier import verify
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.obstacles import Solid, Sphere
+from regionik.worlds.obstacles import Sphere
 from regionik.worlds.scene import Floor, Rules, Target, World
+from tests.kinds import Solid
+from tests.maths import Array
 
 ROBOT = robot_named("youbot-real")
 CANDLE = np.array([0.0, np.pi / 2, 0.0, np.pi / 2, 0.0])  # straight up

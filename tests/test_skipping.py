@@ -16,7 +16,6 @@ from regionik.output.plan_file import load_plan
 from regionik.parking.stops import stops
 from regionik.pipeline import plan
 from regionik.scene import scene_of
-from regionik.storage.plan_document import plan_to_text
 from regionik.values import Plan
 from regionik.verification.verifier import verify
 from regionik.worlds.bundled import robot_named
@@ -24,6 +23,7 @@ from regionik.worlds.documents.world_file import world_to_document
 from regionik.worlds.errors import Explanation, NoPlanFound
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
+from tests.plans import plan_text
 from tests.test_any_base import kept_heading, level
 
 HALL = Floor(shapely.box(-1.0, -1.0, 4.0, 1.0))
@@ -177,7 +177,7 @@ def made() -> Plan:
 def test_a_plan_file_says_what_is_left_out(made: Plan, tmp_path: Path) -> None:
     made.save(tmp_path / "plan.json")
     again = load_plan(tmp_path / "plan.json")
-    assert plan_to_text(again) == plan_to_text(made)
+    assert plan_text(again) == plan_text(made)
     assert [(one.setpoint, one.verdict, one.reason) for one in again.skipped] == [
         (one.setpoint, one.verdict, one.reason) for one in made.skipped
     ]

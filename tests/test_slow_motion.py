@@ -17,11 +17,11 @@ from regionik.timing.retime import retime
 from regionik.timing.trajectory import trajectory
 from regionik.values import Plan
 from regionik.verification.verifier import verify
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.limits import Speeds
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Target, World
+from tests.maths import Array
 from tests.planned import planned
 
 JERKS = {"base_jerk": 5.0, "joint_jerk": 10.0}

@@ -21,7 +21,6 @@ from regionik.planners.smoothing.path_smoothing import HalfSpaces, within_reach
 from regionik.planners.smoothing.quadratic_program import least_weighted, minimize_quadratic
 from regionik.planners.solvers.aims import beyond_cones, missed_by, tool_jacobians
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, Aims
-from regionik.postures.poses import axis_of
 from regionik.pruning import whole_path
 from regionik.scene import scene_of
 from regionik.smoothing import runs
@@ -30,14 +29,15 @@ from regionik.smoothing.smooth_motion import Reconnection, smooth_motion
 from regionik.timing.retime import retime
 from regionik.values import Plan, Report, Violation
 from regionik.verification.verifier import verify
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import load_world
-from regionik.worlds.drives import BaseKind
 from regionik.worlds.limits import Speeds
 from regionik.worlds.obstacles import Box, Cylinder
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Target, World
+from tests.kinds import BaseKind
+from tests.maths import Array
+from tests.measures import axis_of
 
 SMOOTHED = ("free", "l_shape", "pillar", "shelf", "slab", "wall")
 

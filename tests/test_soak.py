@@ -11,9 +11,10 @@ from regionik.values import Plan
 from regionik.verification.verifier import verify
 from regionik.worlds.documents.world_file import world_to_document
 from regionik.worlds.errors import Explanation, InputError, NoPlanFound, Verdict
-from regionik.worlds.obstacles import Mesh, Solid
+from regionik.worlds.obstacles import Mesh
 from regionik.worlds.scene import World
 from tests import soak
+from tests.kinds import Solid
 from tests.random_arms import ARMS, random_arm, random_robot
 from tests.soak import WITNESSED, Judged, against, asked_worlds, judged, report
 from tests.soaked import soaked_world

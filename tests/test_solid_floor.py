@@ -22,17 +22,16 @@ from regionik.reachability.reach import reach
 from regionik.scene import scene_of
 from regionik.values import Plan
 from regionik.verification.verifier import verify
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Target, World
 from regionik.worlds.self_collision import off_floor, postures_off_floor, rest_posture
 from tests import examples
+from tests.maths import Array
 from tests.opinion.judge import posture_objections
-from tests.plans import plan_to_document
+from tests.plans import motion_of, plan_of, plan_to_document, world_of
 from tests.retold import facts_of
-from tests.test_verify import motion_of, plan_of, world_of
 
 HALL = Floor(shapely.box(-3, -3, 3, 3))
 HERE = np.zeros(3)

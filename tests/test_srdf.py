@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import pose
 from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
 from regionik.worlds.errors import InputError
 from regionik.worlds.links import LinkBox, LinkCapsule
 from regionik.worlds.robot import Robot, Tool, with_tool
 from regionik.worlds.self_collision import overhang, postures_clear, rest_posture, self_collision_pairs
 from regionik.worlds.urdf.loader import load_robot
+from tests.maths import pose
 from tests.urdfs import crane
 
 SRDF = """\

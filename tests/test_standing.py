@@ -14,11 +14,12 @@ from shapely import affinity
 from regionik import admissible_area as area
 from regionik.areas.layers import GUARD
 from regionik.areas.standing import Standing, away, into_span, stands_about
-from regionik.postures.poses import pose_of
 from regionik.scene import scene_of
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.obstacles import Box, Cylinder, Solid
-from regionik.worlds.scene import Floor, Heading, Rules, Start, Target, World
+from regionik.worlds.obstacles import Box, Cylinder
+from regionik.worlds.scene import Floor, Rules, Start, Target, World
+from tests.kinds import Heading, Solid
+from tests.measures import pose_of
 
 POST = Cylinder("post", 0.1, 0.6, np.array([0.9, 1.1, 0.3]))
 CRATE = Box("crate", np.array([0.5, 0.3, 0.5]), np.array([2.2, 0.7, 0.25]), 0.4)

@@ -10,14 +10,15 @@ import shapely
 
 from regionik.parking.standing_runs import standing_runs
 from regionik.pipeline import plan
-from regionik.postures.poses import axis_of
 from regionik.pruning import whole_path
 from regionik.scene import scene_of
 from regionik.verification.verifier import verify
 from regionik.worlds.links import capsules_along
 from regionik.worlds.obstacles import Box, Cylinder
 from regionik.worlds.robot import Robot
-from regionik.worlds.scene import Floor, Heading, Rules, Target, World
+from regionik.worlds.scene import Floor, Rules, Target, World
+from tests.kinds import Heading
+from tests.measures import axis_of
 from tests.test_closed_form import ARMS
 
 DOWN = np.diag([1.0, -1.0, -1.0])

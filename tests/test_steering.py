@@ -11,22 +11,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.geometry import box
 
-from regionik.planners.driving.arcs import arc_end
 from regionik.timing.retime import retime
 from regionik.timing.smooth_path import SLIP, SLIPPED, smooth_path
 from regionik.timing.trajectory import trajectory
 from regionik.values import Plan
 from regionik.verification import speeds
 from regionik.verification.verifier import verify
-from regionik.worlds.arrays import Array
-from regionik.worlds.drives import BaseKind, CarDrive
+from regionik.worlds.drives import CarDrive
 from regionik.worlds.limits import Speeds
 from regionik.worlds.scene import Floor, Rules
 from tests import examples
-from tests.plans import youbot
+from tests.kinds import BaseKind
+from tests.maths import Array, arc_end
+from tests.plans import drive, plan_of, world_of, youbot
 from tests.soak import against
 from tests.test_retime import SLACK, timed
-from tests.test_verify import drive, plan_of, world_of
 
 RADIUS = 0.4  # of the car's tightest arc [m]
 SPEEDS = Speeds(base_velocity=0.6, turn_velocity=1.2, turn_acceleration=1.5, steering_velocity=0.7)

@@ -15,8 +15,8 @@ from shapely.geometry import Point, Polygon
 
 from regionik.planners.driving.greedy_steps import greedy_points, visible_star
 from regionik.planners.geometry.polygons import FlatPolygon, clamp, nearest_on_boundary, segment_inside
-from regionik.worlds.arrays import Array
 from tests import examples
+from tests.maths import Array
 
 SQUARE = box(-0.5, -1.5, 3, 1.5) - box(1.0, -0.2, 1.6, 0.4).buffer(0.2)  # experiment 2
 BLOCK = box(-0.5, -1.5, 3, 1.5) - box(1.175, -0.45, 1.425, 0.45).buffer(0.2)  # experiment 2b

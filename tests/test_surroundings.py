@@ -16,10 +16,11 @@ from regionik.reachability.reach import reach
 from regionik.scene import scene_of
 from regionik.verification import arm_clearance
 from regionik.verification.verifier import verify
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.obstacles import Prism, Shadow, Solid
+from regionik.worlds.obstacles import Prism, Shadow
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
+from tests.kinds import Solid
+from tests.maths import Array
 
 
 def speckled(task: tuple[Target, ...] = ()) -> World:

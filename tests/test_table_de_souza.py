@@ -8,7 +8,7 @@ import pytest
 from benchmarks.tables import de_souza
 from benchmarks.tables.de_souza import MOST_ANGLE, TARGETS, arm, genetic, motion, network, solved
 from benchmarks.tables.planar3r import Planar3R
-from regionik.worlds.arrays import Array
+from tests.maths import Array
 
 
 @pytest.mark.parametrize("order", [3, 4, 5])

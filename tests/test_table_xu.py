@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.tables import xu
-from regionik.worlds.arrays import Array
+from tests.maths import Array
 
 LIMIT = np.pi / 2
 

@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from regionik.worlds.chain import planar_pose, rot_x, rot_y, rot_z
 from regionik.worlds.errors import InputError
 from regionik.worlds.readers.csv_path import read_csv
 from regionik.worlds.toolpath import (
@@ -23,6 +22,7 @@ from regionik.worlds.toolpath import (
     transform_path,
     turn_with_arc,
 )
+from tests.maths import planar_pose, rot_x, rot_y, rot_z
 
 coordinate = st.floats(-50, 50).map(lambda value: round(value, 6))
 point = st.tuples(coordinate, coordinate, coordinate)

@@ -18,8 +18,8 @@ from regionik.planners.coverage.tours import (
     shortest_order,
     shortest_tour_of_sets,
 )
-from regionik.worlds.arrays import Array
 from tests import examples
+from tests.maths import Array
 
 
 def distances(points: Array) -> Array:

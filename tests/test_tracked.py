@@ -12,18 +12,17 @@ from regionik.papers.pitch_arm import arm_share
 from regionik.papers.pose_tracking import track_runs
 from regionik.papers.tracker import DRAWN, can_track, tracking_robot
 from regionik.pipeline import check_world, plan
-from regionik.postures.poses import axis_of
 from regionik.scene import scene_of
 from regionik.verification.verifier import verify
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import planar_pose, rot_y, rot_z
 from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
 from regionik.worlds.drives import wheel_travel
 from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.limits import Criteria
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Start, Target, World
+from tests.maths import Array, planar_pose, rot_y, rot_z
+from tests.measures import axis_of
 from tests.planned import planned
 
 ROBOT = robot_named("pioneer-parm")

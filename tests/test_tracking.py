@@ -8,9 +8,8 @@ from hypothesis import strategies as st
 from benchmarks.tables.xu import circle
 from regionik.papers.pitch_arm import HeightError, PitchArm, heights
 from regionik.papers.pose_tracking import TrackedRun, TrackingRobot, track_runs
-from regionik.planners.driving.arcs import arc_end
-from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, planar_pose, rot_y, rot_z, translation
+from regionik.worlds.chain import Chain
+from tests.maths import Array, arc_end, planar_pose, rot_y, rot_z, translation
 
 PARM = PitchArm(shoulder_out=0.06875, shoulder_up=0.12, upper=0.16, fore=0.13775 + 0.11321)
 AHEAD = LIFT = 0.155

@@ -19,14 +19,15 @@ from regionik.moving.transit import TransitPlanner
 from regionik.planners.driving import pose_planner
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.driving.sampling import connect_poses
-from regionik.planners.geometry.angles import wrap
-from regionik.postures.poses import LARGEST_BEND, Pose, axis_of, distinct, pose_between, pose_of
+from regionik.postures.poses import Pose, distinct
 from regionik.scene import scene_of
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.drives import BaseKind
-from regionik.worlds.obstacles import Box, Cylinder, Solid
-from regionik.worlds.scene import Floor, Heading, Rules, World
+from regionik.worlds.obstacles import Box, Cylinder
+from regionik.worlds.scene import Floor, Rules, World
+from tests.bodies import LARGEST_BEND, pose_between
+from tests.kinds import BaseKind, Heading, Solid
+from tests.maths import Array, wrap
+from tests.measures import axis_of, pose_of
 
 HERE = np.array([-0.9, -0.7, 0.3])
 THERE = np.array([1.0, 0.8, -2.9])
@@ -59,7 +60,7 @@ def check(world: World, here: Pose, way: list[Pose], there: Pose) -> None:
         assert abs(wrap(b.base[2] - a.base[2])) <= LARGEST_BEND
         assert np.abs(b.joints - a.joints).max() <= LARGEST_BEND + 1e-9
         for share in np.linspace(0, 1, 5):
-            at = pose_between(a, b, float(share), world.robot.drive)
+            at = pose_between(a, b, float(share), world.robot)
             assert scene_of(world).guard.clear(at)
             assert free.distance(shapely.Point(axis_of(robot, at.base))) < 1e-3
             assert (at.joints >= robot.chain.lower - 1e-9).all()

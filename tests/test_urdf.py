@@ -17,14 +17,13 @@ from hypothesis import strategies as st
 import regionik as rik
 from regionik.cli import console
 from regionik.output.urdf import robot_to_urdf
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import planar_pose
 from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
-from regionik.worlds.errors import InputError, RobotNote
+from regionik.worlds.errors import FileNote, InputError
 from regionik.worlds.robot import Robot
 from regionik.worlds.urdf.loader import load_robot
 from tests import examples
+from tests.maths import Array, planar_pose
 from tests.test_export import awkward
 from tests.urdfs import CRANE, crane, frames_of
 
@@ -564,7 +563,7 @@ def test_notes_on_a_robot_are_said_by_plan_alone(tmp_path: Path) -> None:
         "floor: {polygon: [[-2, -2], [2, -2], [2, 2], [-2, 2]]}\ntask: [{points: [[0.5, 0, 1]]}]\n"
     )
     progress = console.DelayedProgress()
-    with pytest.warns(RobotNote, match="upper.stl: there is no such file; a capsule .* replaces it"):
+    with pytest.warns(FileNote, match="upper.stl: there is no such file; a capsule .* replaces it"):
         noted = console.read_world_to_plan(str(tmp_path / "w.yaml"), progress)
     quiet = console.read_world(str(tmp_path / "w.yaml"), progress)  # a warning would be an error
     assert quiet.robot.chain.names == noted.robot.chain.names

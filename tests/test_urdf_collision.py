@@ -15,10 +15,8 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull, Delaunay
 from scipy.spatial.transform import Rotation
 
-from regionik.worlds.arrays import Array
-from regionik.worlds.chain import pose
-from regionik.worlds.errors import InputError, RobotNote
-from regionik.worlds.links import LINK_RADIUS, LinkBox, LinkCapsule, LinkHull, LinkSolid
+from regionik.worlds.errors import FileNote, InputError
+from regionik.worlds.links import LINK_RADIUS, LinkBox, LinkCapsule, LinkHull
 from regionik.worlds.readers.meshes import read_geometries
 from regionik.worlds.robot import BODY_HEIGHT, Robot
 from regionik.worlds.urdf.bounding import (
@@ -31,6 +29,8 @@ from regionik.worlds.urdf.bounding import (
 )
 from regionik.worlds.urdf.loader import load_robot
 from tests import examples
+from tests.kinds import LinkSolid
+from tests.maths import Array, pose
 from tests.urdfs import CRANE, UPPER_SIZE, crane, depth, frames_of
 
 
@@ -253,7 +253,7 @@ def test_meshes_that_are_missing_for_one_reason_share_a_note(tmp_path: Path) -> 
     (tmp_path / "r.urdf").write_text(
         f'<robot name="r">{links}{"".join(joint.format(*pair) for pair in ("ab", "bc", "cd"))}</robot>'
     )
-    with pytest.warns(RobotNote) as told:
+    with pytest.warns(FileNote) as told:
         load_robot(tmp_path / "r.urdf")
     base, arm = (str(note.message) for note in told if "there is no folder gone" in str(note.message))
     assert base.endswith("stands in for it")

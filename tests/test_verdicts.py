@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,10 +12,8 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from regionik.areas.reach_model import FineRows
-from regionik.cli import app
+from regionik.cli.app import run
 from regionik.pipeline import plan, why
-from regionik.reach_rows import fine_reach
 from regionik.reachability.reach import reach
 from regionik.verification.verifier import verify
 from regionik.worlds.bundled import robot_named
@@ -68,23 +65,6 @@ def test_an_empty_inner_area_is_no_proof() -> None:
     check_undecided(why(world, world.task[0]))
     check_undecided(why(world))
     check_undecided(refused(world))
-
-
-def test_places_that_are_free_at_all_headings_are_not_looked_at_by_heading(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Where the reach is the same at all headings, none of them rules out what no posture is known for."""
-    looked = []
-
-    def counted(*given: Any, **how: Any) -> FineRows:
-        looked.append(given)
-        return fine_reach(*given, **how)
-
-    monkeypatch.setattr("regionik.reachability.refinement.fine_reach", counted)
-    world = turned()
-    world = replace(world, robot=replace(world.robot, footprint=lane().robot.footprint))
-    assert reach(world, world.task).verdict.tolist() == ["undecided"]
-    assert len(looked) < 40
 
 
 def test_a_plan_turns_the_base_as_reach_does() -> None:
@@ -146,7 +126,7 @@ def test_commands_tell_what_is_undecided(
 ) -> None:
     path = tmp_path / "turned.json"
     path.write_text(json.dumps(world_to_document(turned())))
-    assert app.run([command, str(path), "--json"]) == 1
+    assert run([command, str(path), "--json"]) == 1
     document = json.loads(capfd.readouterr().out)
     assert (document["ok"], document["verdict"], document["setpoint"]) == (False, "undecided", 0)
     assert document["reason"].startswith("No way was found to reach ")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,94 +9,33 @@ import pytest
 from shapely.affinity import rotate, translate
 from shapely.geometry import Point, Polygon, box
 
-from regionik.values import Configuration, Motion, Plan, Report, Violation
+from regionik.values import Motion, Report
 from regionik.verification.motion import MotionSegments, chord_deviation
 from regionik.verification.proofs import MAX_VIOLATIONS
 from regionik.verification.verifier import verify
-from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, rot_x, rot_y, translation
+from regionik.worlds.chain import Chain
 from regionik.worlds.joints import Joint
 from regionik.worlds.links import LinkCapsule, capsules_along
-from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
+from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
 from regionik.worlds.robot import Robot
-from regionik.worlds.scene import Floor, Rules, Start, Target, World
-from regionik.worlds.self_collision import off_floor
-from tests.plans import FOOTPRINT, youbot
-
-Q = np.array([0.0, 1.2, -1.0, 1.0, 0.0])  # the tool 0.424 m ahead of the base and 0.239 m up
-FLOOR = box(-1.0, -1.5, 3.0, 1.5)
-RULES = Rules(clearance=0.2, step=0.1)
-
-
-def motion_of(rows: Sequence[tuple[Array, Array, str, int]]) -> Motion:
-    base, joints, kind, owner = zip(*rows, strict=True)
-    return Motion(
-        np.array(base), np.array(joints), np.array(kind), np.array(owner), np.full(len(rows), np.nan)
-    )
-
-
-def plan_of(world: World, motion: Motion, lift_offs: int = 0) -> Plan:
-    at = [
-        np.flatnonzero((motion.kind == "setpoint") & (motion.setpoint == i)) for i in range(len(world.task))
-    ]
-    configurations = tuple(
-        configuration(world, i, motion.base[k[0]], motion.joints[k[0]]) for i, k in enumerate(at) if len(k)
-    )
-    return Plan(world, 0, configurations, motion, (), lift_offs)
-
-
-def configuration(world: World, i: int, base: Array, joints: Array) -> Configuration:
-    """Base and joints at a set-point, with the error that they have."""
-    error = float(np.linalg.norm(world.robot.tool(base, joints)[:3, 3] - world.task[i].position))
-    return Configuration(base, joints, error, 1, True)
-
-
-def straight(count: int = 5, between: int = 1, pitch: float = 0.1) -> Motion:
-    """The base goes along x and carries the arm as it is."""
-    rows = []
-    for k in range(count * (between + 1) - between):
-        i, part = divmod(k, between + 1)
-        base = np.array([pitch * (i + part / (between + 1)), 0.0, 0.0])
-        rows.append((base, Q, "step" if part else "setpoint", i))
-    return motion_of(rows)
-
-
-def world_of(
-    motion: Motion, *solids: Solid, robot: Robot | None = None, rules: Rules = RULES, axes: bool = False
-) -> World:
-    """A world whose set-points are where the motion puts the tool."""
-    robot = robot or youbot()
-    at = np.flatnonzero(motion.kind == "setpoint")
-    tools = robot.tool(motion.base[at], motion.joints[at])
-    task = tuple(Target(T[:3, 3], T[:3, 2] if axes else None) for T in tools)
-    return World("by hand", robot, Floor(FLOOR), solids, task, rules)
-
-
-def moved(
-    motion: Motion, state: int, base: Sequence[float] = (0, 0, 0), joints: Sequence[float] = (0,) * 5
-) -> Motion:
-    bases, arms = motion.base.copy(), motion.joints.copy()
-    bases[state] += base
-    arms[state] += joints
-    return replace(motion, base=bases, joints=arms)
-
-
-def drive(*bases: Sequence[float], joints: Array = Q) -> Motion:
-    """One set-point, and from there with the tool lifted."""
-    first, *rest = (np.array(base, dtype=float) for base in bases)
-    return motion_of([(first, joints, "setpoint", 0), *((base, joints, "transit", -1) for base in rest)])
-
-
-def of_kind(report: Report, kind: str) -> list[Violation]:
-    found = [violation for violation in report.violations if violation.kind == kind]
-    assert found, [violation.text for violation in report.violations]
-    assert not report.ok
-    return found
-
-
-def only(report: Report, kind: str) -> Violation:
-    assert {violation.kind for violation in report.violations} == {kind}, report.violations
-    return report.violations[0]
+from regionik.worlds.scene import Floor, Start, Target, World
+from tests.kinds import Solid
+from tests.maths import Array, rot_x, rot_y, translation
+from tests.plans import (
+    FOOTPRINT,
+    RULES,
+    Q,
+    configuration,
+    drive,
+    motion_of,
+    moved,
+    of_kind,
+    only,
+    plan_of,
+    straight,
+    world_of,
+    youbot,
+)
 
 
 def test_a_good_plan_holds() -> None:
@@ -705,8 +643,8 @@ def sampled_gap(world: World, motion: Motion, hop: int) -> float:
     arms = motion.joints[hop] + s[:, None] * (motion.joints[hop + 1] - motion.joints[hop])
     frames = world.robot.frames(bases, arms)
     least = np.inf
-    for capsule, raised in zip(world.robot.solids, off_floor(world.robot), strict=True):
-        around = world.arm_solids if raised else world.solids
+    for capsule in world.robot.solids:
+        around = world.arm_solids if capsule.link else world.solids  # the first turns on the pivot alone
         for t in np.linspace(0, 1, 7):
             spot = (1 - t) * capsule.corners[0] + t * capsule.corners[1]
             points = frames[:, capsule.link, :3, :3] @ spot + frames[:, capsule.link, :3, 3]

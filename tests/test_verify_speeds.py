@@ -17,12 +17,11 @@ from regionik.values import Motion, Plan
 from regionik.verification.motion import MotionSegments
 from regionik.verification.timed_segments import TimedSegments
 from regionik.verification.verifier import verify
-from regionik.worlds.arrays import Array
-from regionik.worlds.drives import BaseKind
 from regionik.worlds.limits import Speeds
-from tests.plans import youbot
+from tests.kinds import BaseKind
+from tests.maths import Array
+from tests.plans import of_kind, plan_of, straight, world_of, youbot
 from tests.test_steering import SPEEDS, driven
-from tests.test_verify import of_kind, plan_of, straight, world_of
 
 PARTS = [(0.2, False, 0.3), (0.2, False, 0.4), (0.15, False, -0.2), (0.2, True, 0.8), (0.1, True, 0.7)]
 LIMITED = ["base_velocity", "base_acceleration", "turn_velocity", "turn_acceleration"]

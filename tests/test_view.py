@@ -25,12 +25,11 @@ from regionik.view.picture import camera_for
 from regionik.view.plan_picture import MAX_FRAMES, picture_of_plan
 from regionik.view.timeline import clearances
 from regionik.view.world_picture import MARK_RADIUS, picture_of_world, shown_start, tool_radius
-from regionik.worlds.arrays import Array
-from regionik.worlds.chain import pose
 from regionik.worlds.errors import InputError
 from regionik.worlds.links import LinkBox
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import World
+from tests.maths import Array, pose
 from tests.plans import every_solid, l_shape, synthetic_plan, timed
 
 REQUIRED = os.environ.get("REGIONIK_REQUIRE_BROWSER") == "1"

@@ -17,7 +17,6 @@ from regionik.view.page import html_page
 from regionik.view.picture import Color
 from regionik.view.world_picture import picture_of_world, robot_meshes
 from regionik.worlds.arrays import transform_points
-from regionik.worlds.chain import translation
 from regionik.worlds.documents.world_file import world_from_document, world_to_document
 from regionik.worlds.errors import InputError
 from regionik.worlds.links import BASE, LinkCapsule
@@ -26,6 +25,7 @@ from regionik.worlds.robot import Robot, Tool
 from regionik.worlds.scene import Floor, Target, World
 from regionik.worlds.surfaces import VisualSurface, coarsened
 from regionik.worlds.urdf.loader import GREY, MAX_TRIANGLES, load_robot
+from tests.maths import translation
 
 DAE = """\
 <COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">

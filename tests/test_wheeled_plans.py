@@ -10,13 +10,13 @@ import shapely
 
 from regionik import plan, verify
 from regionik.values import Plan
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.drives import BaseKind
 from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from tests import MINUTES
+from tests.kinds import BaseKind
+from tests.maths import Array
 from tests.random_arms import random_robot
 
 RADIUS = 0.6  # of the car's turns [m]

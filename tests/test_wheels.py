@@ -17,8 +17,7 @@ from ompl import base as ob
 from shapely import box
 from shapely.geometry import MultiPolygon, Point, Polygon
 
-from regionik.planners.driving import pose_planner
-from regionik.planners.driving.arcs import Segment, WheeledPath, arc_end, path_of_motions
+from regionik.planners.driving.arcs import Segment, WheeledPath, path_of_motions
 from regionik.planners.driving.footprint import arc_is_free
 from regionik.planners.driving.footprint_scene import FootprintScene, footprint_scene
 from regionik.planners.driving.point_planner import NoPathError
@@ -30,13 +29,11 @@ from regionik.planners.driving.pose_planner import (
     steer,
 )
 from regionik.planners.driving.reeds_shepp import words_between
-from regionik.planners.driving.sampling import connect_poses
-from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.shortest_paths import shortest_path
-from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Shadow
 from tests import examples
+from tests.maths import Array, arc_end, wrap
 
 RADIUS = 0.7
 MORE = [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (0, *range(2, 6)))]
@@ -255,19 +252,6 @@ def test_a_leg_behind_is_driven_backwards() -> None:
     way = drive_wheeled(point_in(box(0, 0, 4, 1)), [3, 0.5, 0], [1, 0.5, 0], seed=0)
     assert [segment.kind for segment in way.segments] == ["line"]
     assert way.segments[0].length == pytest.approx(-2)
-
-
-def test_a_car_whose_first_way_is_hardly_a_detour_looks_for_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked, scene = list[int](), point_in(box(0, 0, 10, 2) - box(4, 0.5, 4.6, 1.5))
-
-    def connected(*given: Any, **options: Any) -> Array | None:
-        asked.append(options["seed"])
-        return connect_poses(*given, **options)
-
-    monkeypatch.setattr(pose_planner, "connect_poses", connected)
-    way = drive_wheeled(scene, [1, 1, 0], [8, 1, 0], turning_radius=0.5, seed=0)
-    assert (way.method, asked) == ("ompl", [0])
-    assert 7.0 <= way.length <= 7.0 * pose_planner.SHORT
 
 
 def test_a_car_parks_sideways() -> None:

@@ -31,7 +31,6 @@ from regionik.scene import Scene, scene_of
 from regionik.view.picture import Color
 from regionik.view.world_picture import picture_of_explanation
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import translation
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import Explanation, InputError, NoPlanFound, Repair
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
@@ -39,6 +38,7 @@ from regionik.worlds.robot import Tool, with_tool
 from regionik.worlds.scene import Floor, Rules, Target, World
 from tests import examples
 from tests.furnished import robot_with
+from tests.maths import translation
 from tests.why_cases import as_small_as_brute_force, cases, proven_irreducible
 
 REACH = 0.033 + 0.155 + 0.135 + 0.2175  # of the youbot, stretched level

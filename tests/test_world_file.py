@@ -19,13 +19,8 @@ from scipy.spatial.transform import Rotation
 
 from docs.schemas import world_schema
 from regionik.worlds.bundled import robot_named, world_names, world_path
-from regionik.worlds.chain import Chain, planar_pose
-from regionik.worlds.documents.world_file import (
-    RulesPart,
-    load_world,
-    world_from_document,
-    world_to_document,
-)
+from regionik.worlds.chain import Chain
+from regionik.worlds.documents.world_file import RulesPart, load_world, world_from_document, world_to_document
 from regionik.worlds.errors import FileNote, InputError
 from regionik.worlds.joints import Joint
 from regionik.worlds.limits import Criteria
@@ -35,6 +30,7 @@ from regionik.worlds.readers.text import MAX_BYTES, read_document
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Rules, World
 from tests import examples
+from tests.maths import planar_pose
 from tests.nasty import GOOD, NASTY, Nasty, broken
 
 ROOT = Path(__file__).parent.parent

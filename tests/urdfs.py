@@ -11,8 +11,9 @@ import trimesh
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from regionik.worlds.arrays import Array
-from regionik.worlds.links import LinkBox, LinkHull, LinkSolid
+from regionik.worlds.links import LinkBox, LinkHull
+from tests.kinds import LinkSolid
+from tests.maths import Array
 
 CRANE = """\
 <?xml version="1.0"?>

@@ -10,16 +10,18 @@ import trimesh
 from shapely.geometry.base import BaseGeometry
 
 from regionik.values import Configuration, Motion, Plan, Stop
-from regionik.verification.limits import efforts, manipulability
 from regionik.verification.verifier import verify
-from regionik.worlds.arrays import Array
 from regionik.worlds.documents.world_file import world_from_document, world_to_document
 from regionik.worlds.limits import Criteria, Speeds
-from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
+from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
 from regionik.worlds.robot import Robot
-from regionik.worlds.scene import Floor, Heading, Rules, Start, Target, World
+from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from tests.grounds import mapped, outlined
+from tests.kinds import Solid
+from tests.maths import Array
+from tests.opinion.quality import manipulability
 from tests.random_arms import SIDES, random_robot
+from tests.retold import machine_of
 
 DRAWN = 400  # robots and motions, until one keeps off itself
 BEND = 0.004  # of the tool's way between two set-points off the line that joins them [m]
@@ -145,13 +147,12 @@ def _world(name: str, motion: TimedMotion, times: Array, rng: np.random.Generato
     """Return a world without obstacles; rules, poses and floor are drawn."""
     begin = -0.5 if rng.random() < 0.6 else 0.0
     is_fixed = begin < 0 and motion.robot.base == "omni" and motion.roll[2] == 0 and rng.random() < 0.5
-    heading: Heading = "fixed" if is_fixed else "free"
     rules = Rules(
         clearance=float(rng.choice([0.0, rng.uniform(0.0, 0.15)])),
         arm_clearance=float(rng.choice([0.0, rng.uniform(0.0, 0.02)])),
         step=float(rng.uniform(0.05, 0.25)),
         tolerance=float(rng.choice([1e-4, 1e-3])),
-        heading=heading,
+        heading="fixed" if is_fixed else "free",
         mode="stops" if motion.stands and rng.random() < 0.6 else "continuous",
         stop_tolerance=float(rng.uniform(0.0, 0.004)),
     )
@@ -258,7 +259,10 @@ def _demanding(plan: Plan, rng: np.random.Generator) -> Plan:
         return plan
     robot = replace(plan.world.robot, payload=float(rng.uniform(0.2, 1.5)))
     joints = plan.motion.joints[plan.motion.kind == "setpoint"]
-    least, most = float(manipulability(robot, joints).min()), float(np.abs(efforts(robot, joints)).max())
+    machine, still = machine_of(replace(plan.world, robot=robot)), np.zeros(3)
+    known = [machine.configuration(still, one) for one in joints]
+    least = min(manipulability(machine, q) for q in known)
+    most = max(float(np.abs(machine.efforts(q)).max()) for q in known)
     asked = rng.integers(3)
     criteria = Criteria(
         manipulability=rng.uniform(0.3, 0.9) * least if asked != 1 else None,

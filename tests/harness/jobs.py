@@ -11,18 +11,19 @@ import shapely
 from scipy.spatial.transform import Rotation, Slerp
 
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, translation
+from regionik.worlds.chain import Chain
 from regionik.worlds.documents.world_file import load_world
-from regionik.worlds.drives import BaseKind
 from regionik.worlds.joints import Joint
 from regionik.worlds.limits import Criteria, Execution, ParkingAccuracy
 from regionik.worlds.links import LinkMass, capsules_along
-from regionik.worlds.obstacles import Box, Cylinder, Solid
+from regionik.worlds.obstacles import Box, Cylinder
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from tests.furnished import disc
 from tests.harness.rasters import carried
+from tests.kinds import BaseKind, Solid
 from tests.known_arms import known_robot
+from tests.maths import translation
 from tests.mimics import arm
 
 POSES = Path(__file__).parents[1] / "data" / "panda_24_poses.csv"

@@ -7,14 +7,14 @@ from typing import Literal
 import numpy as np
 import shapely
 
-from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
-from regionik.worlds.drives import BaseKind
 from regionik.worlds.links import capsules_along
-from regionik.worlds.obstacles import Box, Mesh, Solid
+from regionik.worlds.obstacles import Box, Mesh
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Target, World
+from tests.kinds import BaseKind, Solid
 from tests.known_arms import H, known_robot
+from tests.maths import Array
 
 PLATFORM = 0.9, 0.6, 0.45  # length, width, height [m]
 TOOL = 0.13  # of the flange along its z [m]

@@ -12,7 +12,6 @@ import shapely
 
 from regionik.worlds.bundled import robot_named, world_names
 from regionik.worlds.documents.world_file import load_world, world_to_document
-from regionik.worlds.drives import BaseKind
 from regionik.worlds.limits import Criteria, Execution, Speeds
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
@@ -30,6 +29,7 @@ from tests.harness.jobs import (
     smooth_poses,
 )
 from tests.harness.rasters import bent_panel, carried, raster
+from tests.kinds import BaseKind
 from tests.known_arms import known_robot
 from tests.soaked import soaked_world
 from tests.witnesses import witness

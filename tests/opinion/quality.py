@@ -18,8 +18,7 @@ def shortfalls(machine: Machine, rules: dict[str, Any], base: Array, joints: Arr
     least, share, most = (asked.get(key) for key in ("manipulability", "joint_margin", "effort"))
     q = machine.configuration(base, joints)
     if least is not None:
-        J = jacobian(machine, q)[:3][:, machine.columns]
-        volume = float(np.sqrt(max(np.linalg.det(J @ J.T), 0.0)))
+        volume = manipulability(machine, q)
         if volume < least - EVEN:
             yield f"manipulability {volume:.3e}"
     limited = np.isfinite(machine.upper - machine.lower)
@@ -32,3 +31,9 @@ def shortfalls(machine: Machine, rules: dict[str, Any], base: Array, joints: Arr
         over = np.abs(machine.efforts(q)) - np.asarray(most, dtype=float)
         for j in np.flatnonzero(over > EVEN):
             yield f"joint {j} bears {over[j]:.3e} too much"
+
+
+def manipulability(machine: Machine, q: Array) -> float:
+    """Yoshikawa's measure of the arm's joints for the tool's place."""
+    J = jacobian(machine, q)[:3][:, machine.columns]
+    return float(np.sqrt(max(np.linalg.det(J @ J.T), 0.0)))
