@@ -55,3 +55,12 @@ def test_areas_and_fields_hold_no_place_where_the_body_cannot_stand(seed: int) -
     doors.areas()
     doors.field()
     assert not doors.wrong
+
+
+@pytest.mark.slow
+def test_stops_lie_where_the_first_link_of_the_arm_can_get_to() -> None:
+    """The base alone would pass under a table to the third of them; what it carries would not."""
+    doors = Doors(furnished_world(580))
+    doors.stops()
+    assert doors.seen["plans"]
+    assert not doors.wrong
