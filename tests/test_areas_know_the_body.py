@@ -94,3 +94,13 @@ def test_areas_and_fields_hold_no_place_where_the_body_cannot_stand(seed: int) -
     doors.areas()
     doors.field()
     assert not doors.wrong
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [580, 688])
+def test_where_every_stop_is_confirmed_there_is_a_plan(seed: int) -> None:
+    """The base alone would pass under a table; from between two tables the arm is hardly led out."""
+    doors = Doors(furnished_world(seed))
+    doors.stops()
+    assert doors.seen["plans"]
+    assert not doors.wrong

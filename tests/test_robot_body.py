@@ -17,7 +17,15 @@ from shapely.affinity import affine_transform
 import regionik as rik
 from regionik.planners.driving.footprint import fits, slide_is_free
 from regionik.scene import scene_of
-from regionik.worlds.body import BodyPrism, fixed_prisms, lift_for, lift_range, lifted_prisms
+from regionik.worlds.arrays import transform_points
+from regionik.worlds.body import (
+    BodyPrism,
+    fixed_prisms,
+    lift_for,
+    lift_range,
+    lifted_prisms,
+    pivot_discs,
+)
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import FileNote, NoPlanFound
@@ -112,6 +120,33 @@ def test_an_upright_box_is_one_prism_from_either_side() -> None:
     assert (outer.low, outer.high) == pytest.approx((0.14, 0.9))
     assert shapely.Polygon(outer.outline).area == pytest.approx(0.12 * 0.2)
     assert shapely.Polygon(outer.outline).symmetric_difference(shapely.Polygon(inner.outline)).area < 1e-12
+
+
+@given(some_solid(), st.integers(0, 2**32 - 1))
+@settings(max_examples=examples(60))
+def test_the_link_on_a_pivot_holds_its_discs_however_it_turns(solid: LinkSolid, seed: int) -> None:
+    rng, plain = np.random.default_rng(seed), robot_named("youbot")
+    middle = translation(*(rng.normal(0.0, 0.02, 3) - solid.corners.mean(axis=0)))
+    link = solid.moved(0, middle)
+    robot = replace(plain, solids=(link,))
+    discs = pivot_discs(robot)
+    assert discs
+    for turn in rng.uniform(-3, 3, 8):
+        joints = np.concatenate([[turn], np.zeros(robot.chain.dof - 1)])
+        T_link_base = np.linalg.inv(robot.T_base_arm @ robot.chain.frames(joints)[0])
+        for one in discs:
+            rims = [[x, y, z] for x, y in one.outline for z in (one.low, one.high)]
+            assert all(link.depth(spot) > -1e-9 for spot in transform_points(T_link_base, np.array(rims)))
+
+
+def test_no_base_stands_where_the_link_on_its_pivot_would_be_in_a_table_top() -> None:
+    """The base is 0.14 m high and fits under the top, the arm's first link stands from 0.27 to 0.48 m."""
+    low = Box("low table", np.array([1.6, 0.8, 0.04]), np.array([1.0, 0.5, 0.35]))
+    robot = replace(robot_named("youbot"), mount=np.array([0.0, 0.0, 0.3, 0.0]))
+    here = world(robot, low, target=(1.0, 0.3, 0.5))
+    area = rik.admissible_area(here, here.task[0])
+    assert area.inner.area > 0
+    assert area.outer.intersection(shapely.box(0.2, 0.1, 1.8, 0.9)).area == 0.0
 
 
 def test_what_a_lift_carries_takes_up_all_its_travel_and_surely_what_is_there_at_each_height() -> None:

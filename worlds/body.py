@@ -2,7 +2,8 @@
 
 Columns, masts and screens are fixed to the base; torsos are carried by lifts, the sliding joints that stand
 upright before all others. A solid is cut into bands of height. In each it lies within one prism and holds
-another; what the first keeps clear of is clear of the solid, and what meets the second meets it.
+another; what the first keeps clear of is clear of the solid, and what meets the second meets it. The link
+that an upright pivot turns stands over the base as well, however it turns: it holds discs about the axis.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -38,6 +40,7 @@ class _PrismOptions:
     min_band: float = 0.05  # height of a band that is cut [m]
     max_halvings: int = 2  # of a solid's height
     min_area: float = 1e-6  # of an outline [m2]
+    disc_levels: int = 17  # heights of the link on a pivot at which its discs are taken
 
 
 _PRISMS = _PrismOptions()
@@ -83,6 +86,15 @@ def lifted_prisms(robot: Robot, lift: tuple[float, float], *, inside: bool) -> t
     return tuple(found)
 
 
+def pivot_discs(robot: Robot) -> tuple[BodyPrism, ...]:
+    """Return discs about an upright first axis that the link on it holds in every posture.
+
+    There are none of a link that is the outermost with a solid, as that may touch what the tool works on.
+    """
+    outermost = max((solid.link for solid in robot.solids), default=0)
+    return _pivot_discs(robot) if outermost > 0 else ()
+
+
 def lift_range(robot: Robot) -> tuple[float, float]:
     """Return how far the lifts raise the arm, at least and at most; (0, 0) where there are none [m]."""
     return [(0.0, 0.0), *(span for _, span in _lifts(robot))][-1]
@@ -99,15 +111,10 @@ def lift_for(robot: Robot, height: float, reach: float = 0.0) -> tuple[float, fl
 
 
 def without_body(robot: Robot) -> Robot:
-    """Return the robot without what stands on its base and on its lifts: a footprint, and an arm."""
-    count = sum(1 for _ in _lifts(robot))
+    """Return the robot without what stands over its base in every posture: a footprint and an arm."""
+    count = sum(1 for _ in _lifts(robot)) or len(pivot_discs(robot)[:1])
     solids = tuple(solid for solid in robot.solids if solid.link >= count)
     return replace(robot, base_solids=(), solids=solids)
-
-
-def has_body(robot: Robot) -> bool:
-    """Return True where something stands on the base or on its lifts."""
-    return len(robot.all_solids) > len(without_body(robot).solids)
 
 
 def _lifts(robot: Robot) -> Iterator[tuple[Array, tuple[float, float]]]:
@@ -142,6 +149,37 @@ def _body_prisms(
     return tuple(prism for some in fixed for prism in some), tuple(lifted)
 
 
+@lru_cache(maxsize=64)
+def _pivot_discs(robot: Robot) -> tuple[BodyPrism, ...]:
+    first = robot.chain.joints[0]
+    T = robot.T_base_arm @ first.T_parent_joint
+    if first.kind == "prismatic" or abs(float((T[:3, :3] @ first.axis)[2])) < 1 - _UPRIGHT:
+        return ()
+    return tuple(disc for solid in robot.solids if solid.link == 0 for disc in _discs(solid, T))
+
+
+def _discs(solid: LinkSolid, T: Array) -> Iterator[BodyPrism]:
+    """Yield discs about the axis of a pivot that a solid, its link's frame (4, 4), holds however it turns.
+
+    What a convex solid holds at two heights it holds between them.
+    """
+    points, axis = _points(solid, T, inside=True), shapely.Point(T[:2, 3])
+    levels = np.linspace(points[:, 2].min(), points[:, 2].max(), _PRISMS.disc_levels)
+    radii = [_room_about(axis, points, z) for z in levels.tolist()]
+    for (low, high), radius in zip(pairwise(levels.tolist()), map(min, pairwise(radii)), strict=True):
+        if np.pi * radius**2 > _PRISMS.min_area:
+            disc = axis.buffer(radius, quad_segs=_PRISMS.round_sides // 4)
+            corners = shapely.get_coordinates(disc.exterior)[:-1].tolist()
+            yield BodyPrism(solid.name, tuple(map(tuple, corners)), low, high)
+
+
+def _room_about(axis: shapely.Point, points: Array, height: float) -> float:
+    """Radius of the largest disc about a point in the section of a hull of points (n, 3) [m]."""
+    section = shapely.convex_hull(shapely.multipoints(_section(points, height)))
+    held = isinstance(section, Polygon) and section.contains(axis)
+    return float(section.exterior.distance(axis)) if held else 0.0
+
+
 def _rise(robot: Robot) -> tuple[float, float]:
     """Return the least and the greatest height of the tool where the lifts are at zero [m].
 
@@ -169,9 +207,7 @@ def _rise(robot: Robot) -> tuple[float, float]:
 
 def _prisms(solid: LinkSolid, T: Array, *, inside: bool) -> tuple[BodyPrism, ...]:
     """Prisms around a solid, or inside it, its link where a transform (4, 4) puts it in the base frame."""
-    points = transform_points(T, solid.corners)
-    if isinstance(solid, LinkCapsule):
-        points = (points[:, None] + solid.radius * _ball(inside=inside)).reshape(-1, 3)
+    points = _points(solid, T, inside=inside)
     low, high = float(points[:, 2].min()), float(points[:, 2].max())
     bands = _bands(points, low, high, _PRISMS.max_halvings, inside=inside)
     shapes = ((_held(points, *band) if inside else _taken(points, *band), band) for band in bands)
@@ -180,6 +216,14 @@ def _prisms(solid: LinkSolid, T: Array, *, inside: bool) -> tuple[BodyPrism, ...
         for shape, band in shapes
         if isinstance(shape, Polygon) and shape.area > _PRISMS.min_area
     )
+
+
+def _points(solid: LinkSolid, T: Array, *, inside: bool) -> Array:
+    """Points (n, 3) whose hull holds a solid, or lies inside it, its link where (4, 4) puts it."""
+    points = transform_points(T, solid.corners)
+    if isinstance(solid, LinkCapsule):
+        points = (points[:, None] + solid.radius * _ball(inside=inside)).reshape(-1, 3)
+    return points
 
 
 def _ball(*, inside: bool) -> Array:

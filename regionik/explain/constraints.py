@@ -16,7 +16,7 @@ from shapely.ops import nearest_points
 from regionik.scene import Scene
 from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import Array
-from regionik.worlds.body import has_body, without_body
+from regionik.worlds.body import without_body
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import CauseKind, Repair
 from regionik.worlds.obstacles import Solid
@@ -65,7 +65,7 @@ def constraints_of(scene: Scene) -> tuple[Constraint, ...]:
         found.append(Constraint("execution", EXECUTION, partial(with_rules, execution=None)))
     if len(scene.robot.footprint) > 1:
         found.append(Constraint("base", FOOTPRINT, without_footprint))
-    if has_body(scene.robot) and scene.world.solids:
+    if scene.ground.around or scene.lifted.matters:
         found.append(Constraint("base", BODY, without_upper_body))
     if scene.rules.heading != "free":
         found.append(Constraint("base", HEADING, partial(with_rules, heading="free")))

@@ -27,7 +27,7 @@ from regionik.scene import Scene
 from regionik.values import Violation
 from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import Array
-from regionik.worlds.body import has_body, without_body
+from regionik.worlds.body import without_body
 from regionik.worlds.errors import Cause, CauseKind, Explanation, Repair, SetpointFailure
 from regionik.worlds.obstacles import Shadow
 from regionik.worlds.scene import Target, World
@@ -84,7 +84,7 @@ def _left_open(scene: Scene, target: Target) -> str:
 
 def _blocked_above(scene: Scene, target: Target) -> list[RejectedPart]:
     """Places from which what stands on the base would touch something, if there were others without it."""
-    if not has_body(scene.robot):
+    if not (scene.ground.around or scene.lifted.matters):
         return []
     bare = scene.changed(robot=without_body(scene.robot))
     if largest_clearance(bare, target) is None:

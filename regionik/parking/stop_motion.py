@@ -55,6 +55,8 @@ class StopMotion:
 def connect_stops(sequence: StopSequence, seed: int) -> StopMotion:
     """Go from stop to stop and do their set-points.
 
+    Where the arm ends in a posture that no way is found from, all begins anew by postures with a way out.
+
     The stops are found with the place of the largest circle at each; the criterion of the rules then chooses
     among the places from which the same set-points are done, so that no other number of stops comes of it.
     Where none are found, the base first does what it can from where it starts.
@@ -84,9 +86,10 @@ def connect_stops(sequence: StopSequence, seed: int) -> StopMotion:
     return replace(chosen, split=found.split) if len(chosen.stops) == len(found.stops) else found
 
 
-def _connection(sequence: StopSequence, seed: int) -> _StopConnection:
+def _connection(sequence: StopSequence, seed: int, *, leaves: bool = False) -> _StopConnection:
     areas = sequence.parking_areas
-    return _StopConnection(sequence, search_from_places(sequence.scene, areas.ladder, areas.standing, seed))
+    search = search_from_places(sequence.scene, areas.ladder, areas.standing, seed)
+    return _StopConnection(sequence, search, leaves=leaves)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,6 +110,7 @@ class _StopConnection:
     _looked_at: dict[int, list[Candidate]] = field(default_factory=dict)  # by set-point
     _carriers: dict[int, PostureCarrier] = field(default_factory=dict)
     _left: list[ArmRoadmap | None] = field(default_factory=list)  # of the stops that are done
+    leaves: bool = False  # only by postures from which the arm is brought to the one it is carried in
 
     @property
     def scene(self) -> Scene:
@@ -138,7 +142,12 @@ class _StopConnection:
             best = first if first is not None and not stops else None
             here = rows[-1].pose if rows else None
             if best is None:
-                best = self._best(group, sequence.spots[k], here)
+                try:
+                    best = self._best(group, sequence.spots[k], here)
+                except NoPlanFound:
+                    if here is None or self.leaves or self._gets_out(here):
+                        raise
+                    return _connection(self.sequence, self.search.sampler.seed, leaves=True).made()
             if k + 1 < len(sequence.groups):
                 best = self._farther(best, [*group.setpoints, *sequence.groups[k + 1].setpoints], here)
             rows += best.rows
@@ -233,7 +242,17 @@ class _StopConnection:
             here = rows[-1].pose
         return _Attempt(replace(placement, tolerance=self._parking_radius(placement, done)), rows, done)
 
+    def _gets_out(self, here: Pose) -> bool:
+        """True if a way of the arm from a pose to the posture in which it is carried is found."""
+        return self.search.transits.arm_way(here, self.scene.robot.carry) is not None
+
     def _keeps(self, placement: BasePlacement, i: int, joints: Array) -> bool:
+        """True if a posture serves a set-point, and the arm can be brought out of it where it has to be."""
+        if not self._serves(placement, i, joints):
+            return False
+        return not self.leaves or self._gets_out(Pose(placement.base, joints))
+
+    def _serves(self, placement: BasePlacement, i: int, joints: Array) -> bool:
         """True if a posture at a set-point is clear, and can be kept all round the circle that is asked for.
 
         Areas of arms in one plane know it. Those of other arms do not know the limits of a pivot on a base
