@@ -8,7 +8,7 @@ lifted and the base drives over free floor.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import islice
@@ -21,9 +21,10 @@ from regionik.areas.standing import Standing
 from regionik.explain import arm_failures
 from regionik.mfabrik import configurations
 from regionik.moving.base_motion import Candidate
-from regionik.moving.grown_runs import RunGrowth
+from regionik.moving.grown_runs import GrownRun, RunGrowth
 from regionik.moving.layered_search import LayeredSearch
 from regionik.moving.path_search import PATIENCE, JoinedMotion, PathSearch, SearchStep, path_search
+from regionik.moving.standing_bases import StandingBase, component_around, standing_bases
 from regionik.planners.progress import tell, track
 from regionik.postures.poses import Pose, Row
 from regionik.pruning import Pruned, choose_chain, solvers_along, start_place, start_pose
@@ -31,6 +32,7 @@ from regionik.scene import Scene
 from regionik.worlds.errors import Explanation, NoPlanFound
 
 TRIES = 16  # candidates tried at the next set-point, or to begin a run from
+STILL = 0, 1, 2  # coordinates of a base that stands
 SOON = 24  # candidates tried without getting farther before base and joints go on together
 
 
@@ -41,19 +43,17 @@ class JoinedRun(NamedTuple):
     steps: list[SearchStep]
 
 
-def connect_setpoints(
-    scene: Scene, pruned: Pruned, standing: Standing, held: Mapping[int, Candidate], seed: int
-) -> JoinedMotion:
+def connect_setpoints(scene: Scene, pruned: Pruned, standing: Standing, seed: int) -> JoinedMotion:
     """Join the set-points of a world to one motion.
 
-    Those of runs that are done from one place are ``held`` with the base there. Raises NoPlanFound where the
-    arm touches something in every posture that was looked at, or cannot get there.
+    Raises NoPlanFound where the arm touches something in every posture that was looked at, or cannot get
+    there.
     """
     layers = None
     if scene.robot.drive.rolls:
         layers = LayeredSearch(scene, pruned.ladder, pruned.keep, pruned.breaks, standing)
     search = path_search(scene, pruned.ladder, standing, seed, layers)
-    return _Connection(pruned, standing, held, search, RunGrowth(search)).made()
+    return _Connection(pruned, standing, search, RunGrowth(search)).made()
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,6 @@ class _Connection:
 
     pruned: Pruned
     standing: Standing
-    held: Mapping[int, Candidate]
     search: PathSearch
     growth: RunGrowth
 
@@ -124,22 +123,37 @@ class _Connection:
         return self._searched(i, end, here) if known is None else self._resumed(i, end, known)
 
     def _stood(self, i: int, end: int, here: Pose | None) -> JoinedRun | None:
-        """The whole run with the base in the one place that does for it; None for none."""
-        if i not in self.held:
+        """A whole run with the base in one place that the areas share; None for none."""
+        if not self.scene.rules.avoidance:
             return None
-        steps = self.search.run(i, end - i, self.held[i], self._standing).longest()
-        way = self._unfolded(i, here, self.held[i]) if len(steps) == end - i else None
-        return None if way is None else JoinedRun(way, steps)
+        for base in standing_bases(self.scene, self.pruned, self.standing, i, end):
+            runs = RunGrowth(self.search, STILL).runs_from(i, end, partial(self._postures, base))
+            found = self._arrived(i, end, here, (run for run in runs if run.end >= end))
+            if found is not None:
+                return found
+        return None
+
+    def _postures(self, base: StandingBase, at: int) -> Iterator[Candidate]:
+        """Clear postures at a set-point with the base in a place."""
+        component = component_around(self.scene, self.pruned, at, base)
+        return self.search.sampler.other_postures(at, base.pose, component)
 
     def _together(self, i: int, end: int, here: Pose | None) -> JoinedRun | None:
         """The longest run of base and joints together from set-point i; None for none."""
-        found = list[list[SearchStep]]()
+        grown = list[GrownRun]()
         for run in self.growth.runs_from(i, end, partial(self._seeds, i, here)):
-            found.append(run.between(i, end))
-            if run.end >= end and (way := self._unfolded(i, here, found[-1][0].candidate)) is not None:
-                return JoinedRun(way, found[-1])
-        for steps in found[::-1]:
-            if (way := self._unfolded(i, here, steps[0].candidate)) is not None:
+            whole = self._arrived(i, end, here, [run] * (run.end >= end))
+            if whole is not None:
+                return whole
+            grown.append(run)
+        return self._arrived(i, end, here, (run for run in grown[::-1] if run.end < end))
+
+    def _arrived(self, i: int, end: int, here: Pose | None, runs: Iterable[GrownRun]) -> JoinedRun | None:
+        """The first of some runs to whose set-point i the arm gets; None for none."""
+        for run in runs:
+            steps = run.between(i, end)
+            way = self._unfolded(i, here, steps[0].candidate)
+            if way is not None:
                 return JoinedRun(way, steps)
         return None
 
@@ -207,10 +221,6 @@ class _Connection:
         components = [k for k in self._kept(i + 1, goal) if int(ladder.group[k]) in after]
         found = sampler.options(i + 1, components, here.pose, goal, together=bool(here.way))
         return islice(found, TRIES)
-
-    def _standing(self, i: int, here: Candidate) -> Iterator[Candidate]:
-        """The configuration after set-point i of a run from one place."""
-        return iter([self.held[i + 1]] if i + 1 in self.held else [])
 
     def _kept(self, i: int, goal: Candidate) -> list[int]:
         """Components of a set-point that the pruning left, that of what M-FABRIK found first."""

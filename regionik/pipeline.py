@@ -23,7 +23,6 @@ from regionik.moving.path_search import JoinedMotion
 from regionik.moving.whole_turns import brought_to_the_middle
 from regionik.papers.tracker import can_track, plan_tracked
 from regionik.parking.fewest_stops import park
-from regionik.parking.standing_runs import standing_runs
 from regionik.parking.stop_motion import connect_stops
 from regionik.parking.stops import check as check_stops
 from regionik.parking.stops import in_sequence
@@ -351,8 +350,7 @@ def _staged_within(scene: Scene, seed: int) -> Plan:
 def _plan_path(scene: Scene, seed: int) -> Plan:
     """A plan with the tool on its path wherever the base can move with it."""
     standing, areas, pruned = whole_path(scene)
-    held = standing_runs(scene, pruned, standing)
-    joined = connect_setpoints(scene, pruned, standing, held, seed)
+    joined = connect_setpoints(scene, pruned, standing, seed)
     shown = planned_areas(scene, areas, standing, pruned.left)
     found = _verified(_finished(scene, seed, joined, shown))
     return smooth_motion(scene, found, standing)

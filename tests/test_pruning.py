@@ -116,7 +116,7 @@ def test_l_shape_without_pruning_lifts_off() -> None:
     breaks = tuple(i + 1 for i, pair in enumerate(itertools.pairwise(chain)) if pair not in edges)
     keep = np.zeros(len(ladder.component), dtype=bool)
     keep[chain] = True
-    joined = connect_setpoints(scene_of(world), Pruned(ladder, keep, breaks), standing, {}, 0)
+    joined = connect_setpoints(scene_of(world), Pruned(ladder, keep, breaks), standing, 0)
     assert lift_offs(joined.motion) >= 1
 
 

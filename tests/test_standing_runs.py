@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import shapely
 
-from regionik.parking.standing_runs import standing_runs
+from regionik.moving.standing_bases import component_around, standing_bases
 from regionik.pipeline import plan
 from regionik.pruning import whole_path
 from regionik.scene import scene_of
@@ -64,13 +64,12 @@ def test_a_base_that_faces_its_targets_does_not_stand(heading: Heading) -> None:
         rules=replace(scene.rules, heading=heading),
     )
     standing, _, pruned = whole_path(scene_of(scene))
-    found = standing_runs(scene_of(scene), pruned, standing)
-    assert len(found) == (5 if heading == "free" else 0)
-    assert len({tuple(one.found.base) for one in found.values()}) <= 1
-    for one in found.values():
-        around = pruned.ladder.component[one.component]
-        assert around.distance(shapely.Point(axis_of(scene.robot, one.found.base))) < 1e-9
-        assert one.found.converged
+    found = list(standing_bases(scene_of(scene), pruned, standing, 0, 5))
+    assert bool(found) == (heading == "free")
+    for base in found:
+        for i in range(5):
+            around = pruned.ladder.component[component_around(scene_of(scene), pruned, i, base)]
+            assert around.distance(shapely.Point(axis_of(scene.robot, base.pose))) < 1e-9
 
 
 @pytest.mark.slow

@@ -106,7 +106,7 @@ def search_stages(world: World) -> dict[str, float]:
     start = start_pose(scene_of(world), pruned, chain[0])
     configurations(world.task, solvers_along(scene_of(world), pruned.ladder, standing, chain), start)
     marks.append(time.perf_counter())
-    connect_setpoints(scene_of(world), pruned, standing, {}, 0)
+    connect_setpoints(scene_of(world), pruned, standing, 0)
     marks.append(time.perf_counter())
     names = ("areas and pruning", "configurations", "motion")
     return dict(zip(names, np.diff(marks).tolist(), strict=True))

@@ -127,7 +127,7 @@ class ConfigurationSampler:
         Other postures are taken where no near one is clear, as an arm that comes may take any.
         """
         poses = iter(()) if self.layers is None else self.layers.arrivals(i, components, here.base)
-        some = ((self._near_postures(i, *pose, here), self._other_postures(i, *pose)) for pose in poses)
+        some = ((self._near_postures(i, *pose, here), self.other_postures(i, *pose)) for pose in poses)
         stood = (islice(one_after_another(*postures), 1) for postures in some)
         known = self.nominal(i, components, here, nominal), self.nearest(i, components, here)
         sought = self._sought(i, components, here)
@@ -167,7 +167,7 @@ class ConfigurationSampler:
                 base = pose_of(robot, np.array(clamp(flat.vertices, flat.starts, *axis)), wrap(yaw))
                 at = Pose(base, turned_back(robot.chain, start.joints, wrap(yaw - start.base[2])))
                 still = [self.resolved.states.base_parts - 1]
-                known = self.nearest(i, components, at, still), self._other_postures(i, base, k)
+                known = self.nearest(i, components, at, still), self.other_postures(i, base, k)
                 here = list(self._meeting(*known))
                 rooms = [float(robot.chain.room_to_limits(one.pose.joints)) for one in here]
                 ranked = np.argsort(np.negative(rooms), kind="stable").tolist()
@@ -219,17 +219,23 @@ class ConfigurationSampler:
         return [components[m] for m in order.tolist()]
 
     def resolved_onward(
-        self, i: int, here: Pose, home: Array | None = None, *, back: bool = False
+        self,
+        i: int,
+        here: Pose,
+        home: Array | None = None,
+        *,
+        back: bool = False,
+        still: Sequence[int] = (),
     ) -> Iterator[Candidate]:
         """The configuration to which base and joints go on together by the least motion, in any component.
 
-        They come from the set-point before, or ``back`` from the one after.
-
-        Areas of set-points far apart need not overlap for that, nor need they show where it stands. See
-        `ResolvedMotion.onward`.
+        They come from the set-point before, or ``back`` from the one after. Areas of set-points far apart
+        need not overlap for that, nor need they show where it stands. See `ResolvedMotion.onward`.
         """
         left = i + 1 if back else i - 1
-        way = None if self.resolved is None else self.resolved.onward(left, here, home, back=back)
+        way = (
+            None if self.resolved is None else self.resolved.onward(left, here, home, back=back, still=still)
+        )
         if way is None:
             return
         found = Configuration(way[-1].base, way[-1].joints, 0.0, 0, True)  # measured on arrival
@@ -246,7 +252,7 @@ class ConfigurationSampler:
                 if self.clear(i, candidate.pose):
                     yield candidate
 
-    def _other_postures(self, i: int, base: Array, k: int) -> Iterator[Candidate]:
+    def other_postures(self, i: int, base: Array, k: int) -> Iterator[Candidate]:
         """Clear postures at a base pose that lie near to some drawn within the joints' limits."""
         solver, target = self.solver(k, float(base[2])), self.scene.task[i]
         for start in held_reach(self.scene.robot).postures(base, target.position, STARTS):

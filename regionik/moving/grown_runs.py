@@ -49,6 +49,7 @@ class RunGrowth:
     """Grows runs, and knows those that it has grown."""
 
     search: PathSearch
+    still: Sequence[int] = ()  # coordinates of the base's motion that stay as they are
     known: list[GrownRun] = field(default_factory=list)
 
     def runs_from(self, i: int, end: int, seeds: Seeds) -> Iterator[GrownRun]:
@@ -102,7 +103,7 @@ class RunGrowth:
         found = list[Candidate]()
         for k in setpoints:
             count_tries()
-            there = self.search.led(k, here, home, back=setpoints.step < 0)
+            there = self.search.led(k, here, home, back=setpoints.step < 0, still=self.still)
             if there is None:
                 break
             found.append(there)

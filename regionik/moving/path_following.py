@@ -7,6 +7,7 @@ its own and nothing jumps. Or both are solved together.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -235,12 +236,19 @@ class ResolvedMotion:
     guard: Guard
 
     def onward(
-        self, i: int, here: Pose, home: Array | None = None, *, back: bool = False
+        self,
+        i: int,
+        here: Pose,
+        home: Array | None = None,
+        *,
+        back: bool = False,
+        still: Sequence[int] = (),
     ) -> list[Pose] | None:
         """States with the tool on its path from set-point i to the next, or ``back`` to the one before.
 
-        None where no such way is free. What redundancy leaves open goes back towards joints at ``home``. A
-        hop that is not proven is halved, as often as it may help.
+        None where no such way is free. What redundancy leaves open goes back towards joints at ``home``, and
+        some coordinates of the base's motion stay ``still``. A hop that is not proven is halved, as often as
+        it may help.
         """
         a, b = self.scene.task[i], self.scene.task[i - 1 if back else i + 1]
         count = self._count(a, b)
@@ -249,7 +257,7 @@ class ResolvedMotion:
         while ahead:
             tried = [at, *ahead[: -AT_ONCE - 1 : -1]]
             asked = _goals(a, b, tried)
-            states = self._led(asked, passed[-1], home)
+            states = self._led(asked, passed[-1], home, still)
             done = self._held(asked[: len(states)], states)
             passed += states[1 : done + 1]
             at = tried[done]
@@ -260,11 +268,11 @@ class ResolvedMotion:
                 ahead.append((at + ahead[-1]) / 2)
         return passed[1:]
 
-    def _led(self, asked: list[Target], near: Pose, home: Array | None) -> list[Pose]:
+    def _led(self, asked: list[Target], near: Pose, home: Array | None, still: Sequence[int]) -> list[Pose]:
         """States at targets from ``near`` at the first, one from the other, as far as they are found."""
         states = [near]
         for target in asked[1:]:
-            pose = self.states.state(in_columns([aim_of(target)]), states[-1], home=home)
+            pose = self.states.state(in_columns([aim_of(target)]), states[-1], still, home=home)
             if pose is None or math.dist(states[-1].base[:2], pose.base[:2]) > self.scene.rules.step:
                 break
             states.append(pose)

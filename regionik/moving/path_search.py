@@ -133,12 +133,14 @@ class PathSearch:
         arrived = self._arrived(k, goal, rows[-1].pose)
         return SearchStep(arrived, rows[:-1], ahead(k, arrived))
 
-    def led(self, k: int, here: Candidate, home: Array | None, *, back: bool) -> Candidate | None:
+    def led(
+        self, k: int, here: Candidate, home: Array | None, *, back: bool, still: Sequence[int]
+    ) -> Candidate | None:
         """The candidate at set-point k to which base and joints go on together; None where they do not.
 
-        They come from the set-point before it, or ``back`` from the one after.
+        They come from the set-point before it, or ``back`` from the one after. See `ResolvedMotion.onward`.
         """
-        found = next(self.sampler.resolved_onward(k, here.pose, home, back=back), None)
+        found = next(self.sampler.resolved_onward(k, here.pose, home, back=back, still=still), None)
         if found is None or not self.sampler.meets(found.pose):
             return None
         return self._arrived(k, found, found.pose)

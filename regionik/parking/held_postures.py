@@ -15,7 +15,6 @@ from regionik.areas.standing import into_span
 from regionik.mfabrik import Solver
 from regionik.planners.geometry.offsets import radius_that_holds
 from regionik.planners.reach.serial_criteria import led_along
-from regionik.planners.solvers.redundancy_resolution import PathSolving, resolve_redundancy
 from regionik.planners.solvers.serial_chain import serial_arm
 from regionik.postures.arm_roadmap import TRIES, ArmRoadmap, HeldPostures, grown_roadmap
 from regionik.postures.poses import Pose, axis_of, pose_of
@@ -25,8 +24,6 @@ from regionik.worlds.arms import pivot_index
 from regionik.worlds.arrays import Array, Index
 
 STARTS = 24  # postures at the first set-point that are looked for
-MORE_STARTS = 192  # where redundancy is resolved along the set-points
-LONGEST_TURN, LONGEST_SLIDE = 0.1, 0.02  # of a joint from one target to the next there [rad], [m]
 MORE_TRIES = 12  # motions to a posture that are looked at where few did not do
 ENOUGH = 3  # of those that serve every set-point, so many are compared
 RIM = np.arange(8) * np.pi / 4  # directions in which a circle to park in is tried [rad]
@@ -68,34 +65,6 @@ class PostureCarrier(PostureSearch):
         return self._carried(
             self._bound, axis_of(self.world.robot, pose.base), float(pose.base[2]), pose.joints
         )
-
-    def resolved(self, base: Array, most: int) -> Array:
-        """Clear postures (k, dof) at the first k targets in a row, `most` of them carried on at once.
-
-        From one target to the next joints change by `LONGEST_TURN` or `LONGEST_SLIDE` at the most.
-        """
-        axis, robot, solver = axis_of(self.world.robot, base), self.world.robot, self._bound
-        yaw, more = float(base[2] + robot.mount[3]), solver.chain.dof - robot.chain.dof
-        near = self._behind(robot.carry)
-        starts = solver.self_motion(self.targets[0], axis, yaw, near, MORE_STARTS)
-        if not starts:
-            return np.empty((0, robot.chain.dof))
-        turns = [joint.kind == "revolute" for joint in solver.chain.active_joints]
-        longest = np.where(turns, LONGEST_TURN, LONGEST_SLIDE)
-        effort = solver.effort
-        found = resolve_redundancy(
-            serial_arm(solver.endless),
-            self._aims(axis, yaw, slice(None)),
-            np.array([one.joints for one in starts]),
-            PathSolving(effort.reach, effort.tolerance, longest, most),
-            lambda here, there: self._goes(base, here[more:], there[more:]),
-        )
-        return found[:, more:]
-
-    def _goes(self, base: Array, here: Array, there: Array) -> bool:
-        if not self._holds(base, there):
-            return False
-        return self.guard.stop([Pose(base, here), Pose(base, there)]) is None
 
     def at(self, base: Array, some: Index) -> HeldPostures | None:
         """Postures from a pose of the base at all of some set-points that have a clear one.

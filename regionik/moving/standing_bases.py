@@ -1,0 +1,87 @@
+"""Poses of the base from which a whole run may be done: in what the areas of all its set-points share."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import islice
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from shapely.geometry import Point
+from shapely.geometry.base import BaseGeometry
+
+from regionik.areas.ground import united
+from regionik.areas.standing import Standing, into_span, spread
+from regionik.postures.poses import axis_of, pose_of
+from regionik.pruning import Pruned
+from regionik.scene import Scene
+from regionik.worlds.arms import pivot_index, with_pivot
+from regionik.worlds.arrays import Array
+from regionik.worlds.scene import Target
+
+PLACES = 3  # of the base that are tried besides the middle
+QUARTERS = np.array([0.0, 0.5, -0.5, 1.0]) * np.pi  # headings tried, from the one that faces the run [rad]
+TRIES = 8  # poses of the base that are tried
+
+
+class StandingBase(NamedTuple):
+    """A pose of the base (3,), on one side of the free floor."""
+
+    pose: Array
+    side: int
+
+
+def standing_bases(
+    scene: Scene, pruned: Pruned, standing: Standing, first: int, end: int
+) -> Iterator[StandingBase]:
+    """Yield poses of the base for a run of set-points with poses of the tool, the likeliest first.
+
+    There are none for arms whose posture a place gives, nor where the base rolls or has to face its targets.
+    """
+    targets = scene.task[first:end]
+    moves = scene.rules.heading == "face_target" or scene.robot.drive.rolls
+    if moves or any(one.direction is None or scene.model(one).exact for one in targets):
+        return
+    shared = _shared(pruned, first, end)
+    if shared is not None:
+        side, area = shared
+        for pose in islice(_bases(scene, area, standing.sides[side].span, targets), TRIES):
+            yield StandingBase(pose, side)
+
+
+def component_around(scene: Scene, pruned: Pruned, i: int, base: StandingBase) -> int:
+    """Return the component of set-point i around a base, or nearest to it."""
+    axis = Point(axis_of(scene.robot, base.pose))
+    some = [k for k in pruned.kept(i) if pruned.ladder.side[k] == base.side]
+    return some[int(np.argmin(shapely.distance(pruned.ladder.component[some], axis)))]
+
+
+def _shared(pruned: Pruned, first: int, end: int) -> tuple[int, BaseGeometry] | None:
+    """Side of the floor and the largest part that areas of a run share there; None for nothing."""
+    ladder = pruned.ladder
+    kept = [pruned.kept(i) for i in range(first, end)]
+    best: tuple[int, BaseGeometry] | None = None
+    for side in sorted({int(ladder.side[k]) for k in kept[0]}):
+        own = [united(ladder.component[[k for k in some if ladder.side[k] == side]]) for some in kept]
+        for part in shapely.get_parts(shapely.intersection_all(own)):
+            if part.area > (0.0 if best is None else best[1].area):
+                best = side, part
+    return best
+
+
+def _bases(
+    scene: Scene, area: BaseGeometry, span: tuple[float, float], targets: Sequence[Target]
+) -> Iterator[Array]:
+    """Poses of the base in an area, the arm turned to the targets at first."""
+    middle = shapely.maximum_inscribed_circle(area).coords[0]
+    center = np.mean([target.position[:2] for target in targets], axis=0)
+    robot, arm = scene.robot, with_pivot(scene.robot.chain)
+    pivot = arm.active_joints[pivot_index(arm)]
+    limited = bool(np.isfinite(pivot.upper - pivot.lower))
+    ahead, quarters = ((pivot.lower + pivot.upper) / 2, QUARTERS) if limited else (0.0, QUARTERS[:1])
+    for axis in np.vstack([middle, spread(area, PLACES, 0)]):
+        facing = np.arctan2(*(center - axis)[::-1]) - robot.mount[3] - ahead
+        yaws = [into_span(float(yaw), span) for yaw in facing + quarters]
+        for yaw in dict.fromkeys(yaws):
+            yield pose_of(robot, axis, yaw)
