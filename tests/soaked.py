@@ -110,5 +110,7 @@ def on_wheels(world: World, seed: int) -> World:
 
 def standing_still(world: World, seed: int) -> World:
     """The same, done from stops, in the order given or in any."""
-    rules = replace(world.rules, mode="stops", order="any" if seed % 2 else "given")
-    return replace(world, rules=replace(rules, heading="free") if rules.heading == "face_target" else rules)
+    rules = world.rules
+    if rules.heading == "face_target":  # a base that stands still does not turn to each
+        rules = replace(rules, heading="free")
+    return replace(world, rules=replace(rules, mode="stops", order="any" if seed % 2 else "given"))
