@@ -120,7 +120,9 @@ class _Connection:
         if not self._rolls and all(one.direction is None for one in self.scene.task[i:end]):
             return self._searched(i, end, here, SOON)
         known = self._together(i, end, here)
-        return self._searched(i, end, here) if known is None else self._resumed(i, end, known)
+        if known is None:
+            return self._searched(i, end, here)
+        return known if len(known.steps) == end - i else self._resumed(i, end, known)
 
     def _stood(self, i: int, end: int, here: Pose | None) -> JoinedRun | None:
         """A whole run with the base in one place that the areas share; None for none."""

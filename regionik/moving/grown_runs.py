@@ -55,13 +55,14 @@ class RunGrowth:
     def runs_from(self, i: int, end: int, seeds: Seeds) -> Iterator[GrownRun]:
         """Yield runs through set-point i towards ``end``, none of which gets less far than one before.
 
-        They begin there, and then where the farthest is stuck as long as that leads farther.
+        They begin there, and then where the farthest is stuck as long as that leads farther. After a whole
+        one there may be others, for whom that one does not do.
         """
         farthest = at = i
         for run in self._through(i):
             farthest = run.end
             yield run
-        while farthest < end:
+        while True:
             passed = list[int]()
             for seed in seeds(at):
                 run = self._grown(at, seed, range(i, end))
@@ -71,9 +72,9 @@ class RunGrowth:
                     farthest = run.end
                     tell("run", farthest - i, end - i)
                     yield run
-                if farthest == end or i < at < farthest or self._in_vain(passed):
+                if i < at < farthest < end or self._in_vain(passed):
                     break
-            if farthest == at:
+            if farthest in (at, end):
                 break
             at = farthest
 
