@@ -58,12 +58,12 @@ def joint_margins(robot: Robot, joints: Array) -> Array:
 
 
 def _columns(robot: Robot, joints: Array, link: int, point: Array) -> Array:
-    """Return how each joint moves a point of a link (..., dof, 3); no joint mimics another."""
+    """Return how each active joint moves a point of a link, (..., dof, 3)."""
     frames = robot.chain.frames(joints)
     spot = frames[..., link, :3, :3] @ point + frames[..., link, :3, 3]
-    found = np.zeros((*np.shape(joints), 3))
+    found = np.zeros((*np.shape(joints)[:-1], len(robot.chain.joints), 3))
     for k, joint in enumerate(robot.chain.joints[: link + 1]):
         axis = frames[..., k, :3, :3] @ joint.axis
         slides = joint.kind == "prismatic"
         found[..., k, :] = axis if slides else np.cross(axis, spot - frames[..., k, :3, 3])
-    return found
+    return np.asarray(robot.chain.coupling.T @ found)  # what leads others moves them too

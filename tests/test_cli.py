@@ -82,7 +82,7 @@ def spawned(*arguments: object, **options: Any) -> Iterator[subprocess.Popen[str
 def planned(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A plan of ``pillar``, made once."""
     path = tmp_path_factory.mktemp("planned") / "plan.json"
-    assert run(["plan", "pillar", "-o", str(path)]) == 0
+    assert run_command(["plan", "pillar", "-o", str(path)]) == 0
     return path
 
 

@@ -206,7 +206,9 @@ def on_wheels(drive: BaseKind) -> tuple[Plan, Plan]:
 
 def test_a_car_keeps_its_way() -> None:
     found, smooth = on_wheels("car")
-    assert np.array_equal(smooth.motion.base, found.motion.base)
+    moved = smooth.motion.base - found.motion.base
+    moved[:, 2] -= 2 * np.pi * np.round(moved[:, 2] / (2 * np.pi))  # whole turns may be left out
+    assert np.abs(moved).max() < 1e-9
     assert not np.array_equal(smooth.motion.joints, found.motion.joints)
     assert verify(smooth).ok
 

@@ -75,7 +75,7 @@ def test_inner_slabs_hold_at_every_heading_and_outer_ones_at_no_other() -> None:
 def test_a_base_stands_about_a_pose_where_it_has_as_much_room(pointed: bool) -> None:
     world, rng, found = world_of(POST, CRATE), np.random.default_rng(0), set[bool]()
     if pointed:
-        world = replace(world, robot=replace(world.robot, footprint=np.zeros((1, 2))))
+        world = replace(world, robot=replace(world.robot, footprint=np.zeros((1, 2)), solids=()))
     for axis in points_in(world.floor.polygon, 150, rng):
         yaw, by = rng.uniform(-np.pi, np.pi), rng.choice([0.0, 0.01, 0.1])
         room = room_left(world, axis, yaw) - by

@@ -284,7 +284,7 @@ def test_ways_stay_on_the_floor_however_wide_their_berth(spare: float) -> None:
     world = world_of("youbot", post)
     driver = carrier(world).driver
     floor = driver.standing.pieces.polygon[0].buffer(1e-6)
-    near, far = np.hypot(*np.array(floor.interiors[0].coords).T).max(), floor.bounds[2]
+    near, far = np.hypot(*np.array(floor.interiors[0].coords).T).max() + 1e-6, floor.bounds[2]
     berth = (np.sqrt(2) * far - near) / (1 + np.sqrt(2)) - spare  # which little more than the corners leave
     for angle in np.radians([20.0, 30.0, 40.0]):
         ends = [near * np.array([np.cos(at), np.sin(at)]) for at in np.pi / 4 + np.array([-angle, angle])]
