@@ -52,6 +52,10 @@ class Ladder:
         """Set-points without any component."""
         return np.flatnonzero(np.diff(self.rungs) == 0).tolist()
 
+    def kept(self, keep: Mask, i: int) -> list[int]:
+        """Components of set-point i that a mask (m,) keeps."""
+        return [k for k in range(self.rungs[i], self.rungs[i + 1]) if keep[k]]
+
     def off(self, piece: int | None) -> list[int]:
         """Set-points with components, none of them on one piece of the free floor."""
         there = set(self.target[self.floor == piece].tolist()) if piece is not None else set()

@@ -128,7 +128,8 @@ class _Connection:
         """A whole run with the base in one place that the areas share; None for none."""
         if not self.scene.rules.avoidance:
             return None
-        for base in standing_bases(self.scene, self.pruned, self.standing, i, end):
+        ladder, keep = self.pruned.ladder, self.pruned.keep
+        for base in standing_bases(self.scene, ladder, keep, self.standing, i, end):
             runs = RunGrowth(self.search, STILL).runs_from(i, end, partial(self._postures, base))
             found = self._arrived(i, end, here, (run for run in runs if run.end >= end))
             if found is not None:
@@ -137,7 +138,7 @@ class _Connection:
 
     def _postures(self, base: StandingBase, at: int) -> Iterator[Candidate]:
         """Clear postures at a set-point with the base in a place."""
-        component = component_around(self.scene, self.pruned, at, base)
+        component = component_around(self.scene, self.pruned.ladder, self.pruned.keep, at, base)
         return self.search.sampler.other_postures(at, base.pose, component)
 
     def _together(self, i: int, end: int, here: Pose | None) -> JoinedRun | None:

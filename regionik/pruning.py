@@ -45,8 +45,7 @@ class Pruned:
 
     def kept(self, i: int) -> list[int]:
         """Components of a set-point that are left."""
-        rungs = self.ladder.rungs
-        return [k for k in range(rungs[i], rungs[i + 1]) if self.keep[k]]
+        return self.ladder.kept(self.keep, i)
 
     def area(self, i: int) -> BaseGeometry:
         """Return what is left of the area of set-point i."""

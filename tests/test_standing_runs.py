@@ -64,11 +64,12 @@ def test_a_base_that_faces_its_targets_does_not_stand(heading: Heading) -> None:
         rules=replace(scene.rules, heading=heading),
     )
     standing, _, pruned = whole_path(scene_of(scene))
-    found = list(standing_bases(scene_of(scene), pruned, standing, 0, 5))
+    found = list(standing_bases(scene_of(scene), pruned.ladder, pruned.keep, standing, 0, 5))
     assert bool(found) == (heading == "free")
     for base in found:
         for i in range(5):
-            around = pruned.ladder.component[component_around(scene_of(scene), pruned, i, base)]
+            k = component_around(scene_of(scene), pruned.ladder, pruned.keep, i, base)
+            around = pruned.ladder.component[k]
             assert around.distance(shapely.Point(axis_of(scene.robot, base.pose))) < 1e-9
 
 

@@ -13,8 +13,8 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import united
 from regionik.areas.standing import Standing, into_span, spread
+from regionik.ladder import Ladder, Mask
 from regionik.postures.poses import axis_of, pose_of
-from regionik.pruning import Pruned
 from regionik.scene import Scene
 from regionik.worlds.arms import pivot_index, with_pivot
 from regionik.worlds.arrays import Array
@@ -33,7 +33,7 @@ class StandingBase(NamedTuple):
 
 
 def standing_bases(
-    scene: Scene, pruned: Pruned, standing: Standing, first: int, end: int
+    scene: Scene, ladder: Ladder, keep: Mask, standing: Standing, first: int, end: int
 ) -> Iterator[StandingBase]:
     """Yield poses of the base for a run of set-points with poses of the tool, the likeliest first.
 
@@ -43,24 +43,23 @@ def standing_bases(
     moves = scene.rules.heading == "face_target" or scene.robot.drive.rolls
     if moves or any(one.direction is None or scene.model(one).exact for one in targets):
         return
-    shared = _shared(pruned, first, end)
+    shared = _shared(ladder, keep, first, end)
     if shared is not None:
         side, area = shared
         for pose in islice(_bases(scene, area, standing.sides[side].span, targets), TRIES):
             yield StandingBase(pose, side)
 
 
-def component_around(scene: Scene, pruned: Pruned, i: int, base: StandingBase) -> int:
+def component_around(scene: Scene, ladder: Ladder, keep: Mask, i: int, base: StandingBase) -> int:
     """Return the component of set-point i around a base, or nearest to it."""
     axis = Point(axis_of(scene.robot, base.pose))
-    some = [k for k in pruned.kept(i) if pruned.ladder.side[k] == base.side]
-    return some[int(np.argmin(shapely.distance(pruned.ladder.component[some], axis)))]
+    some = [k for k in ladder.kept(keep, i) if ladder.side[k] == base.side]
+    return some[int(np.argmin(shapely.distance(ladder.component[some], axis)))]
 
 
-def _shared(pruned: Pruned, first: int, end: int) -> tuple[int, BaseGeometry] | None:
+def _shared(ladder: Ladder, keep: Mask, first: int, end: int) -> tuple[int, BaseGeometry] | None:
     """Side of the floor and the largest part that areas of a run share there; None for nothing."""
-    ladder = pruned.ladder
-    kept = [pruned.kept(i) for i in range(first, end)]
+    kept = [ladder.kept(keep, i) for i in range(first, end)]
     best: tuple[int, BaseGeometry] | None = None
     for side in sorted({int(ladder.side[k]) for k in kept[0]}):
         own = [united(ladder.component[[k for k in some if ladder.side[k] == side]]) for some in kept]
