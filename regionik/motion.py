@@ -145,7 +145,7 @@ class _Connection:
         """The longest run of base and joints together from set-point i; None for none."""
         grown = list[GrownRun]()
         for run in self.growth.runs_from(i, end, partial(self._seeds, i, here)):
-            whole = self._arrived(i, end, here, [run] * (run.end >= end))
+            whole = self._arrived(i, end, here, [run] if run.end >= end else [])
             if whole is not None:
                 return whole
             grown.append(run)
@@ -231,8 +231,7 @@ class _Connection:
 
     def _cut(self, i: int) -> list[int]:
         """Components of a set-point that the pruning cut, as ways are known that no areas show."""
-        rungs, keep = self.pruned.ladder.rungs, self.pruned.keep
-        return [k for k in range(rungs[i], rungs[i + 1]) if not keep[k]]
+        return self.pruned.ladder.kept(~self.pruned.keep, i)
 
     def _one_lift_too_many(self, i: int) -> Explanation:
         scene, guard, touch = self.scene, self.search.guard, self.search.follower.stops.get(i - 1)
