@@ -88,6 +88,7 @@ def _asked_soon() -> None:
 def compiled(_: Callable[..., Any]) -> Callable[..., Any]:
     """A stage that is in one compiled call for ever."""
     from regionik.planners.kernels import compiled as compile_kernel
+    from regionik.planners.kernels import compiled_at_once
 
     def endless(x: float) -> float:
         while x > 0.0:
@@ -95,7 +96,8 @@ def compiled(_: Callable[..., Any]) -> Callable[..., Any]:
         return x
 
     kernel = compile_kernel(endless)
-    kernel(-1.0)
+    with compiled_at_once():
+        kernel(-1.0)
 
     def stage(*_: Any, **__: Any) -> None:
         _asked_soon()
