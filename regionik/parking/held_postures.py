@@ -16,14 +16,15 @@ from regionik.mfabrik import Solver
 from regionik.planners.geometry.offsets import radius_that_holds
 from regionik.planners.reach.serial_criteria import led_along
 from regionik.planners.solvers.serial_chain import serial_arm
-from regionik.postures.arm_roadmap import TRIES, ArmRoadmap, HeldPostures, grown_roadmap
+from regionik.postures.arm_roadmap import TRIES, ArmRoadmap, HeldPostures, grown_roadmap, rooted_roadmap
 from regionik.postures.poses import Pose, axis_of, pose_of
 from regionik.postures.posture_search import PostureSearch
 from regionik.postures.serial_solver import MOST_STEPS, SerialSolver
 from regionik.worlds.arms import pivot_index
-from regionik.worlds.arrays import Array, Index
+from regionik.worlds.arrays import Array, Index, Mask
 
 STARTS = 24  # postures at the first set-point that are looked for
+KINDS = 4  # of postures that are tried at a set-point that is not joined by its first
 MORE_TRIES = 12  # motions to a posture that are looked at where few did not do
 ENOUGH = 3  # of those that serve every set-point, so many are compared
 RIM = np.arange(8) * np.pi / 4  # directions in which a circle to park in is tried [rad]
@@ -77,24 +78,32 @@ class PostureCarrier(PostureSearch):
         return held if held is not None else self.kept(base, found, joints)
 
     def joined(self, base: Array, some: Index, joints: Array) -> HeldPostures | None:
-        """Those of clear postures (n, dof) at set-points that a roadmap joins and that keep all round.
+        """Those of some set-points with clear postures (n, dof) that a roadmap joins, kept all round.
 
-        Where it does not join all by the few that lie between, it may go by all that the arm knows.
+        Where it does not join all by the few that lie between, it may go by all that the arm knows, and to
+        postures of other kinds.
         """
-        travel = self._travel
+        travel, joints = self._travel, joints.copy()
         off = np.abs(joints[:, None] - travel.joints[None]).max(axis=2)
         between = travel.joints[travel.up_from(np.argmin(off, axis=1))][1:]
-        roadmap, held = self._roadmap(base, between, joints, TRIES)
-        if len(held) < len(joints) and self.guard.proves(Pose(base, self.root)):
+        roadmap, held = self._joining(rooted_roadmap(base, self.root), between, joints, TRIES)
+        if not held.all() and self.guard.proves(Pose(base, self.root)):
             clear = [self.guard.proves(Pose(base, q)) for q in travel.joints[1:]]
-            roadmap, held = self._roadmap(base, travel.joints[1:][clear], joints, MORE_TRIES)
+            roadmap, held[~held] = self._joining(roadmap, travel.joints[1:][clear], joints[~held], MORE_TRIES)
+            for at, others in self.families(base, some[~held], KINDS):
+                others = others[np.isin(at, some[~held])]
+                rows = np.flatnonzero(np.isin(some, at) & ~held)
+                roadmap, held[rows] = self._joining(roadmap, others[:0], others, TRIES)
+                joints[rows] = others
         found = self.kept(base, some[held], joints[held])
         return None if found is None else replace(found, roadmap=roadmap)
 
-    def _roadmap(self, base: Array, between: Array, joints: Array, tries: int) -> tuple[ArmRoadmap, Index]:
-        """Roadmap by some postures to others, and which of these it holds, (k,)."""
-        roadmap, held = grown_roadmap(self.guard, base, self.root, np.vstack([between, joints]), tries)
-        return roadmap, np.sort(held[held >= len(between)]) - len(between)
+    def _joining(
+        self, roadmap: ArmRoadmap, between: Array, joints: Array, tries: int
+    ) -> tuple[ArmRoadmap, Mask]:
+        """The roadmap grown by some postures to others, and which of these it holds, (k,)."""
+        roadmap, held = grown_roadmap(self.guard, roadmap, np.vstack([between, joints]), tries)
+        return roadmap, np.isin(np.arange(len(joints)) + len(between), held)
 
     @property
     def root(self) -> Array:

@@ -30,7 +30,7 @@ from regionik.worlds.arrays import Array, Index, Mask
 DENSITY = 100  # poses drawn for a square metre from which some set-point may be reached
 FEWEST, MOST = 500, 6000  # of them
 ROUNDS, PATIENCE = 24, 5  # of poses drawn around favoured ones: at most, and such that improve nothing
-FAVOURED, AROUND = 75, 4  # poses that are favoured in a round, and poses drawn around each
+FAVOURED, AROUND = 150, 2  # poses that are favoured in a round, and poses drawn around each
 WIDE, NARROWER, TURN = 0.3, 0.8, 1.5  # deviation of these [m], by round, and of their headings [rad/m]
 LAST = 8  # round after which it is not made narrower
 UNSERVED, KNOWN = 40, 10  # poses drawn in a round for a set-point that none serves, and in each known area
@@ -58,6 +58,7 @@ class PoseCover:
 
     scene: Scene
     parking_areas: ParkingAreas
+    _drawn: list[_Drawn] = field(default_factory=list)
 
     def fewest(self) -> list[StopPart]:
         """Return what the poses of a least cover serve; what none of those drawn serves is left out.
@@ -66,14 +67,34 @@ class PoseCover:
         keeps by more that are drawn for them alone.
         """
         every = range(len(self.scene.task))
-        found = self._cover(self._drawn, every, self._joined)
-        found += self._cover(self._drawn, _left(every, found), self._kept)
+        self._draw()
+        found = _ProvenCover(self._drawn, np.array(every), self._joined).least()
         left = _left(every, found)
-        return found + self._cover(self._about(left), left, self._kept)
+        found += _ProvenCover(self._drawn, np.array(left), self._kept).least()
+        left = _left(every, found)
+        return found + _ProvenCover(list(self._about(left)), np.array(left), self._kept).least()
+
+    def _draw(self) -> None:
+        """Draw poses all over, then around those that prices favour while that makes a linear cover less."""
+        rng, every = np.random.default_rng(0), np.arange(len(self.scene.task))
+        self._drawn.extend(self._looked_at(self._all_over(rng)))
+        best, since, k = np.inf, 0, 0
+        while since < PATIENCE and k < ROUNDS:
+            inside = _served(self._drawn, every)
+            prices, missed = cover_prices(inside), np.flatnonzero(~inside.any(axis=0)).tolist()
+            need = float(prices.sum()) + len(missed)
+            since = 0 if need < best - ROUNDING else since + 1
+            best = min(best, need)
+            rows = [self._near(i, k, rng) for i in missed]
+            top = np.argsort(-(inside @ prices), kind="stable")[:FAVOURED].tolist()
+            rows += [self._drawn[n].row + _shaken(rng, WIDE * NARROWER ** min(k, LAST)) for n in top]
+            if rows:
+                self._drawn.extend(self._looked_at(np.vstack(rows)))
+            k += 1
 
     def serving(self, setpoints: Sequence[int]) -> Array:
         """Return the bases (n, 3) drawn that have clear postures at all of some set-points."""
-        rows = self._inside[:, list(setpoints)].all(axis=1)
+        rows = _served(self._drawn, np.array(setpoints)).all(axis=1)
         return np.array([self._drawn[k].base for k in np.flatnonzero(rows)]).reshape(-1, 3)
 
     def _joined(self, pose: _Drawn) -> HeldPostures | None:
@@ -82,47 +103,15 @@ class PoseCover:
     def _kept(self, pose: _Drawn) -> HeldPostures | None:
         return self._carrier.kept(pose.base, pose.found, pose.joints)
 
-    @cached_property
-    def _inside(self) -> Mask:
-        return _served(self._drawn, len(self.scene.task))
-
-    def _cover(self, poses: Sequence[_Drawn], setpoints: Iterable[int], prove: Prove) -> list[StopPart]:
-        """What those of some poses that are a least cover of some set-points are proven to serve."""
-        some = np.array(list(setpoints), dtype=np.intp)
-        inside = _served(poses, len(self.scene.task))[:, some]
-        held = _ProvenCover(poses, inside, some, prove).least()
-        return [StopPart(poses[k].side, poses[k].row[:2], one.served, one) for k, one in held]
-
-    def _about(self, setpoints: Iterable[int]) -> list[_Drawn]:
+    def _about(self, setpoints: Iterable[int]) -> Iterator[_Drawn]:
         """More poses for each of some set-points: those drawn have clear postures there that do not keep."""
         rng = np.random.default_rng(1)
         rows = [self._near(i, ROUNDS + n, rng) for i in setpoints for n in range(PATIENCE)]
-        return list(self._looked_at(np.vstack(rows))) if rows else []
+        return self._looked_at(np.vstack(rows)) if rows else iter(())
 
     @cached_property
     def _carrier(self) -> PostureCarrier:
         return PostureCarrier(self.scene.world, self.scene.guard, self.scene.task)
-
-    @cached_property
-    def _drawn(self) -> list[_Drawn]:
-        """Poses drawn all over, then around those that prices favour."""
-        rng = np.random.default_rng(0)
-        found = list(self._looked_at(self._all_over(rng)))
-        best, since, k = np.inf, 0, 0
-        while since < PATIENCE and k < ROUNDS:
-            inside = _served(found, len(self.scene.task))
-            prices = cover_prices(inside)
-            missed = np.flatnonzero(~inside.any(axis=0)).tolist()
-            need = float(prices.sum()) + len(missed)
-            since = 0 if need < best - ROUNDING else since + 1
-            best = min(best, need)
-            rows = [self._near(i, k, rng) for i in missed]
-            top = np.argsort(-(inside @ prices), kind="stable")[:FAVOURED].tolist()
-            rows += [found[n].row + _shaken(rng, WIDE * NARROWER ** min(k, LAST)) for n in top]
-            if rows:
-                found += self._looked_at(np.vstack(rows))
-            k += 1
-        return found
 
     def _all_over(self, rng: np.random.Generator) -> Array:
         """Poses (n, 3) spread over the floor from which some set-point may be reached."""
@@ -196,38 +185,40 @@ class PoseCover:
         return areas
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class _ProvenCover:
     """The search for a least cover by poses of which it is proven what they serve."""
 
     poses: Sequence[_Drawn]
-    inside: Mask  # (p, n) True where a pose may serve one of the set-points
     setpoints: Index  # (n,)
     prove: Prove
+    inside: Mask = field(init=False)  # (p, n) True where a pose may serve one of the set-points
     proven: dict[int, HeldPostures | None] = field(default_factory=dict)
 
-    def least(self) -> list[tuple[int, HeldPostures]]:
-        """The poses of a least cover, and what each holds."""
+    def __post_init__(self) -> None:
+        self.inside = _served(self.poses, self.setpoints)
+
+    def least(self) -> list[StopPart]:
+        """What the poses of a least cover are proven to serve."""
+        held = ((self.poses[k], self.proven.get(k)) for k in self._chosen())
+        return [StopPart(pose.side, pose.row[:2], one.served, one) for pose, one in held if one is not None]
+
+    def _chosen(self) -> tuple[int, ...]:
         chosen: tuple[int, ...] = ()
         for _ in range(COVERS):
             left = self.inside.any(axis=0)
             if not left.any():
-                break
+                return chosen
             cover = least_cover(self.inside[:, left], NODES)
-            chosen = cover.chosen
-            known = self._of_known()
+            chosen, known = cover.chosen, self._of_known()
             if known is not None and len(known) <= cover.lower:
-                chosen = known
-                break
+                return known
             new = [k for k in chosen if k not in self.proven]
             if not new:
-                break
+                return chosen
             for k in new:
                 self._ask(k)
-        else:
-            chosen = self._of_known() or chosen
-        held = ((k, self.proven.get(k)) for k in chosen)
-        return [(k, one) for k, one in held if one is not None]
+        return self._of_known() or chosen
 
     def _of_known(self) -> tuple[int, ...] | None:
         """The least cover by poses whose postures are proven; None where these do not cover."""
@@ -249,11 +240,10 @@ def _left(every: Iterable[int], parts: Sequence[StopPart]) -> list[int]:
     return [i for i in every if i not in served]
 
 
-def _served(poses: Sequence[_Drawn], count: int) -> Mask:
-    inside = np.zeros((len(poses), count), dtype=bool)
-    for row, pose in zip(inside, poses, strict=True):
-        row[pose.found] = True
-    return inside
+def _served(poses: Sequence[_Drawn], setpoints: Index) -> Mask:
+    """Mask (p, n) of the set-points at which each of some poses has a clear posture."""
+    rows = [np.isin(setpoints, pose.found) for pose in poses]
+    return np.array(rows, dtype=bool).reshape(len(poses), len(setpoints))
 
 
 def _shaken(rng: np.random.Generator, by: float) -> Array:

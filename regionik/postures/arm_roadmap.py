@@ -121,45 +121,55 @@ def _roadmap_alone(robot: Robot, floor: Floor, rules: Rules, start: Start | None
     drawn = np.random.default_rng(0).uniform(low, high, (DRAWN, robot.chain.dof))
     nodes = np.array([q for q in drawn if guard.proves(Pose(base, q))]).reshape(-1, robot.chain.dof)
     root = robot.carry if start is None else start.joints
-    best, held = grown_roadmap(guard, base, root, nodes)
+    best, held = grown_roadmap(guard, rooted_roadmap(base, root), nodes)
     left = np.setdiff1d(np.arange(len(nodes)), held)
     while start is None and len(left) > len(best.joints):
-        found, held = grown_roadmap(guard, base, nodes[left[0]], nodes[left[1:]])
+        found, held = grown_roadmap(guard, rooted_roadmap(base, nodes[left[0]]), nodes[left[1:]])
         left = np.setdiff1d(left[1:], left[1:][held])
         if len(found.joints) > len(best.joints):
             best = found
     return best
 
 
-def grown_roadmap(
-    guard: Guard, base: Array, root: Array, postures: Array, tries: int = TRIES
-) -> tuple[ArmRoadmap, Index]:
-    """Roadmap from a root (dof,) to clear postures (n, dof) on a base pose, and which it holds, (k,).
+def rooted_roadmap(base: Array, root: Array) -> ArmRoadmap:
+    """Return a roadmap that holds its root (dof,) alone, as a rule the carry posture."""
+    return ArmRoadmap(base, root[None], np.array([-1], dtype=np.intp))
 
-    It holds the root, as a rule the carry posture, then these, each before those that are joined to it.
-    Without a clear root it holds the root alone.
+
+def grown_roadmap(
+    guard: Guard, roadmap: ArmRoadmap, postures: Array, tries: int = TRIES
+) -> tuple[ArmRoadmap, Index]:
+    """A roadmap grown on to clear postures (n, dof), and which of these it holds by now, (k,).
+
+    They come after what it held, each before those that are joined to it. It grows from a clear root alone.
     """
-    nodes = np.vstack([root, postures])
+    before, base = len(roadmap.joints), roadmap.base
+    nodes = np.vstack([roadmap.joints, postures])
     far = np.abs(nodes[:, None] - nodes[None]).max(axis=2)
-    place, parent, queue = {0: 0}, [-1], list[tuple[float, int, int]]()
+    place, parent, queue = (
+        {k: k for k in range(before)},
+        roadmap.parent.tolist(),
+        list[tuple[float, int, int]](),
+    )
     missed = np.zeros(len(nodes), dtype=np.intp)
-    k = 0 if guard.proves(Pose(base, root)) else -1
-    while k >= 0:
-        for m in range(len(nodes)):
-            if m not in place:
-                heappush(queue, (float(far[k, m]), k, m))
-        k = -1
-        while queue and k < 0:
+    new = list(place) if guard.proves(Pose(base, roadmap.joints[0])) else []
+    while new:
+        for k in new:
+            for m in range(before, len(nodes)):
+                if m not in place:
+                    heappush(queue, (float(far[k, m]), k, m))
+        new = []
+        while queue and not new:
             _, a, b = heappop(queue)
             if b in place or missed[b] >= tries:
                 continue
             if goes(guard, base, nodes[a], nodes[b]):
-                place[b], k = len(place), b
+                place[b], new = len(place), [b]
                 parent.append(place[a])
             else:
                 missed[b] += 1
     held = np.array(list(place), dtype=np.intp)
-    return ArmRoadmap(base, nodes[held], np.array(parent, dtype=np.intp)), held[1:] - 1
+    return ArmRoadmap(base, nodes[held], np.array(parent, dtype=np.intp)), held[before:] - before
 
 
 def goes(guard: Guard, base: Array, here: Array, there: Array) -> bool:
