@@ -117,8 +117,9 @@ class Shortcuts:
 
     def _merged(self, drives: Course, swings: Course) -> list[Pose]:
         """States of base and arm together, no farther apart than a plan's may be."""
-        apart = np.abs(swings.share[:, None] - drives.share).min(axis=1) > JOINED
-        share = np.sort(np.concatenate([drives.share, swings.share[apart]]))
+        k = np.clip(np.searchsorted(drives.share, swings.share), 1, len(drives.share) - 1)
+        off = np.abs(drives.share[[k - 1, k]] - swings.share).min(axis=0)
+        share = np.sort(np.concatenate([drives.share, swings.share[off > JOINED]]))
         bends = np.abs(np.diff(_rows_at(swings, share), axis=0)).max(axis=1)
         parts = np.maximum(np.ceil(bends / LARGEST_BEND * 1.001), 1).astype(int).tolist()
         cuts = [k + np.arange(count) / count for k, count in enumerate(parts)]

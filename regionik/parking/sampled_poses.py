@@ -50,6 +50,7 @@ class _Drawn:
     base: Array
     found: Index
     joints: Array
+    inside: Mask  # of all set-points, where one was found
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,13 +67,12 @@ class PoseCover:
         Set-points that no roadmap joins to others are served by poses of their own, and those that no pose
         keeps by more that are drawn for them alone.
         """
-        every = range(len(self.scene.task))
+        every = np.arange(len(self.scene.task))
         self._draw()
-        found = _ProvenCover(self._drawn, np.array(every), self._joined).least()
+        found = _ProvenCover(self._drawn, every, self._joined).least()
+        found += _ProvenCover(self._drawn, _left(every, found), self._kept).least()
         left = _left(every, found)
-        found += _ProvenCover(self._drawn, np.array(left), self._kept).least()
-        left = _left(every, found)
-        return found + _ProvenCover(list(self._about(left)), np.array(left), self._kept).least()
+        return found + _ProvenCover(list(self._about(left.tolist())), left, self._kept).least()
 
     def _draw(self) -> None:
         """Draw poses all over, then around those that prices favour while that makes a linear cover less."""
@@ -154,7 +154,8 @@ class PoseCover:
             if self._carrier.guard.proves(Pose(base, root)):
                 found, joints = self._carrier.neighboring(base, np.flatnonzero(near[k]))
                 if len(found):
-                    yield _Drawn(int(sides[k]), rows[k], base, found, joints)
+                    inside = np.isin(np.arange(len(self.scene.task)), found)
+                    yield _Drawn(int(sides[k]), rows[k], base, found, joints, inside)
 
     def _sides(self, rows: Array) -> Index:
         """Side of the standing at each of some poses (n, 3) with room for the circle to park in, or -1."""
@@ -234,16 +235,17 @@ class _ProvenCover:
         self.inside[k] = False if held is None else np.isin(self.setpoints, held.served)
 
 
-def _left(every: Iterable[int], parts: Sequence[StopPart]) -> list[int]:
+def _left(every: Index, parts: Sequence[StopPart]) -> Index:
     """Those of some set-points that no part serves."""
-    served = {i for part in parts for i in part.setpoints}
-    return [i for i in every if i not in served]
+    served = [i for part in parts for i in part.setpoints]
+    return every[~np.isin(every, served)]
 
 
 def _served(poses: Sequence[_Drawn], setpoints: Index) -> Mask:
     """Mask (p, n) of the set-points at which each of some poses has a clear posture."""
-    rows = [np.isin(setpoints, pose.found) for pose in poses]
-    return np.array(rows, dtype=bool).reshape(len(poses), len(setpoints))
+    if not poses:
+        return np.zeros((0, len(setpoints)), dtype=bool)
+    return np.array([pose.inside for pose in poses])[:, setpoints]
 
 
 def _shaken(rng: np.random.Generator, by: float) -> Array:

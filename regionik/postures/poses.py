@@ -59,6 +59,9 @@ def lifted_rows(here: Pose, way: Sequence[Pose], there: Pose, owner: int, drive:
 
 def distinct(poses: Sequence[Pose]) -> list[Pose]:
     """Poses without those that are the same as the one before but for rounding; the last one stays."""
+    states = np.hstack(arrays(poses)) if len(poses) > 1 else np.empty((0, 0))
+    if (np.abs(np.diff(states, axis=0)).max(axis=1) > SAME).all():
+        return list(poses)
     kept = list(poses[:1])
     for pose in poses[1:]:
         if _apart(pose, kept[-1]):
