@@ -229,6 +229,17 @@ def test_missing_meshes_are_named_and_stood_in_for(tmp_path: Path) -> None:
     assert stand_in.end.tolist() == [0.4, 0, 0]
 
 
+def test_meshes_may_be_named_from_a_folder_above(tmp_path: Path) -> None:
+    """As robots are that were written to be loaded from the folder that holds them all."""
+    whole = load_robot(crane(tmp_path / "plain"), tip="tool")
+    folder = tmp_path / "all" / "crane"
+    path = crane(folder, ("meshes/upper.stl", "crane/{}/meshes/upper.stl"))
+    inside = path.parent.relative_to(folder).as_posix()
+    path.write_text(path.read_text().replace("crane/{}/", f"crane/{inside}/"))
+    named = solid(load_robot(path, tip="tool"), "upper")
+    assert type(named) is type(solid(whole, "upper"))
+
+
 @pytest.mark.parametrize(
     "content", [b"", b"solid nothing", b"\0" * 90, b"\xff" * 1000], ids=["empty", "cut", "zeros", "noise"]
 )

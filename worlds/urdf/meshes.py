@@ -28,8 +28,8 @@ class MeshFiles:
 
     The package is the nearest folder above the URDF file that holds a ``package.xml``, or the folder above
     the URDF file's own. ``package://name/rest`` is looked up in every folder above of that name, then in
-    folders of that name beside the package and inside it; other names are relative to the URDF file. Nothing
-    outside the named package is read, and nothing is fetched over a network.
+    folders of that name beside the package and inside it; other names are relative to the URDF file, or to a
+    folder above it. Nothing outside the named package is read, and nothing is fetched over a network.
     """
 
     path: Path  # the URDF file
@@ -74,7 +74,7 @@ class MeshFiles:
                 return f"there is no folder {package} beside or above the URDF file's package"
         elif scheme is None or scheme[1].lower() == "file":
             rest = name if scheme is None else "/" + name[scheme.end() :].lstrip("/")
-            places = [(_package_root(folder), folder / rest)]
+            places = [(_package_root(folder), up / rest) for up in (folder, *folder.parents)]
         else:
             raise self._refused(shape, "expected package://name/file or a file relative to the URDF file")
         allowed = [(top, Path(os.path.realpath(file))) for top, file in places]
