@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from typing import Any, Concatenate, ParamSpec, TypeVar
+from typing import Any
 
 import numpy as np
 import shapely
@@ -24,6 +23,7 @@ from regionik.planners.driving.footprint_scene import FootprintScene
 from regionik.postures.arm import goal_of
 from regionik.postures.arm_guard import Guard, bodies_in, guard_at, guard_from
 from regionik.worlds.arrays import Array
+from regionik.worlds.prepared import Prepared
 from regionik.worlds.robot import Robot, with_joint_margin
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 
@@ -42,12 +42,9 @@ DEPENDS_ON = {  # fields of the world that each part is made of
     "_model_robot": frozenset({"robot", "rules"}),
 }
 
-P = ParamSpec("P")
-T = TypeVar("T")
-
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class Scene(Prepared):
     """A world with what its stages prepare of it; it lives as long as whoever holds it.
 
     Examples
@@ -60,7 +57,6 @@ class Scene:
     """
 
     world: World
-    _prepared: dict[tuple[Hashable, ...], Any] = field(default_factory=dict, init=False, repr=False)
     _cuts: dict[tuple[bytes, bool], Scene] = field(default_factory=dict, init=False, repr=False)
 
     @property
@@ -178,14 +174,6 @@ class Scene:
         }
         vars(scene).update(kept)
         return scene
-
-    def once(self, make: Callable[Concatenate[Scene, P], T], *args: P.args, **kwargs: P.kwargs) -> T:
-        """Return what a stage makes of the scene and of hashable values, made once."""
-        key = (make, *args, *sorted(kwargs.items()))
-        if key not in self._prepared:
-            self._prepared[key] = make(self, *args, **kwargs)
-        found: T = self._prepared[key]
-        return found
 
 
 @lru_cache(maxsize=MAX_SCENES)

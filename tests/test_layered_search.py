@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from inspect import unwrap
 
 import numpy as np
 import pytest
@@ -163,7 +164,7 @@ def test_an_arm_that_is_hardly_ever_clear_of_itself_reaches_somewhere(
     monkeypatch.setattr(
         "regionik.areas.held_reach.postures_clear", lambda _, q, __: np.arange(len(q)) < clear
     )
-    found = held_reach.__wrapped__(robot_named("youbot"))
+    found = unwrap(held_reach)(robot_named("youbot"))
     base, tool = np.zeros((1, 3)), found.tools[7]
     assert found.holds(base, tool).all()
     assert len(found.postures(base[0], tool, 8)) == 8

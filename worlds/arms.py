@@ -10,7 +10,6 @@ base is placed its turn is given to the base.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.chain import Chain, rot_y, rot_z
 from regionik.worlds.errors import InputError
 from regionik.worlds.joints import Joint, nearest_turn
+from regionik.worlds.prepared import made_once
 
 _AXIS_TOLERANCE = 1e-9
 _HINGES = 3
@@ -69,7 +69,7 @@ class PlanarArm:
         return values
 
 
-@lru_cache(maxsize=64)
+@made_once
 def planar_arm(chain: Chain) -> PlanarArm:
     """Return a chain as a planar arm, or raise an `InputError`; cached, as every solver asks for it.
 
@@ -159,7 +159,7 @@ class ReachBound:
     length: float  # radius of the ball [m]
 
 
-@lru_cache(maxsize=64)
+@made_once
 def with_pivot(chain: Chain) -> Chain:
     """Return the chain itself where it has a vertical pivot, else the chain behind one that stands still.
 
@@ -184,7 +184,7 @@ def pivot_joints(chain: Chain, joints: Array) -> Array:
     return np.concatenate([np.zeros((*joints.shape[:-1], more)), joints], axis=-1)
 
 
-@lru_cache(maxsize=64)
+@made_once
 def pivot_index(chain: Chain) -> int:
     """Return the index, among the active joints, of the vertical pivot: the first, or the first after lifts.
 
@@ -223,7 +223,7 @@ def turned_back(chain: Chain, joints: Array, turn: float) -> Array:
     return np.clip(joints - turn * pivot, chain.lower, chain.upper)
 
 
-@lru_cache(maxsize=64)
+@made_once
 def with_pivot_limits(chain: Chain, lower: float, upper: float) -> Chain:
     """Return the same chain, which has a pivot, with other limits of that [rad]."""
     pivot = chain.active_joints[pivot_index(chain)]
@@ -231,7 +231,7 @@ def with_pivot_limits(chain: Chain, lower: float, upper: float) -> Chain:
     return Chain(tuple(joints), chain.T_last_tool)
 
 
-@lru_cache(maxsize=64)
+@made_once
 def sliding_chain(chain: Chain) -> Chain:
     """Return the chain after two slides without limits, which take its base frame along x and y."""
     slides = (
@@ -241,7 +241,7 @@ def sliding_chain(chain: Chain) -> Chain:
     return Chain((*slides, *chain.joints), chain.T_last_tool)
 
 
-@lru_cache(maxsize=64)
+@made_once
 def reach_bound(chain: Chain) -> ReachBound:
     """Return a bound of an arm's reach, about its pivot or the one that `with_pivot` gives it.
 

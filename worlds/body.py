@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -19,6 +18,7 @@ from shapely.geometry import Polygon
 
 from regionik.worlds.arrays import Array, transform_points
 from regionik.worlds.links import LinkCapsule, LinkSolid
+from regionik.worlds.prepared import made_once
 from regionik.worlds.robot import Robot
 
 Corners = tuple[tuple[float, float], ...]
@@ -130,7 +130,7 @@ def _lifts(robot: Robot) -> Iterator[tuple[Array, tuple[float, float]]]:
         yield T, (low, high)
 
 
-@lru_cache(maxsize=64)
+@made_once
 def _body_prisms(
     robot: Robot, *, inside: bool
 ) -> tuple[tuple[BodyPrism, ...], tuple[tuple[BodyPrism, Band], ...]]:
@@ -149,7 +149,7 @@ def _body_prisms(
     return tuple(prism for some in fixed for prism in some), tuple(lifted)
 
 
-@lru_cache(maxsize=64)
+@made_once
 def _pivot_discs(robot: Robot) -> tuple[BodyPrism, ...]:
     first = robot.chain.joints[0]
     T = robot.T_base_arm @ first.T_parent_joint

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from regionik.worlds.arrays import Array, Mask, cross, frozen, one_line
 from regionik.worlds.errors import InputError, located
 from regionik.worlds.joints import Joint, nearest_turn
+from regionik.worlds.prepared import Prepared
 
 JOINT_SPARE = np.radians(2)  # that joints keep of their limits where they can [rad] or [m]
 SPARE_SHARE = 0.1  # of a joint's range, where that is less
@@ -22,7 +23,7 @@ _ROTATION_TOLERANCE = 1e-6  # of a rotation matrix that a file gives
 
 
 @dataclass(frozen=True, eq=False)
-class Chain:
+class Chain(Prepared):
     """Joints in order from the arm's base frame to its tool frame.
 
     Postures are values of its *active* joints, (..., dof); joints that mimic one of these follow it. There is

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import get_args
 
 import numpy as np
@@ -19,6 +19,7 @@ from regionik.worlds.drives import BaseDrive, BaseKind, drive_of
 from regionik.worlds.errors import InputError
 from regionik.worlds.limits import Criteria
 from regionik.worlds.links import BASE, LinkMass, LinkSolid
+from regionik.worlds.prepared import Prepared, made_once
 from regionik.worlds.surfaces import VisualSurface
 
 GRAVITY = 9.80665  # standard gravity [m/s2]
@@ -48,7 +49,7 @@ class Tool:
 
 
 @dataclass(frozen=True, eq=False)
-class Robot:
+class Robot(Prepared):
     """A mobile manipulator.
 
     Attributes
@@ -275,7 +276,7 @@ def with_joint_margin(robot: Robot, criteria: Criteria | None) -> Robot:
     return robot if not margin else _narrowed(robot, margin)
 
 
-@lru_cache(maxsize=64)
+@made_once
 def _narrowed(robot: Robot, margin: float) -> Robot:
     joints = tuple(
         replace(one, lower=one.lower + margin * span, upper=one.upper - margin * span)

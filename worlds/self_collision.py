@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from itertools import combinations, compress
 
 import numpy as np
@@ -20,6 +20,7 @@ from regionik.worlds.arrays import Array, Mask
 from regionik.worlds.chain import Chain, spread_postures
 from regionik.worlds.links import BASE
 from regionik.worlds.obstacles import Prism
+from regionik.worlds.prepared import made_once
 from regionik.worlds.robot import Robot
 
 BODY = -1  # the base's own body, among indices of solids
@@ -106,7 +107,7 @@ def base_body(robot: Robot) -> Prism | None:
     return Prism(base_name(robot), Polygon(robot.footprint), 0.0, robot.body_height)
 
 
-@lru_cache(maxsize=64)
+@made_once
 def self_collision_pairs(robot: Robot) -> tuple[tuple[int, int], ...]:
     """Return the pairs of solids that must keep apart.
 
@@ -131,7 +132,7 @@ def self_collision_pairs(robot: Robot) -> tuple[tuple[int, int], ...]:
     return tuple(pair for pair in pairs if checked(*pair))
 
 
-@lru_cache(maxsize=64)
+@made_once
 def off_floor(robot: Robot) -> tuple[bool, ...]:
     """Return True for each of ``robot.all_solids`` that must keep off the floor.
 

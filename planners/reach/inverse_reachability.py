@@ -11,7 +11,6 @@ reachability inversion (ICRA 2013), here without voxels.
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +22,7 @@ from regionik.planners.solvers.serial_chain import SerialArm, serial_arm
 from regionik.worlds.arms import pivot_index, sliding_chain
 from regionik.worlds.arrays import Array, Mask
 from regionik.worlds.chain import Chain, spread_postures
+from regionik.worlds.prepared import made_once
 
 SAMPLES = 4096
 NEAREST, MORE = 128, 512  # that are moved to a pose; so many where the reach is small
@@ -45,7 +45,7 @@ class Tolerances(NamedTuple):
     reach: float
 
 
-@lru_cache(maxsize=32)
+@made_once
 def posture_samples(chain: Chain, reach: float) -> PostureSamples:
     """Draw the samples of a chain with a vertical pivot; kept for the last few chains."""
     postures = spread_postures(chain, reach, SAMPLES, 0)

@@ -34,6 +34,7 @@ from regionik.worlds.arms import ReachBound, pivot_index, reach_bound
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, translation, within_half_turns
 from regionik.worlds.joints import nearest_turn
+from regionik.worlds.prepared import made_once
 
 Intervals = tuple[tuple[float, float], ...]
 
@@ -113,7 +114,7 @@ class PivotedArm:
         return tuple((e, Chain(joints, T @ translation(*e))) for e in points if np.linalg.norm(e) > BESIDE)
 
 
-@lru_cache(maxsize=256)
+@made_once
 def pivoted_arm(chain: Chain) -> PivotedArm:
     """Prepare a chain; kept for the last few. An `InputError` says why its reach has no bound."""
     arm = PivotedArm(chain)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +20,7 @@ from regionik.planners.solvers.serial_chain import SerialArm, chain_frames, join
 from regionik.worlds.arms import with_pivot
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.limits import Criteria
+from regionik.worlds.prepared import made_once
 from regionik.worlds.robot import GRAVITY, Robot, check_criteria
 
 LED = 30  # steps that lead a posture to better ones
@@ -84,7 +84,7 @@ def serial_thresholds(demand: PostureDemand | None, dof: int) -> SerialThreshold
     return SerialThresholds(0, 0.0, np.full(dof, np.inf), *nothing)
 
 
-@lru_cache(maxsize=64)
+@made_once
 def _thresholds(robot: Robot, criteria: Criteria) -> SerialThresholds:
     chain = with_pivot(robot.chain)
     more = chain.dof - robot.chain.dof

@@ -11,7 +11,6 @@ Source: Pieper, The kinematics of manipulators under computer control (1968); El
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -33,6 +32,7 @@ from regionik.planners.solvers.subproblems import (
 from regionik.worlds.arrays import Array, Mask
 from regionik.worlds.chain import Chain
 from regionik.worlds.joints import Joint, nearest_turn
+from regionik.worlds.prepared import made_once
 
 SWEEP, FINER = 16, 4  # values of the joint that is swept; so many times as many where none is found
 NEARLY = 2e-3  # by which axes may miss each other [m], or be out of parallel [rad]
@@ -75,7 +75,7 @@ class _Lines(NamedTuple):
         return _Lines(-self.axes[:, ::-1], self.points[:, ::-1], back)
 
 
-@lru_cache(maxsize=64)
+@made_once
 def decomposition(chain: Chain) -> Decomposition | None:
     """Return the closed form of a chain, or None where none is known.
 

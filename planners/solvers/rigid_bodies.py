@@ -9,7 +9,7 @@ pivots that meet share their point. Joints count from 0, and point n is the tool
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +17,7 @@ import numpy as np
 from regionik.planners.solvers.serial_chain import SerialArm, serial_arm
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.chain import Chain
+from regionik.worlds.prepared import made_once
 
 PARALLEL = 1e-3  # axes that differ by less than this angle count as parallel [rad]
 MEETING = 1e-5  # lengths below this part of the arm's reach count as none
@@ -74,7 +75,7 @@ class ArmModel:
         return bodies_of(self.serial)
 
 
-@lru_cache(maxsize=128)
+@made_once
 def arm_model(chain: Chain) -> ArmModel:
     """Prepare a chain; kept for the last few."""
     return ArmModel(chain)

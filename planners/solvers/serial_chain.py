@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +11,7 @@ from regionik.planners.geometry.vectors import Vector, cross, put, row, turned
 from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.chain import Chain
+from regionik.worlds.prepared import made_once
 
 _UNTURNED = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
@@ -34,7 +34,7 @@ class SerialArm(NamedTuple):
     offset: Array  # (n,) [rad] or [m]
 
 
-@lru_cache(maxsize=64)
+@made_once
 def serial_arm(chain: Chain) -> SerialArm:
     """Read a chain; kept for the last few chains."""
     return SerialArm(

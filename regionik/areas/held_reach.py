@@ -6,13 +6,13 @@ Sampled, not proven: it says where a search should look, and what is found there
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
 from regionik.worlds.arrays import Array, Index
+from regionik.worlds.prepared import made_once
 from regionik.worlds.robot import Robot
 from regionik.worlds.self_collision import postures_clear
 
@@ -56,7 +56,7 @@ def _seen_from(base: Array, position: Array) -> Array:
     return np.column_stack([c * dx + s * dy, c * dy - s * dx, np.full(len(base), position[2])])
 
 
-@lru_cache(maxsize=16)
+@made_once
 def held_reach(robot: Robot) -> HeldReach:
     """Return where a robot's tool comes while its base stands, the arm clear of itself where it often is."""
     from scipy.stats import qmc  # takes long to load

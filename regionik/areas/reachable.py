@@ -42,6 +42,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
 from regionik.worlds.limits import Criteria
+from regionik.worlds.prepared import made_once
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Rules, Target
 
@@ -67,7 +68,7 @@ def reach_model(robot: Robot, goal: Goal) -> ReachModel:
     return point if goal == "point" else pose
 
 
-@lru_cache(maxsize=256)
+@made_once
 def _models(robot: Robot) -> tuple[ReachModel, ReachModel]:
     """The models for points and for poses."""
     try:
@@ -77,7 +78,7 @@ def _models(robot: Robot) -> tuple[ReachModel, ReachModel]:
     return planar, planar if planar.arm.tool_along_link else PosedReach(robot)
 
 
-@lru_cache(maxsize=256)
+@made_once
 def planar_reach(robot: Robot) -> PlanarReach:
     """Return the reach of an arm in one vertical plane; raises InputError when it does not work in one."""
     return PlanarReach(robot, planar_arm(robot.chain))

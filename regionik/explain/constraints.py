@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -20,6 +20,7 @@ from regionik.worlds.body import without_body
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import CauseKind, Repair
 from regionik.worlds.obstacles import Solid
+from regionik.worlds.prepared import made_once
 from regionik.worlds.scene import Target
 from regionik.worlds.self_collision import base_body
 
@@ -173,7 +174,7 @@ def without_joint_limits(scene: Scene) -> Scene:
     return scene.changed(robot=replace(scene.robot, chain=_endless(scene.robot.chain)))
 
 
-@lru_cache(maxsize=16)
+@made_once
 def _endless(chain: Chain) -> Chain:
     """Cached, as the reach of a chain is cached by chain."""
     turning = {name for name, turns in zip(chain.names, chain.turning, strict=True) if turns}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 
@@ -24,6 +23,7 @@ from regionik.worlds.arms import pivot_index, reach_bound, sliding_chain, with_p
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, spread_postures, within_half_turns
 from regionik.worlds.joints import nearest_turn
+from regionik.worlds.prepared import made_once
 from regionik.worlds.scene import Target
 
 RESTARTS = 10
@@ -271,7 +271,7 @@ class SerialGoal:
         return Reached(place, joints, float(error), int(passes), max(0.0, float(angle) - self.spare))
 
 
-@lru_cache(maxsize=64)
+@made_once
 def serial_solver(
     chain: Chain,
     height: float,
