@@ -31,28 +31,32 @@ from regionik.worlds.robot import Robot
 
 TOLERANCE, CONE = 1e-4, np.radians(0.1)
 LARGEST_TURN, LARGEST_SLIDE = np.radians(7.0), 0.02  # of a joint from pose to pose [rad], [m]
-# URDF file, root and tip; the torso of fetch_arm stands still.
+# URDF file and tip
 ROBOTS = {
-    "panda": ("panda/panda_arm_hand_formatted.urdf", None, "panda_hand"),
-    "fetch": ("fetch/fetch_formatted.urdf", None, "gripper_link"),
-    "fetch_arm": ("fetch/fetch_formatted.urdf", "torso_lift_link", "gripper_link"),
+    "panda": ("panda/panda_arm_hand_formatted.urdf", "panda_hand"),
+    "fetch": ("fetch/fetch_formatted.urdf", "gripper_link"),
+    "fetch_arm": ("fetch/fetch_formatted.urdf", "gripper_link"),
 }
-TORSO = np.array([-0.086875, 0.0, 0.37743])  # of torso_lift_link in Fetch's base, the torso down [m]
+TORSO, DOWN = "torso_lift_joint", np.array([-0.086875, 0.0, 0.37743])  # of its link in Fetch's base [m]
 
 
 def robot_of(folder: Path, name: str) -> Robot:
-    file, root, tip = ROBOTS[name]
-    mount = None if root is None else [*TORSO, 0.0]
+    """Return a problem's robot; the torso of fetch_arm stands still."""
+    file, tip = ROBOTS[name]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return rik.load_robot(folder / file, root=root, tip=tip, mount=mount)
+        robot = rik.load_robot(folder / file, tip=tip)
+    if name != "fetch_arm":
+        return robot
+    joints = (replace(one, lower=0.0, upper=0.0) if one.name == TORSO else one for one in robot.chain.joints)
+    return replace(robot, chain=replace(robot.chain, joints=tuple(joints)))
 
 
 def world_of(data: Path, robot: Robot, problem: dict[str, Any], mode: str) -> rik.World:
     rows = np.loadtxt(data / f"{problem['path_name']}.csv", delimiter=",", skiprows=1)
     R = np.array(problem["path_R_offset"], dtype=float)
     offset = np.array(problem["path_xyz_offset"], dtype=float)
-    offset += TORSO if problem["path_offset_frame"] == "torso_lift_link" else 0.0
+    offset += DOWN if problem["path_offset_frame"] == "torso_lift_link" else 0.0
     turns = R @ Rotation.from_quat(rows[:, [5, 6, 7, 4]]).as_matrix()
     task = [
         rik.Target(p, orientation=T, cone=CONE)

@@ -30,7 +30,7 @@ def test_a_function_is_called_once_for_each_object_and_each_set_of_values() -> N
 
 
 def test_what_was_made_of_a_chain_does_not_travel_with_it() -> None:
-    chain = robot_named("puma560").chain
+    chain = robot_named("pioneer7").chain
     bare = len(pickle.dumps(chain))
     made = with_pivot_limits(chain, -1.0, 1.0)
     assert made is with_pivot_limits(chain, -1.0, 1.0)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import fields
 from functools import wraps
-from typing import Any, Concatenate, ParamSpec, TypeVar
+from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 
 P = ParamSpec("P")
 Owner = TypeVar("Owner", bound="Prepared")
@@ -14,7 +15,7 @@ _MADE = "_made"
 
 
 class Prepared:
-    """An object that does not change and keeps what is made of it."""
+    """A frozen dataclass that keeps what is made of it."""
 
     def once(self: Owner, make: Callable[Concatenate[Owner, P], Made], *args: P.args, **kw: P.kwargs) -> Made:
         """Return what a function makes of the object and of hashable values, made once."""
@@ -26,8 +27,8 @@ class Prepared:
         return found
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what a copy needs, for which the rest is made anew."""
-        return {name: value for name, value in vars(self).items() if name != _MADE}
+        """Return the fields alone: for a copy, the rest is made anew."""
+        return {one.name: getattr(self, one.name) for one in fields(cast(Any, self))}
 
 
 def made_once(make: Callable[Concatenate[Owner, P], Made]) -> Callable[Concatenate[Owner, P], Made]:
