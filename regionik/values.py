@@ -14,6 +14,7 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError, Verdict
+from regionik.worlds.prepared import Prepared
 from regionik.worlds.scene import StopCriterion, Target, World
 
 StateKind = Literal["setpoint", "step", "transit"]
@@ -210,7 +211,7 @@ class Skipped:
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class Plan(Prepared):
     """A whole-path plan. It embeds its world, so that it can be verified alone.
 
     Attributes

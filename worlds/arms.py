@@ -17,7 +17,7 @@ from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.chain import Chain, rot_y, rot_z
 from regionik.worlds.errors import InputError
 from regionik.worlds.joints import Joint, nearest_turn
-from regionik.worlds.prepared import made_once
+from regionik.worlds.prepared import Prepared, made_once
 
 _AXIS_TOLERANCE = 1e-9
 _HINGES = 3
@@ -25,7 +25,7 @@ _MAX_HELD_RANGE = 1e-6  # limits nearer to each other than this hold a hinge sti
 
 
 @dataclass(frozen=True, eq=False)
-class PlanarArm:
+class PlanarArm(Prepared):
     """A chain as an arm in one vertical plane.
 
     A bend of link i is its angle from link i - 1, of link 0 from the r axis, counter-clockwise from r to z:

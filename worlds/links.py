@@ -12,6 +12,7 @@ from regionik.worlds.arrays import Array, freeze, one_line, transform_points
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError, located
 from regionik.worlds.polytopes import Polytope, polytope
+from regionik.worlds.prepared import Prepared
 
 BASE = -1  # the link of solids that are fixed to the base; its frame is the base frame
 CUBE_CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])  # of side 2
@@ -36,7 +37,7 @@ class LinkMass:
 
 
 @dataclass(frozen=True, eq=False)
-class LinkCapsule:
+class LinkCapsule(Prepared):
     """A capsule that moves with one arm link: all points within ``radius`` of a segment.
 
     Attributes
@@ -81,7 +82,7 @@ class LinkCapsule:
 
 
 @dataclass(frozen=True, eq=False)
-class LinkBox:
+class LinkBox(Prepared):
     """A box that moves with one arm link.
 
     Attributes
@@ -124,7 +125,7 @@ class LinkBox:
 
 
 @dataclass(frozen=True, eq=False)
-class LinkHull:
+class LinkHull(Prepared):
     """A convex hull that moves with one arm link.
 
     Attributes

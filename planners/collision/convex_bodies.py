@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,6 +15,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.links import LinkCapsule, LinkHull, LinkSolid
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
 from regionik.worlds.polytopes import Polytope, polytope
+from regionik.worlds.prepared import made_once
 
 TOUCH = 1e-9  # [m]
 BOX_ROWS = 8  # corners of a `LinkBox`; segments have 2, hulls more
@@ -117,7 +117,7 @@ def _prism(outline: Array, bottom: float, top: float) -> Piece:
     return Piece(corners, normals, edges, surface=surface(corners, np.array(fan + lid + sides)))
 
 
-@lru_cache(maxsize=512)
+@made_once
 def inner_capsule(solid: LinkSolid) -> LinkCapsule:
     """Return a capsule as it is, of a box the capsule along its middle, and of a hull one inside."""
     if isinstance(solid, LinkCapsule):

@@ -7,7 +7,6 @@ one side there is one posture, so that the postures on a target are two curves o
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +24,7 @@ from regionik.worlds.arms import PlanarArm
 from regionik.worlds.arrays import Array
 from regionik.worlds.limits import Criteria
 from regionik.worlds.links import LinkMass
+from regionik.worlds.prepared import made_once
 from regionik.worlds.robot import GRAVITY, Robot
 
 PITCHES = 360  # of the last link, tried for a posture that meets the thresholds
@@ -43,7 +43,7 @@ class Thresholds(NamedTuple):
     most: Array  # (3,) limits of these torques [N m]
 
 
-@lru_cache(maxsize=256)
+@made_once
 def thresholds_of(arm: PlanarArm, robot: Robot, criteria: Criteria) -> tuple[Thresholds, Thresholds]:
     """Thresholds that criteria set an arm in one plane, for inner reach and for outer.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +14,7 @@ from regionik.values import Motion, Plan
 from regionik.worlds.arrays import Array, Index, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.limits import Speeds
+from regionik.worlds.prepared import made_once
 from regionik.worlds.robot import Robot
 
 AT_REST = 1e-6  # path velocity at the end of a run, as a share of the largest
@@ -177,7 +178,7 @@ def trajectory_within(robot: Robot, motion: Motion, speeds: Speeds | None) -> Tr
     return kind(robot, motion)
 
 
-@lru_cache(maxsize=8)
+@made_once
 def trajectory(plan: Plan) -> Trajectory:
     """Return a timed plan as a function of time.
 
