@@ -149,3 +149,19 @@ def test_where_shortcuts_do_not_help_other_ways_are_looked_for(kind: str, seed: 
     plan = search(scene_of(soaked_world(kind, seed)))
     assert verify(plan).ok
     assert max(detours(*told(plan)).values()) < most
+
+
+def test_a_merged_motion_has_few_states() -> None:
+    """A motion that is merged with others does not gather the states of all of them."""
+    world = world_of("youbot", PILLAR)
+    planner = carrier(world)
+    round_it = [(-0.6, -0.6, 0.0), (-0.6, 0.6, 0.0), (0.6, 0.6, 0.0), (0.6, 0.6, 0.0)]
+    bends = [0.0, 0.0, 0.0, 0.8]
+    corners = wound(
+        planner, [posed(world, np.array(place), bend) for place, bend in zip(round_it, bends, strict=True)]
+    )
+    rows, shares = np.hstack(arrays(corners)), np.linspace(0, len(corners) - 1, 40 * len(corners))
+    dense = np.column_stack([np.interp(shares, np.arange(len(rows)), column) for column in rows.T])
+    quick = Shortcuts(planner.guard, planner.driver, 0).quicker([Pose(row[:3], row[3:]) for row in dense])
+    assert len(quick) <= 2 * len(corners)
+    check(world, quick[0], quick[1:-1], quick[-1])

@@ -10,11 +10,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Literal, NamedTuple
 
 import numpy as np
 
-from regionik.moving.base_motion import Driver
+from regionik.moving.base_motion import TURN_STRIDE, Driver
 from regionik.postures.arm_guard import Guard
 from regionik.postures.poses import LARGEST_BEND, Pose, arrays, distinct, pose_between
 from regionik.scene import Scene
@@ -27,6 +28,8 @@ TRIES, PATIENCE = 200, 60  # shortcuts looked at, and how many of them in vain o
 SAVED = 1e-4  # by a shortcut at least [m]
 QUICKER_TRIES, QUICKER_PATIENCE = 100, 24
 SAVED_TIME = 0.02  # [s]
+NEARLY = 0.999  # of how far apart states may be
+FILLED = 1e-9  # by which a state may lie beside the motion between others that makes it needless [m], [rad]
 JOINED = 1e-6  # shares of a way or of a hop nearer to each other are one state
 
 Pace = Literal["straight", "even", "kept"]  # straight, along the way as it is at one speed, or as it was
@@ -94,11 +97,36 @@ class Shortcuts:
         i, j = int(u), int(np.ceil(v))
         here, there = (self._at(poses, end) for end in (u, v))
         states = self._between(distinct([here, *poses[i + 1 : j], there]), *paces)
-        part = distinct([poses[i], *states, poses[j]])
+        part = self._thinned(distinct([poses[i], *states, poses[j]]))
         whole = [*poses[:i], *part, *poses[j + 1 :]]
         if not states or cost(whole) > cost(poses) - saved or not self.guard.passes(part):
             return None
         return whole
+
+    def _thinned(self, poses: list[Pose]) -> list[Pose]:
+        """The motion without states that their neighbours fill in, none farther apart than a plan's may be.
+
+        Else a motion that is merged with another has the states of both, and ever more of them.
+        """
+        kept = poses[:1]
+        for pose, there in pairwise(poses[1:]):
+            if not self._fills_in(kept[-1], pose, there):
+                kept.append(pose)
+        return [*kept, poses[-1]]
+
+    def _fills_in(self, here: Pose, pose: Pose, there: Pose) -> bool:
+        """True if a pose is on the motion between two states that are near enough to one another."""
+        scene, (start, *to) = self.driver.scene, np.hstack(arrays([here, pose, there]))
+        moves = np.array(to) - start
+        moves[:, :3] = displacement(start[:3], np.array(to)[:, :3])
+        part, whole = moves
+        way, turn, bend = float(np.hypot(*whole[:2])), abs(float(whole[2])), float(np.abs(whole[3:]).max())
+        stride = max(way / scene.rules.step, turn / TURN_STRIDE, bend / LARGEST_BEND)
+        if stride > NEARLY or not (square := whole @ whole):
+            return False
+        filled = pose_between(here, there, float(part @ whole / square), scene.robot.drive)
+        off = displacement(filled.base, pose.base), filled.joints - pose.joints
+        return max(float(np.abs(one).max()) for one in off) <= FILLED
 
     def _between(self, poses: list[Pose], base: Pace, arm: Pace) -> list[Pose]:
         """Another motion with the same ends, at these paces; none where the base leaves the floor."""
