@@ -22,9 +22,10 @@ FACES = frozenset(
         # the scene, and stages
         "moving.drivers": "driver_for",
         "moving.transit": "TransitPlanner",
-        "pipeline": "search smooth_motion",
+        "pipeline": "search",
         "regions": "path_areas",
         "scene": "scene_of",
+        "smoothing.smooth_motion": "smooth_motion",
         "verification.motion": "MotionSegments",
         # engines
         "planners.collision.distances": "hull_separation nearest_distance obstacles_from",
