@@ -1,7 +1,7 @@
 # make demo    plan a bundled world, verify the plan, write a page to look at
 # make test    the tests of daily work, with the same random cases each time; pytest alone draws new ones
 # make test-slow  the slow tests, which make test leaves out
-# make test-random  tests of random cases with six times as many of them, and those that take minutes
+# make test-random  tests of random cases with twelve times as many of them, and those that take minutes
 # make coverage  the lines that the suite runs, every kernel as plain Python too; fails under 95 in a hundred
 # make soak    all bundled worlds and WORLDS=500 random ones, half of them round a motion known to be free,
 #              judged by other libraries

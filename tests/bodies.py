@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import nnls
 from scipy.spatial import ConvexHull
+from shapely.geometry import box
 
-from regionik.planners.collision.proximity import Touch, path_clear
-from regionik.planners.collision.robot_bodies import Bodies, ContactTargets
+from regionik.planners.collision.proximity import Touch
 from regionik.postures.poses import Pose
+from regionik.scene import scene_of
 from regionik.values import Motion
 from regionik.worlds.chain import Chain
 from regionik.worlds.joints import Joint
 from regionik.worlds.links import LinkBox, LinkCapsule, LinkHull, capsules_along
 from regionik.worlds.robot import Robot
-from tests.kinds import LinkSolid
+from regionik.worlds.scene import Floor, Rules, Target, World
+from tests.kinds import LinkSolid, Solid
 from tests.maths import Array, rot_x, rot_y, rot_z, translation
 
 LARGEST_BEND = 0.5  # change of a joint between two states above which the arm has jumped [rad]
@@ -110,16 +114,28 @@ def pose_between(here: Pose, there: Pose, share: float, robot: Robot) -> Pose:
     return Pose(robot.drive.between(here.base, there.base, share), joints)
 
 
-def motion_clear(
-    bodies: Bodies,
-    base_a: ArrayLike,
-    joints_a: ArrayLike,
-    base_b: ArrayLike,
-    joints_b: ArrayLike,
-    margin: float,
-    *,
-    contact: ContactTargets | None = None,
-) -> Touch | None:
-    """None when the motion between two states is proven clear; otherwise what could not be passed."""
-    bases, joints = np.array([base_a, base_b], dtype=float), np.array([joints_a, joints_b], dtype=float)
-    return path_clear(bodies, bases, joints, margin, contact)[1]
+class Guarded:
+    """A robot among solids on a wide floor, and what its scene proves of states and motions."""
+
+    def __init__(
+        self, robot: Robot, *solids: Solid, spots: Sequence[ArrayLike] | Array = (), **rules: Any
+    ) -> None:
+        self.robot, self.solids = robot, solids
+        asked = Rules(**{"solid_floor": False, "tool_contact": 0.0, **rules})
+        task = tuple(Target(np.array(spot)) for spot in spots)
+        self.scene = scene_of(World("guarded", robot, Floor(box(-99, -99, 99, 99)), solids, task, asked))
+
+    def nearest(self, base: ArrayLike, joints: ArrayLike, within: float = 1e6) -> Touch:
+        """Return the nearest thing to the robot's solids, of kind "none" where nothing is within that."""
+        return replace(self.scene.guard, spare=within).touch(_pose(base, joints))
+
+    def stop(
+        self, here: ArrayLike, joints: ArrayLike, there: ArrayLike, bent: ArrayLike, margin: float = 0.0
+    ) -> Touch | None:
+        """Return None when the motion between two states is proven clear, otherwise what stops it."""
+        guard = replace(self.scene.guard, spare=margin)
+        return guard.stop([_pose(here, joints), _pose(there, bent)])
+
+
+def _pose(base: ArrayLike, joints: ArrayLike) -> Pose:
+    return Pose(np.array(base, dtype=float), np.array(joints, dtype=float))

@@ -1,4 +1,4 @@
-"""Profiles of hypothesis: one in six of the examples, or with ``--hypothesis-profile=long`` all of them.
+"""Profiles of hypothesis: one in twelve of the examples, or with ``--hypothesis-profile=long`` all of them.
 
 With ``planted``, for `tests.mutations`, the first that fails ends a test: to make it small takes minutes.
 
@@ -54,7 +54,7 @@ def shared_plans(tmp_path_factory: pytest.TempPathFactory) -> None:
         planned.share(tmp_path_factory.getbasetemp().parent / "plans")
 
 
-settings.register_profile("quick", deadline=None, max_examples=16)
+settings.register_profile("quick", deadline=None, max_examples=8)
 settings.register_profile("long", deadline=None, max_examples=100)
 FOUND = (Phase.explicit, Phase.generate)
 settings.register_profile("planted", deadline=None, max_examples=100, phases=FOUND)

@@ -15,10 +15,9 @@ FACES = frozenset(
         "worlds.links": "BASE LinkMass capsules_along",
         "worlds.readers.gcode": "read_gcode",
         "worlds.readers.occupancy_map": "load_map",
-        "worlds.self_collision": "base_body self_collision_pairs",
+        "worlds.self_collision": "self_collision_pairs",
         # values that public functions take and hand out
         "postures.poses": "Pose",
-        "reachability.field": "Field",
         "values": "Answer Configuration Motion PlannedArea Report Stop Violation",
         # the scene, and stages
         "moving.drivers": "driver_for",
@@ -26,9 +25,11 @@ FACES = frozenset(
         "pipeline": "search",
         "regions": "path_areas",
         "scene": "scene_of",
+        "smoothing.smooth_motion": "smooth_motion",
         "verification.motion": "MotionSegments",
         # engines
         "planners.collision.distances": "hull_separation nearest_distance obstacles_from",
+        "planners.collision.proximity": "Touch",
         "planners.solvers.multistart_ik": "ArmSolver",
         # what comes out
         "cli.app": "run",

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 
 import numpy as np
 import pytest
@@ -13,13 +12,12 @@ from regionik.values import Motion, Plan
 from regionik.view.plan_picture import (
     END_PAUSE,
     MAX_DURATION,
-    MAX_FRAMES,
     MIN_DURATION,
     display_times,
     key_frames,
     turn_quaternions,
 )
-from regionik.view.timeline import timeline, timeline_document
+from regionik.view.timeline import timeline
 from regionik.worlds.joints import Joint
 from tests import examples
 from tests.plans import every_solid, l_shape, synthetic_plan, timed
@@ -68,42 +66,6 @@ def test_a_timed_plan_keeps_its_times_and_goes_as_its_trajectory_does(plan: Plan
     assert set(curves.speeds) == {"tool", "base"}
 
 
-def test_the_figures_of_a_page_are_numbers_or_null(plan: Plan) -> None:
-    rules = dataclasses.replace(plan.world.rules, solid_floor=False)
-    nothing = dataclasses.replace(plan, world=dataclasses.replace(plan.world, obstacles=(), rules=rules))
-    curves = timeline(nothing, display_times(nothing))
-    assert np.isinf(curves.clearances.arm).all()
-    document = timeline_document(curves)
-    assert set(document["clearances"]) == {"arm to itself"}
-    assert "Infinity" not in json.dumps(document)
-    assert len(document["areas"]) == len(plan.setpoints)
-
-
-@pytest.mark.parametrize(("length", "seconds"), [(0.01, MIN_DURATION), (5.0, 20.0), (1000.0, MAX_DURATION)])
-def test_speed_is_readable_whatever_the_size(plan: Plan, length: float, seconds: float) -> None:
-    table = np.zeros((50, 8))
-    table[:, 0] = np.linspace(0, length, 50)
-    shown = _with(plan, table, ["setpoint"] + ["step"] * 49)
-    frames = key_frames(shown, display_times(shown))
-    assert frames.times[-1] == pytest.approx(seconds, abs=1e-6)
-
-
-def test_long_motions_are_thinned_but_keep_every_setpoint(plan: Plan) -> None:
-    n = 30_000
-    rng = np.random.default_rng(0)
-    table = np.cumsum(rng.normal(scale=0.005, size=(n, 8)), axis=0)
-    kinds = np.full(n, "step", dtype="<U8")
-    chosen = np.sort(rng.choice(n, 700, replace=False))
-    kinds[chosen] = "setpoint"
-    shown = _with(plan, table, kinds.tolist())
-    frames = key_frames(shown, display_times(shown))
-    assert len(frames.times) <= 1.1 * MAX_FRAMES
-    rows = np.column_stack([frames.base, frames.joints])
-    unwrapped = table.copy()
-    unwrapped[:, 2] = np.unwrap(table[:, 2])
-    assert np.allclose(rows[np.isin(frames.times, frames.passed)], unwrapped[chosen], atol=1e-9)
-
-
 def test_yaw_goes_the_shorter_way_and_big_turns_are_cut(plan: Plan) -> None:
     table = np.zeros((3, 8))
     table[:, 2] = [3.0, -3.0, 3.0]
@@ -135,12 +97,6 @@ def test_a_base_on_wheels_is_shown_on_its_arcs(plan: Plan) -> None:
     assert frames.lifted[1 : on_arc.sum()].all()
     assert not frames.lifted[on_arc.sum() :].any()
     assert (np.diff(frames.times) > 0).all()
-
-
-def test_a_plan_that_rests_is_one_frame(plan: Plan) -> None:
-    shown = _with(plan, np.zeros((1, 8)), ["setpoint"])
-    frames = key_frames(shown, display_times(shown))
-    assert len(frames.times) == 1
 
 
 @settings(max_examples=examples(50))

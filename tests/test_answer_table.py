@@ -19,7 +19,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from regionik.cli.app import run
-from regionik.cli.reach import workers_for
 from regionik.output import answers as module
 from regionik.output.answers import csv_header, csv_rows, parse_targets, stream_answers, write_answers
 from regionik.planners.progress import listening
@@ -253,11 +252,6 @@ def test_too_many_for_memory_is_one_line(
 def test_workers_or_dask(capfd: pytest.CaptureFixture[str]) -> None:
     assert run(["reach", "free", "--workers", "2", "--dask", "tcp://localhost:1"]) == 2
     assert "--workers and --dask" in capfd.readouterr().err
-
-
-def test_workers_are_as_many_as_targets_are_worth(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("regionik.executors.cores", lambda: 4)
-    assert [workers_for(count) for count in (0, 1, 1999, 2000, 10_000)] == [1, 1, 1, 2, 4]
 
 
 @pytest.mark.slow

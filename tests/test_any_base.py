@@ -6,16 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from shapely.geometry import Point, Polygon
 
-from regionik.planners.collision.convex_bodies import Piece
-from regionik.planners.collision.distances import obstacles_from
 from regionik.planners.collision.proximity import nearest
-from regionik.planners.collision.upright_solids import inradii, signed_distance, uprights_from
-from regionik.planners.driving.footprint import fits, fits_nowhere_near
-from regionik.planners.driving.footprint_scene import footprint_scene
+from regionik.planners.driving.footprint import fits
 from regionik.planners.reach.any_base import bound_cell
 from regionik.planners.reach.planar_cells import AWAY, PITCH, TURN, YAW
 from regionik.planners.search.box_search import Verdict
@@ -27,9 +20,8 @@ from regionik.scene import scene_of
 from regionik.verification.verifier import verify_answers
 from regionik.worlds.arms import planar_arm
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.obstacles import Box, Sphere
+from regionik.worlds.obstacles import Sphere
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
-from tests import examples
 from tests.maths import Array
 from tests.test_random_worlds import random_world
 
@@ -74,7 +66,7 @@ def is_answer(world: World, target: Target, base: Array, q: Array) -> bool:
 @pytest.mark.parametrize("robot", ["youbot", pytest.param("youbot-real", marks=pytest.mark.slow)])
 def test_a_cell_that_is_ruled_out_holds_no_answer(robot: str) -> None:
     rng, seen = np.random.default_rng(len(robot)), Counter[str]()
-    for seed in range(30):
+    for seed in range(10):
         world = replace(random_world(seed), robot=robot_named(robot))
         mount = prepared(scene_of(world)).mount
         for _ in range(60):
@@ -92,13 +84,13 @@ def test_a_cell_that_is_ruled_out_holds_no_answer(robot: str) -> None:
                     assert verdict != Verdict.RULED_OUT, (seed, spot, mid, half, elbow)
                     seen["answers"] += 1
             seen["ruled out"] += verdict == Verdict.RULED_OUT
-    assert seen["ruled out"] > 500
-    assert seen["answers"] > 50
+    assert seen["ruled out"] > 150
+    assert seen["answers"] > 15
 
 
 def test_what_is_found_passes_and_what_is_none_withstands_random_postures() -> None:
     rng, told = np.random.default_rng(3), Counter[Verdict]()
-    for seed in range(12):
+    for seed in range(6):
         world = random_world(seed)
         for spot in rng.uniform([0, -1, 0.02], [3, 1, 0.4], (6, 3)):
             target = Target(spot, world.task[0].direction, world.task[0].cone)
@@ -109,13 +101,13 @@ def test_what_is_found_passes_and_what_is_none_withstands_random_postures() -> N
             if looked.verdict == Verdict.RULED_OUT:
                 mount = prepared(scene_of(world)).mount
                 for mid in rng.uniform(
-                    [-np.pi, -np.pi, -0.6, mount.low], [np.pi, np.pi, 0.6, mount.high], (200, 4)
+                    [-np.pi, -np.pi, -0.6, mount.low], [np.pi, np.pi, 0.6, mount.high], (60, 4)
                 ):
                     for elbow in (-1.0, 1.0):
                         found = posture(world, target, mid, elbow)
                         assert found is None or not is_answer(world, target, *found)
-    assert told[Verdict.PROVEN] > 20
-    assert told[Verdict.RULED_OUT] > 5
+    assert told[Verdict.PROVEN] > 8
+    assert told[Verdict.RULED_OUT] > 2
 
 
 @pytest.mark.parametrize(("radius", "verdict"), [(0.245, "unreachable"), (0.155, "reachable")])
@@ -160,45 +152,6 @@ def kept_heading() -> World:
 
 def level(height: float, angle: float) -> Target:
     return Target(np.array([0.5, 0.2, height]), np.array([np.cos(angle), np.sin(angle), 0.0]), 0.05)
-
-
-@settings(max_examples=examples(50))
-@given(st.integers(0, 10_000))
-def test_no_point_of_a_solid_is_deeper_than_its_depth(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    box = Box("box", rng.uniform(0.1, 1, 3), np.array([0, 0, 0.5]), float(rng.uniform(0, 3)))
-    ball = Sphere("ball", float(rng.uniform(0.1, 1)), np.zeros(3))
-    solids = uprights_from([*pieces(box), *pieces(ball)])
-    deep = inradii(solids)
-    for spot in rng.uniform(-0.5, 1, (50, 3)):
-        for k in range(2):
-            assert signed_distance(solids, k, *spot) >= -deep[k] - 1e-12
-    assert signed_distance(solids, 0, 0.0, 0.0, 0.5) == pytest.approx(-deep[0])
-
-
-def pieces(solid: Box | Sphere) -> tuple[Piece, ...]:
-    return obstacles_from([solid]).pieces
-
-
-@settings(max_examples=examples(100))
-@given(st.integers(0, 10_000))
-def test_a_footprint_that_is_surely_out_fits_at_no_pose_nearby(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    outline = np.array([[0.3, 0.2], [-0.25, 0.2], [-0.3, -0.15], [0.3, -0.2]])
-    size, turn = np.array([*rng.uniform(0.05, 0.6, 2), 1.0]), float(rng.uniform(0, 3))
-    shadow = Box("box", size, np.array([0.5, 0.4, 0.5]), turn).shadow(0.2)
-    assert shadow is not None
-    room = footprint_scene(outline, shapely.box(-1, -1, 1, 1), [shadow], float(rng.uniform(0, 0.1)))
-    heart = np.array(shapely.maximum_inscribed_circle(Polygon(outline)).coords[0])
-    radius = Polygon(outline).exterior.distance(Point(heart))
-    x, y, yaw = rng.uniform([-1.2, -1.2, -np.pi], [1.2, 1.2, np.pi])
-    by = float(rng.uniform(0, 0.2))
-    if fits_nowhere_near(room, heart, radius, x, y, yaw, by):
-        far = np.hypot(*outline.T).max()
-        for share, turn in rng.uniform(-1, 1, (100, 2)):
-            angle, swing = rng.uniform(-np.pi, np.pi), turn * by / (2 * far)
-            off = abs(share) * (by - far * abs(swing))
-            assert not fits(room, x + off * np.cos(angle), y + off * np.sin(angle), yaw + swing)
 
 
 def test_a_base_keeps_the_heading_that_its_rules_fix_alone() -> None:

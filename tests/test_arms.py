@@ -23,9 +23,9 @@ from tests.kinds import Heading
 from tests.maths import Array, translation, wrap
 from tests.measures import axis_of, pose_of
 
-COUNT = 40
-BARE = ("hinge5", "dof10", "pioneer7")
-SERIAL = (*BARE, "lift", "lifted")
+COUNT = 20
+BARE = ("hinge5", "pioneer7")
+SERIAL = (*BARE, "lifted")
 
 
 def robot_of(name: str) -> Robot:
@@ -155,7 +155,7 @@ def test_self_motion_is_of_many_kinds_and_on_target(name: str) -> None:
         np.testing.assert_allclose(axis_of(robot, one.base), axis_of(robot, base), atol=1e-12)
 
 
-@pytest.mark.parametrize("name", [*BARE, "lift", "youbot"])
+@pytest.mark.parametrize("name", [*BARE, "youbot"])
 def test_least_change_goes_back_to_where_it_came_from(name: str) -> None:
     robot, rng = robot_of(name), np.random.default_rng(6)
     solver, base, near = Solver(robot), np.array([0.3, -0.1, 0.2]), 0

@@ -11,8 +11,6 @@ import shapely
 import trimesh
 
 from regionik.output.urdf import robot_to_urdf
-from regionik.planners.collision.proximity import describe, nearest
-from regionik.planners.collision.robot_bodies import bodies_from
 from regionik.values import Motion
 from regionik.view.world_picture import robot_meshes
 from regionik.worlds.chain import Chain
@@ -28,7 +26,7 @@ from regionik.worlds.urdf.bounding import convex_hull
 from regionik.worlds.urdf.collision import base_shape
 from regionik.worlds.urdf.decomposition import CollisionPart, mesh_part
 from regionik.worlds.urdf.loader import load_robot
-from tests.bodies import motion_clear, motion_through
+from tests.bodies import Guarded, motion_through
 from tests.kinds import Solid
 from tests.maths import Array, pose, translation
 from tests.plans import Proof, far_off, proofs_of
@@ -75,22 +73,22 @@ def test_what_touches_the_mast_in_every_posture_is_built_that_way() -> None:
 @pytest.mark.parametrize("turned", [0.0, 0.7, -2.0])
 def test_the_arm_keeps_off_the_mast(turned: float) -> None:
     robot = boom(turned)
-    bodies = bodies_from(robot, [])
+    alone = Guarded(robot)
     open_, folded = np.array([-turned, 0.0]), np.array([-turned, 3.0])
-    assert nearest(bodies, [1, 2, 0.3], open_, within=0.02).kind == "none"
-    touch = nearest(bodies, [1, 2, 0.3], np.array([np.pi - turned, 0.0]))
+    assert alone.nearest([1, 2, 0.3], open_, 0.02).kind == "none"
+    touch = alone.nearest([1, 2, 0.3], np.array([np.pi - turned, 0.0]))
     assert (touch.kind, touch.solid, touch.other) == ("self", 1, 2)
     assert touch.distance < 0
-    assert "rod 1 overlaps mast" in describe(bodies, touch)
-    assert nearest(bodies, [1, 2, 0.3], folded).distance > 0
-    swing = motion_clear(bodies, [0, 0, 0], open_, [0, 0, 0], open_ + [3.0, 0], 0.0)
+    assert "rod 1 overlaps mast" in alone.scene.guard.words(touch)
+    assert alone.nearest([1, 2, 0.3], folded).distance > 0
+    swing = alone.stop([0, 0, 0], open_, [0, 0, 0], open_ + [3.0, 0])
     assert swing is not None
     assert (swing.kind, swing.other) == ("self", 2)
 
 
 def test_the_distance_from_the_mast_is_that_of_the_solids() -> None:
     robot = boom(0.4)
-    bodies = bodies_from(robot, [])
+    alone = Guarded(robot)
     rng = np.random.default_rng(0)
     met = 0
     for joints in rng.uniform(-3.1, 3.1, (200, 2)):
@@ -100,7 +98,7 @@ def test_the_distance_from_the_mast_is_that_of_the_solids() -> None:
         )
         off = np.abs(line - MAST.T_link_box[:3, 3]) - MAST.size / 2
         outside = np.linalg.norm(np.maximum(off, 0), axis=1).min() - 0.02
-        touch = nearest(bodies, rng.uniform(-2, 2, 3), joints)
+        touch = alone.nearest(rng.uniform(-2, 2, 3), joints)
         if touch.kind == "self" and outside > 0:
             assert touch.distance == pytest.approx(outside, abs=1e-4)
             met += 1
@@ -109,20 +107,20 @@ def test_the_distance_from_the_mast_is_that_of_the_solids() -> None:
 
 def test_the_mast_keeps_off_what_the_base_drives_under() -> None:
     robot = boom()
-    bodies = bodies_from(robot, [BEAM])
+    beam = Guarded(robot, BEAM)
     joints = np.array([0.0, 0.0])
-    touch = nearest(bodies, [1.2, 0, 0], joints)
+    touch = beam.nearest([1.2, 0, 0], joints)
     assert (touch.kind, touch.solid, touch.other) == ("obstacle", 2, 0)
     assert touch.distance == pytest.approx(-0.1)
-    assert nearest(bodies, [1.05, 0, 0], joints).distance == pytest.approx(0.05)
-    blocked = motion_clear(bodies, [0, 0, 0], joints, [2, 0, 0], joints, 0.0)
+    assert beam.nearest([1.05, 0, 0], joints).distance == pytest.approx(0.05)
+    blocked = beam.stop([0, 0, 0], joints, [2, 0, 0], joints)
     assert blocked is not None
     assert (blocked.solid, blocked.other) == (2, 0)
-    assert motion_clear(bodies, [0, 0, 0], joints, [1.0, 0.4, 0], joints, 0.05) is None
+    assert beam.stop([0, 0, 0], joints, [1.0, 0.4, 0], joints, 0.05) is None
     # Half a turn on the spot takes the mast from behind the arm under the beam.
-    assert motion_clear(bodies, [0.8, 0, 0], joints, [0.8, 0, 3.0], joints, 0.0) is not None
-    low = bodies_from(replace(robot, base_solids=()), [BEAM])
-    assert motion_clear(low, [0, 0, 0], joints, [2, 0, 0], joints, 0.0) is None
+    assert beam.stop([0.8, 0, 0], joints, [0.8, 0, 3.0], joints) is not None
+    low = Guarded(replace(robot, base_solids=()), BEAM)
+    assert low.stop([0, 0, 0], joints, [2, 0, 0], joints) is None
 
 
 # --- proofs

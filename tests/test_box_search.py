@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 from regionik.planners.kernels import compiled
 from regionik.planners.search.box_search import (
     JUDGED,
-    PROVEN,
-    QUEUED,
     WHOLE,
     Boxes,
     Verdict,
@@ -25,7 +23,6 @@ from regionik.planners.search.box_search import (
     explore_in_kernel,
     left_open,
     proven,
-    reopen,
     verdict_of,
 )
 from regionik.worlds.arrays import Index
@@ -117,41 +114,6 @@ def test_no_box_is_bisected_after_the_budget(budget: int) -> None:
     for most in range(2, budget + 1):  # in steps it is the same search
         again = explore(judge, Ring(0.5, 0.7), again, most, EVERY)
     np.testing.assert_array_equal(boxes.low[left_open(boxes)], again.low[left_open(again)])
-
-
-def test_the_largest_key_comes_first() -> None:
-    boxes = search(Ring(0.5, 0.7), *square(), 300, EVERY)
-    queued = boxes.order[: boxes.tally[QUEUED]]
-    key = boxes.key[queued]
-    for k in range(1, len(key)):
-        assert key[k] <= key[(k - 1) // 2]
-    assert key.max() <= 2 * key.min()  # what is widest was bisected, so all are about as wide
-
-
-def test_a_box_that_is_reopened_is_searched_on() -> None:
-    ring = Ring(0.2, 0.9)
-    boxes = search(ring, *square(), EVERY, 1)
-    found = proven(boxes).tolist()
-    assert verdict_of(boxes) == Verdict.PROVEN
-    spot = boxes.low[found[0]].copy(), boxes.high[found[0]].copy()
-    for slot in found:
-        reopen(boxes, slot)
-    assert boxes.tally[PROVEN] == 0
-    assert sorted(boxes.order.tolist()) == list(range(len(boxes.order)))
-    boxes = explore(judge, ring, boxes, EVERY, EVERY)
-    whole = search(ring, *square(), EVERY, EVERY)
-    assert area(boxes, proven(boxes)) == pytest.approx(area(whole, proven(whole)))
-    inside = (boxes.low[proven(boxes)] >= spot[0]) & (boxes.high[proven(boxes)] <= spot[1])
-    assert inside.all(1).sum() >= 2  # its halves
-
-
-def test_a_point_is_not_bisected() -> None:
-    spot = np.zeros((1, 2))
-    boxes = search(Ring(0.0, 0.0), spot, spot, EVERY, EVERY)
-    assert verdict_of(boxes) == Verdict.PROVEN
-    boxes = begin(lambda *_: (Verdict.OPEN, 0.0, 0), None, spot, spot)
-    boxes = explore(lambda *_: (Verdict.OPEN, 0.0, 0), None, boxes, 10, 1)
-    assert (verdict_of(boxes), boxes.tally[JUDGED]) == (Verdict.OPEN, 1)
 
 
 def test_verdicts() -> None:

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from regionik.planners.solvers.closed_form import EXACTLY, decomposition, postures_at
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
+from tests import examples
 from tests.maths import Array
 
 H = np.pi / 2
@@ -57,7 +58,7 @@ def off(chain: Chain, found: Array, tools: Array) -> float:
 
 
 @pytest.mark.parametrize("name", ["ur", "puma", "skewed"])
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(seed=st.integers(0, 10**6))
 def test_a_posture_is_among_those_of_its_pose(name: str, seed: int) -> None:
     chain = ARMS[name]
@@ -71,7 +72,7 @@ def test_a_posture_is_among_those_of_its_pose(name: str, seed: int) -> None:
     assert apart.min() <= 1e-5
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 @given(seed=st.integers(0, 10**6))
 def test_seven_joints_have_postures_all_along_the_sweep(seed: int) -> None:
     chain = ARMS["panda"]

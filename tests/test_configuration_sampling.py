@@ -5,20 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 from itertools import islice
-from typing import Any
 
 import numpy as np
 import pytest
 import shapely
 
-from regionik.areas.standing import spread
 from regionik.mfabrik import configurations
 from regionik.moving.base_motion import Candidate
-from regionik.moving.configuration_sampling import HEADINGS, KEPT, PLACES, ConfigurationSampler, Evidence
+from regionik.moving.configuration_sampling import HEADINGS, ConfigurationSampler
 from regionik.moving.path_following import ResolvedMotion
-from regionik.moving.path_search import PathSearch
-from regionik.planners.collision.proximity import Touch
-from regionik.postures.poses import Pose
 from regionik.pruning import Pruned, choose_chain, solvers_along, start_place, start_pose, whole_path
 from regionik.scene import scene_of
 from regionik.worlds.documents.world_file import load_world
@@ -96,108 +91,3 @@ def test_the_same_options_again() -> None:
         np.testing.assert_array_equal(a.pose.joints, b.pose.joints)
         np.testing.assert_array_equal(a.pose.base, b.pose.base)
     assert len(world.task) == 21
-
-
-def test_without_avoidance_there_is_only_what_mfabrik_found() -> None:
-    world, pruned, nominal = prepared("shelf")
-    bare = replace(world, rules=replace(world.rules, avoidance=False))
-    looking = ConfigurationSampler(
-        scene_of(bare), scene_of(bare).guard, pruned.ladder, scene_of(world).free_floor.anywhere, 0
-    )
-    assert list(looking.options(3, [nominal[3].component], nominal[2].pose, nominal[3])) == [nominal[3]]
-    assert not looking.evidence
-
-
-def test_a_place_offers_the_postures_that_change_least() -> None:
-    _, _, nominal = prepared("shelf")
-    looking, here = sampler("shelf"), nominal[4].pose
-    options = list(looking.options(5, [nominal[5].component], here, nominal[5]))
-    elsewhere = options[-2 * KEPT :]
-    axes = [tuple(axis_of(load_world("shelf").robot, spot.pose.base).round(9)) for spot in options]
-    assert max(axes.count(axis) for axis in set(axes[2:])) <= KEPT
-    assert len(elsewhere) == 2 * KEPT
-
-
-def test_evidence_counts_what_was_looked_at_and_keeps_the_best() -> None:
-    seen, off = Evidence(), np.zeros(3)
-    for distance, kind in ((-0.2, "obstacle"), (0.01, "obstacle"), (-0.1, "obstacle")):
-        seen.add(off, Touch(distance, 0, kind, 0, off, off), distance)  # type: ignore[arg-type]
-    seen.add(off, Touch(np.inf, -1, "none", -1, off, off), np.inf)
-    assert (seen.postures, seen.clear) == (4, 1)
-    seen = Evidence()
-    seen.add(off, Touch(-0.2, 0, "obstacle", 0, off, off), -0.2)
-    seen.add(off, Touch(-0.1, 1, "obstacle", 0, off, off), -0.1)
-    assert seen.best is not None
-    assert seen.best.solid == 1
-
-
-def test_a_search_is_told_as_evidence() -> None:
-    world, pruned, nominal = prepared("shelf")
-    shut = replace(world, rules=replace(world.rules, arm_clearance=0.2))
-    looking = ConfigurationSampler(
-        scene_of(shut), scene_of(shut).guard, pruned.ladder, scene_of(world).free_floor.anywhere, 0
-    )
-    here = Pose(np.zeros(3), world.robot.carry)
-    assert list(looking.options(0, [nominal[0].component], here, nominal[0])) == []
-    seen = looking.evidence[0]
-    assert len(seen.places) > 1
-    assert seen.postures > len(seen.places)
-    assert seen.clear == 0
-    assert seen.best is not None
-    assert seen.best.kind == "obstacle"
-
-
-def search_without_start(name: str, **rules: Any) -> PathSearch:
-    """What is left of a search once it asks why not."""
-    world, pruned, _ = prepared(name)
-    asked = replace(world, rules=replace(world.rules, **rules))
-    looking = ConfigurationSampler(
-        scene_of(asked), scene_of(asked).guard, pruned.ladder, scene_of(world).free_floor.anywhere, 0
-    )
-    nobody: Any = None
-    return PathSearch(scene_of(asked), looking, nobody, nobody)
-
-
-def test_postures_that_are_clear_are_not_said_to_touch_nothing_at_best() -> None:
-    search, off = search_without_start("shelf", mode="stops", stop_tolerance=0.01), np.zeros(3)
-    seen = search.sampler.evidence[0] = Evidence()
-    seen.add(off, Touch(-0.2, 0, "obstacle", 0, off, off), -0.2)
-    seen.add(off, Touch(np.inf, -1, "none", -1, off, off), np.inf)
-    reason = search.why_not(0, None).reason
-    assert "touches nothing in 1 of 2 postures that were looked at" in reason
-    assert "all round the circle of 0.01 m to park in" in reason
-    assert "nothing is near" not in reason
-
-
-def test_places_are_counted_wherever_postures_were_looked_at() -> None:
-    search = search_without_start("shelf", arm_clearance=0.2)
-    _, _, nominal = prepared("shelf")
-    assert not search.sampler.clear(0, nominal[0].pose)
-    assert "of 1 posture at 1 place that were looked at none is clear" in search.why_not(0, None).reason
-
-
-def test_without_any_posture_no_number_of_them_is_told() -> None:
-    assert (
-        "no posture within the joint limits was found"
-        in search_without_start("shelf").why_not(0, None).reason
-    )
-
-
-@pytest.mark.parametrize(
-    "area",
-    [
-        pytest.param(shapely.box(-1, -1, 2, 1), id="box"),
-        pytest.param(shapely.Point(0, 0).buffer(1) - shapely.Point(0, 0).buffer(0.95), id="ring"),
-        pytest.param(shapely.LineString([(0, 0), (1, 1)]).buffer(1e-4), id="sliver"),
-        pytest.param(shapely.box(3, 3, 3.001, 3.001), id="speck"),
-    ],
-)
-def test_places_are_spread_inside(area: shapely.Polygon) -> None:
-    for count in (1, 7, PLACES):
-        points = spread(area, count, 3)
-        assert 1 <= len(points) <= count
-        assert shapely.covers(area, shapely.points(points)).all()
-        np.testing.assert_array_equal(points, spread(area, count, 3))
-        assert len(np.unique(points, axis=0)) == len(points)
-    quarters = spread(shapely.box(0, 0, 1, 1), 24, 0) > 0.5
-    assert len(np.unique(quarters, axis=0)) == 4

@@ -91,18 +91,6 @@ def test_no_point_of_a_link_moves_farther_than_the_bound(seed: int, far: float) 
         assert abs(spots[1] - spots[0]) <= bound + 1e-12
 
 
-def test_an_arm_that_turns_against_its_base_has_more_room_than_one_that_turns() -> None:
-    swung = []
-    for yaw in (0.0, -1.0):
-        motion = bent([0.0] * 6)
-        q = np.column_stack([motion.base, motion.joints])
-        q[:, 3] += 0.2 * np.abs(np.arange(len(q)) - 3)
-        q[:, 2] += yaw * (q[:, 3] - q[0, 3])
-        found = rounded_within(LIMITS, motion_of(q), np.full(len(q), ASKED.blend))
-        swung.append(float(np.abs(found.joints[:, 0] - q[3, 3]).min()))
-    assert swung[1] > 1.5 * swung[0] > 0
-
-
 def test_a_corner_bends_less_the_more_room_there_is() -> None:
     sharpest = []
     for blend in (1e-5, 1e-4, 1e-3):
@@ -114,14 +102,6 @@ def test_a_corner_bends_less_the_more_room_there_is() -> None:
         length = np.linalg.norm(hops, axis=1)
         sharpest.append(float((2 * turn / (length[1:] + length[:-1])).max()))
     assert sharpest[0] > 1.5 * sharpest[1] > 1.5**2 * sharpest[2]
-
-
-def test_states_without_room_stay_where_they_are() -> None:
-    motion = bent([0.0, 0.02, -0.02])
-    fast = replace(ASKED, base_velocity=5.0, joint_velocity=100.0, tool_velocity=None)
-    found = rounded_within(replace(LIMITS, speeds=fast), motion, np.zeros(len(motion)))
-    assert len(found) == len(motion)
-    assert np.array_equal(found.base, motion.base)
 
 
 def test_time_is_stretched_where_it_must_be_and_nowhere_else() -> None:
@@ -203,19 +183,6 @@ def test_a_plan_that_breaks_its_rules_is_refused_whatever_it_lists() -> None:
     before = planned("free")
     with pytest.raises(InputError, match="breaks its own rules"):
         retime(replace(before, setpoints=before.setpoints[:3]), ASKED)
-
-
-def test_long_slow_segments_beside_short_ones_are_rounded_or_left() -> None:
-    """Instants between some milliseconds and an hour apart: the least jerk is no longer to be computed."""
-    asked = Speeds(base_velocity=1e-4, joint_velocity=1e-4, blend=0.01)
-    x = np.cumsum([0.0, 5.0, 0.02, 0.02, 5.0, 5.0])
-    base = np.column_stack([x, 0.1 * np.sin(x), 0 * x])
-    joints = np.outer(base[:, 1], [0.5, -0.3, 0.2, 0.0, 0.1]) + [1.0, 1.2, -1.0, 0.8, 0.5]
-    motion = motion_of(np.column_stack([base, joints]))
-    limits = MotionLimits(robot_named("youbot"), asked)
-    found = rounded_within(limits, motion, np.full(len(motion), asked.blend))
-    assert np.isfinite(found.base).all()
-    assert np.array_equal(found.base[[0, -1]], motion.base[[0, -1]])
 
 
 @pytest.mark.slow

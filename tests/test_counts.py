@@ -9,7 +9,7 @@ from tests.counts import counts, main, shares_of_tests
 from tests.faces import FACES
 
 ROOT = Path(__file__).parent.parent
-LEAST = 53.0  # of lines of test functions, by public names and faces [%]: it may rise and must not fall
+LEAST = 60.0  # of lines of test functions, by public names and faces [%]: it may rise and must not fall
 MOST_FACES = 36
 
 FILES = {

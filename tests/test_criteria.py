@@ -13,9 +13,7 @@ from hypothesis import strategies as st
 from regionik.areas.reachable import planar_reach, reach_model
 from regionik.mfabrik import Solver
 from regionik.pipeline import plan
-from regionik.planners.reach.criteria_paving import distances_within_thresholds
-from regionik.planners.reach.rings import FREE
-from regionik.planners.solvers.posture_criteria import Thresholds, posture_margin, thresholds_of
+from regionik.planners.solvers.posture_criteria import posture_margin, thresholds_of
 from regionik.regions import admissible_area, outer_areas
 from regionik.scene import scene_of
 from regionik.verification import limits
@@ -206,10 +204,10 @@ def test_thresholds_of_nothing_leave_the_plain_area() -> None:
 @pytest.mark.parametrize(
     "rising",
     [
-        [Criteria(manipulability=w) for w in (0.001, 0.005, 0.01, 0.02, 0.03)],
-        [Criteria(joint_margin=m) for m in (0.02, 0.1, 0.2, 0.4)],
-        [Criteria(effort=t) for t in (12.0, 8.0, 4.0, 2.0, 1.0)],
-        [Criteria(0.02 - 0.002 * t, 0.2 - 0.02 * t, float(t)) for t in (9, 7, 5, 3)],
+        [Criteria(manipulability=w) for w in (0.001, 0.01, 0.03)],
+        [Criteria(joint_margin=m) for m in (0.02, 0.4)],
+        [Criteria(effort=t) for t in (12.0, 4.0, 1.0)],
+        [Criteria(0.02 - 0.002 * t, 0.2 - 0.02 * t, float(t)) for t in (9, 5, 3)],
     ],
 )
 def test_a_higher_threshold_never_adds_area(rising: list[Criteria]) -> None:
@@ -225,7 +223,7 @@ def test_a_higher_threshold_never_adds_area(rising: list[Criteria]) -> None:
     assert wide.outer.area < 0.8 * first
 
 
-@settings(max_examples=8)
+@settings(max_examples=examples(50))
 @given(SEEDS, st.sampled_from([0.0, 0.04]))
 def test_postures_that_meet_all_lie_in_the_outer_rings(seed: int, aside: float) -> None:
     robot, rng = planar_robot(seed, aside), np.random.default_rng(seed)
@@ -291,7 +289,7 @@ def lacking(robot: Robot, asked: Criteria, joints: Array) -> Array:
 
 def test_what_is_left_undecided_is_mostly_thin() -> None:
     gaps = []
-    for seed in range(15):
+    for seed in range(6):
         robot = planar_robot(seed)
         asked = some_criteria(robot, seed)
         _, z = spot_of(robot, postures(robot, np.random.default_rng(seed), 1)[0])
@@ -339,24 +337,6 @@ def test_a_load_that_a_roll_turns_is_taken_at_its_worst_and_at_its_best() -> Non
     assert admissible_area(World("test", off, FLOOR), [0, 0, 0.3], tight).inner.is_empty
 
 
-def test_nothing_is_paved_where_nothing_is_in_reach() -> None:
-    robot = robot_named("youbot")
-    asked = Thresholds(0.01, np.zeros((3, 2)), np.full(3, np.inf))
-    inner, outer = distances_within_thresholds(plane(robot), asked, FREE, 0.3, np.empty((0, 2)))
-    assert inner.shape == outer.shape == (0, 2)
-
-
-@pytest.mark.parametrize("z", [0.2, 0.35, 0.5])
-def test_intervals_end_at_the_axis(z: float) -> None:
-    """A posture in front of the axis and one behind it are of two families, whatever criteria leave."""
-    model = planar_reach(weighed(robot_named("youbot-real")))
-    assert model is not None
-    for effort in (3.0, 4.6, 6.0, 9.0):
-        _, spans = model.intervals(Criteria(effort=effort), np.array([z]), inner=False)
-        assert not ((spans[:, 0] < 0) & (spans[:, 1] > 0)).any()
-        assert (spans[1:, 0] >= spans[:-1, 1] - 1e-12).all()
-
-
 @pytest.mark.parametrize(("kind", "seed"), [("floor", 91), ("ground", 89)])
 def test_outer_areas_under_criteria_are_valid(kind: str, seed: int) -> None:
     """Worlds of the soak whose sectors crossed the axis and themselves."""
@@ -367,7 +347,7 @@ def test_outer_areas_under_criteria_are_valid(kind: str, seed: int) -> None:
 # --- solvers, plans, verify
 
 
-@pytest.mark.parametrize("asked", [Criteria(0.01), Criteria(joint_margin=0.12), Criteria(0.005, 0.05, 8.0)])
+@pytest.mark.parametrize("asked", [Criteria(joint_margin=0.12), Criteria(0.005, 0.05, 8.0)])
 def test_m_fabrik_finds_postures_that_meet_all(asked: Criteria) -> None:
     robot = weighed(robot_named("youbot"))
     area = admissible_area(World("test", robot, FLOOR), [0, 0, 0.25], asked)
@@ -383,9 +363,7 @@ def test_m_fabrik_finds_postures_that_meet_all(asked: Criteria) -> None:
     assert all(reach_model(robot, "point").meets(asked, q) for q in joints)
 
 
-@pytest.mark.parametrize(
-    "asked", [Criteria(0.012), Criteria(joint_margin=0.1), Criteria(effort=8.0), Criteria(0.01, 0.05, 9.0)]
-)
+@pytest.mark.parametrize("asked", [Criteria(joint_margin=0.1), Criteria(0.01, 0.05, 9.0)])
 def test_plans_keep_criteria_at_their_set_points(asked: Criteria) -> None:
     bare = load_world("wall")
     world = replace(bare, robot=weighed(bare.robot), rules=replace(bare.rules, criteria=asked))

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from regionik.worlds.links import LinkBox
 from regionik.worlds.urdf.bounding import volume
-from regionik.worlds.urdf.decomposition import CollisionPart, clip_triangles, decompose, mesh_part
+from regionik.worlds.urdf.decomposition import CollisionPart, decompose, mesh_part
 from tests import examples
 from tests.kinds import LinkSolid
 from tests.maths import Array, pose
@@ -39,11 +38,6 @@ def inside(mesh: trimesh.Trimesh, count: int) -> Array:
     rng = np.random.default_rng(0)
     boxes = mesh.split(only_watertight=False)
     return np.concatenate([rng.uniform(box.bounds[0], box.bounds[1], (count, 3)) for box in boxes])
-
-
-def area(triangles: Array) -> float:
-    sides = np.diff(triangles, axis=1)
-    return float(np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1).sum() / 2)
 
 
 def outermost(solids: tuple[LinkSolid, ...], points: Array) -> float:
@@ -103,23 +97,3 @@ def test_solids_that_are_known_are_taken() -> None:
     box = LinkBox(0, "box", np.eye(4), np.array([1.0, 2.0, 3.0]))
     (piece,) = decompose([CollisionPart(0, "box", box.corners, NO_SURFACE, box)])
     assert piece.solid is box
-
-
-@settings(max_examples=examples(60))
-@given(st.integers(0, 2**32 - 1), st.floats(-1, 1))
-def test_clipping_keeps_area_and_side(seed: int, offset: float) -> None:
-    rng = np.random.default_rng(seed)
-    triangles, normal = rng.normal(size=(20, 3, 3)), rng.normal(size=3)
-    normal /= np.linalg.norm(normal)
-    above, below = clip_triangles(triangles, normal, offset), clip_triangles(triangles, -normal, -offset)
-    assert (above @ normal >= offset - 1e-9).all()
-    assert (below @ normal <= offset + 1e-9).all()
-    assert area(above) + area(below) == pytest.approx(area(triangles))
-
-
-def test_corners_on_the_plane_belong_to_both_sides() -> None:
-    triangle = np.array([[[0.0, 0, 0], [1, 0, 0], [0, 0, 1]]])
-    up = np.array([0.0, 0, 1])
-    assert clip_triangles(triangle, up, 0.0).tolist() == triangle.tolist()
-    below = clip_triangles(triangle, -up, 0.0)
-    assert np.ptp(below.reshape(-1, 3), axis=0).tolist() == [1, 0, 0]

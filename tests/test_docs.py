@@ -29,7 +29,7 @@ def alike(told: str, said: str) -> bool:
     )
 
 
-SLOW = {"tutorial.md"}
+SLOW = {"tutorial.md", "howto/criteria.md"}
 
 
 @pytest.mark.parametrize(

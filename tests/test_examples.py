@@ -49,6 +49,7 @@ def test_examples_are_numbered_from_one() -> None:
     assert NOTEBOOKS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
 def test_notebook_runs_and_its_values_show_themselves(notebook: Path, tmp_path: Path) -> None:
     (tmp_path / "cells.json").write_text(json.dumps(code_of(notebook)))

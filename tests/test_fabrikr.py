@@ -10,14 +10,9 @@ import pytest
 from benchmarks.tables.batch import solve_batch
 from benchmarks.tables.goals import aim_at, solve_goal
 from regionik.planners.solvers.fabrikr import (
-    backward_choice,
     backward_pass,
-    backward_place,
     backward_step,
-    forward_choice,
     forward_pass,
-    forward_place,
-    forward_start,
     held,
     posture_of,
 )
@@ -160,36 +155,6 @@ def test_points_lie_on_their_axes_and_travel_with_both_bodies(name: str) -> None
         axis = frames[k, :3, :3] @ chain.joints[k].axis
         for point in (posture.outer[k], posture.inner[k]):
             assert np.linalg.norm(np.cross(point - frames[k, :3, 3], axis)) < 1e-12
-
-
-@pytest.mark.parametrize("name", CHAINS)
-def test_single_steps_make_up_a_pass(name: str) -> None:
-    # A caller may replace a choice: here it replaces it by itself.
-    chain = CHAINS[name]
-    bodies, goal = arm_model(chain).pointing, reachable(chain, 1, 5)[0]
-    start = np.clip(np.linspace(0.2, 0.5, chain.dof), chain.lower, chain.upper)
-    whole, single = posture_of(bodies, start), posture_of(bodies, start)
-    forward_pass(bodies, goal, whole)
-    backward_pass(bodies, whole)
-    forward_start(bodies, goal, single)
-    for k in range(len(single.joints) - 1, 0, -1):
-        forward_place(bodies, k, forward_choice(bodies, k, single), single)
-    for k in range(len(single.joints)):
-        value = backward_choice(bodies, k, single)
-        backward_place(bodies, k, value, single)
-    np.testing.assert_array_equal(whole.outer, single.outer)
-    np.testing.assert_array_equal(whole.joints, single.joints)
-
-
-def test_a_replaced_choice_is_what_the_rest_builds_on() -> None:
-    chain = robot_named("dof10").chain
-    bodies, goal = arm_model(chain).pointing, reachable(chain, 1, 6)[0]
-    posture = posture_of(bodies, np.linspace(0.2, 0.5, 10))
-    forward_pass(bodies, goal, posture)
-    for k in range(10):
-        value = backward_choice(bodies, k, posture)
-        backward_place(bodies, k, value + (0.3 if k == 4 else 0.0), posture)
-    np.testing.assert_allclose(posture.outer[-1], chain.forward(posture.joints)[:3, 3], atol=1e-13)
 
 
 def test_equation_6_makes_the_next_axis_normal_to_the_line() -> None:

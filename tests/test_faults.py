@@ -25,11 +25,11 @@ from regionik.cli.app import run
 from regionik.planners import kernels
 from regionik.storage.files import write_atomic
 from regionik.view import viewer
-from regionik.worlds.bundled import world_path
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import EngineError, InputError
 from tests.faulty import CASES, LONGEST
 
+FREE = Path(__file__).parent.parent / "worlds" / "data" / "free.world.yaml"
 ENDS = {"interrupted": 130, "terminated": 143, "killed": -9, "cramped": 2}
 
 
@@ -171,7 +171,7 @@ def test_what_is_read_is_not_written_over(
     command: str, told: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     texts = {
-        "a.world.yaml": world_path("free").read_text("utf-8"), "a.csv": "x,y,z\n1,0,0.3\n", "a.npz": "x,y,z\n"
+        "a.world.yaml": FREE.read_text("utf-8"), "a.csv": "x,y,z\n1,0,0.3\n", "a.npz": "x,y,z\n"
     }  # fmt: skip
     for name, text in texts.items():
         (tmp_path / name).write_text(text, "utf-8")
@@ -198,7 +198,7 @@ def test_streams_that_are_full_or_closed(end: str, code: int, words: str) -> Non
 
 def test_letters_that_the_terminal_does_not_know(tmp_path: Path) -> None:
     world = tmp_path / "frée.world.yaml"
-    world.write_text(world_path("free").read_text("utf-8"), "utf-8")
+    world.write_text(FREE.read_text("utf-8"), "utf-8")
     run = [sys.executable, "-m", "regionik", "reach", str(world), "--target", "9", "0", "0.3"]
     settings = {"PYTHONIOENCODING": "ascii", "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
     done = subprocess.run(run, capture_output=True, text=True, env={**os.environ, **settings}, check=False)
@@ -209,7 +209,7 @@ def test_letters_that_the_terminal_does_not_know(tmp_path: Path) -> None:
 @contextmanager
 def shown() -> Iterator[tuple[subprocess.Popen[str], int]]:
     """A live view in a process of its own, and its server's number."""
-    run = [sys.executable, "-m", "regionik", "show", "--live", str(world_path("free")), "--no-browser"]
+    run = [sys.executable, "-m", "regionik", "show", "--live", str(FREE), "--no-browser"]
     pipes = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
     with subprocess.Popen(run, text=True, **pipes) as process:  # type: ignore[call-overload]
         try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from regionik.cli.app import run
 from regionik.output.export import write_field
-from regionik.reachability.field import MOST_CELLS, Field, count_rings, near_piece, reach_field, reach_slice
+from regionik.reachability.field import MOST_CELLS, reach_field, reach_slice
 from regionik.reachability.reach import reach
 from regionik.regions import admissible_area
 from regionik.worlds.documents.world_file import load_world
@@ -47,11 +48,13 @@ WORLDS = {
 }
 
 
-def counted_by_areas(world: World, field: Field, targets: list[Target], *, inner: bool) -> NDArray[np.int64]:
-    total = np.zeros(field.values.shape, dtype=np.int64)
+def counted_by_areas(
+    world: World, x: Array, y: Array, targets: list[Target], *, inner: bool
+) -> NDArray[np.int64]:
+    total = np.zeros((len(y), len(x)), dtype=np.int64)
     for target in targets:
         area = admissible_area(world, target)
-        total += shapely.contains_xy(area.inner if inner else area.outer, field.x[None], field.y[:, None])
+        total += shapely.contains_xy(area.inner if inner else area.outer, x[None], y[:, None])
     return total
 
 
@@ -63,8 +66,8 @@ def test_counts_lie_between_inner_and_outer_areas(name: str) -> None:
     field = reach_field(world, targets, CELL)
     assert field.most == 25
     assert field.values.max() > 0
-    assert (field.values >= counted_by_areas(world, field, targets, inner=True)).all()
-    assert (field.values <= counted_by_areas(world, field, targets, inner=False)).all()
+    assert (field.values >= counted_by_areas(world, field.x, field.y, targets, inner=True)).all()
+    assert (field.values <= counted_by_areas(world, field.x, field.y, targets, inner=False)).all()
     assert (np.isnan(field.heading) | (field.values > 0)).all()
 
 
@@ -73,7 +76,7 @@ def test_directions_count_by_their_areas() -> None:
     targets = [Target(row, np.array([1.0, 0, 0]), 0.3) for row in targets_in(world, 25)]
     field = reach_field(world, targets, CELL)
     assert field.values.max() > 0
-    assert np.array_equal(field.values, counted_by_areas(world, field, targets, inner=True))
+    assert np.array_equal(field.values, counted_by_areas(world, field.x, field.y, targets, inner=True))
 
 
 def test_one_heading_serves_all_that_a_place_counts() -> None:
@@ -99,8 +102,7 @@ def test_no_targets_and_no_floor() -> None:
     assert reach_slice(narrow, 0.3, 0.5).values.max() <= 1
 
 
-@pytest.mark.parametrize("name", ["l_shape", "headings"])
-@pytest.mark.parametrize("height", [0.1, 0.4])
+@pytest.mark.parametrize(("name", "height"), [("l_shape", 0.1), ("headings", 0.4)])
 def test_a_slice_is_what_bulk_answers_say(name: str, height: float) -> None:
     world = replace(WORLDS[name], rules=replace(WORLDS[name].rules, avoidance=False))  # a slice sees no arm
     field = reach_slice(world, height, 0.45)
@@ -120,15 +122,6 @@ def test_a_slice_above_the_arm_is_empty() -> None:
     assert field.values.max() == 0
 
 
-def test_rings_are_counted_once_where_they_overlap() -> None:
-    x, y = np.linspace(0.5, 4.5, 5), np.linspace(0.5, 3.5, 4)
-    centers, free = np.array([[2.5, 1.5], [9.0, 9.0]]), np.ones((4, 5), dtype=bool)
-    spans = [np.array([[0.0, 1.0], [0.5, 1.1]]), np.array([[0.0, 1.0]])]
-    free[1, 1] = False
-    count = count_rings(centers, spans, x, y, free)
-    assert count.tolist() == [[0, 0, 1, 0, 0], [0, 0, 1, 1, 0], [0, 0, 1, 0, 0], [0, 0, 0, 0, 0]]
-
-
 @pytest.mark.parametrize("cell", [0.0, -1.0, float("nan"), 1e-6])
 def test_wrong_cells(cell: float) -> None:
     with pytest.raises(InputError, match="cell: "):
@@ -146,45 +139,43 @@ def test_wrong_targets_and_heights() -> None:
 # Files --------------------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def found() -> Field:
-    return reach_field(WORLDS["l_shape"], targets_in(WORLDS["l_shape"], 40), CELL)
+found = cache(lambda: reach_field(WORLDS["l_shape"], targets_in(WORLDS["l_shape"], 40), CELL))
 
 
-def test_arrays_read_back(found: Field, tmp_path: Path) -> None:
-    write_field(found, tmp_path / "f.npz")
+def test_arrays_read_back(tmp_path: Path) -> None:
+    write_field(found(), tmp_path / "f.npz")
     with np.load(tmp_path / "f.npz") as there:
-        assert np.array_equal(there["values"], found.values)
-        assert np.array_equal(there["x"], found.x)
+        assert np.array_equal(there["values"], found().values)
+        assert np.array_equal(there["x"], found().x)
         assert int(there["most"]) == 40
         assert np.isnan(there["height"])
 
 
-def test_geotiff_reads_back(found: Field, tmp_path: Path) -> None:
-    write_field(found, tmp_path / "f.tif")
+def test_geotiff_reads_back(tmp_path: Path) -> None:
+    write_field(found(), tmp_path / "f.tif")
     with rasterio.open(tmp_path / "f.tif") as there:
-        assert np.array_equal(there.read(1)[::-1], found.values)
+        assert np.array_equal(there.read(1)[::-1], found().values)
         x, y = there.xy(there.height - 1, 0)
-        assert (x, y) == pytest.approx((found.x[0], found.y[0]))
+        assert (x, y) == pytest.approx((found().x[0], found().y[0]))
         assert there.tags()["most"] == "40"
         assert there.crs is not None
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".tif", ".png", ".svg"])
-def test_the_same_field_gives_the_same_bytes(found: Field, suffix: str, tmp_path: Path) -> None:
+def test_the_same_field_gives_the_same_bytes(suffix: str, tmp_path: Path) -> None:
     for name in ("one", "two"):
-        write_field(found, tmp_path / f"{name}{suffix}")
+        write_field(found(), tmp_path / f"{name}{suffix}")
     data = (tmp_path / f"one{suffix}").read_bytes()
     assert data == (tmp_path / f"two{suffix}").read_bytes()
     assert len(data) > 500
 
 
-def test_other_files_are_refused(found: Field, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_other_files_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(InputError, match=r"\.npz, \.tif"):
-        write_field(found, tmp_path / "f.txt")
+        write_field(found(), tmp_path / "f.txt")
     monkeypatch.setitem(sys.modules, "rasterio", None)
     with pytest.raises(InputError, match=r"regionik\[geotiff\]"):
-        write_field(found, tmp_path / "f.tif")
+        write_field(found(), tmp_path / "f.tif")
     assert not list(tmp_path.iterdir())
 
 
@@ -215,21 +206,6 @@ def test_the_command(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
         out, err = capfd.readouterr()
         assert (out, len(err.splitlines())) == ("", 1)
         assert words in err
-
-
-def test_cells_near_a_piece_of_floor_are_those_that_one_by_one_are() -> None:
-    rng = np.random.default_rng(4)
-    holes = shapely.union_all(shapely.buffer(shapely.points(rng.uniform(0, 8, (60, 2))), 0.2))
-    met, asked = 0, 0
-    for piece in shapely.get_parts(shapely.box(0, 0, 8, 8).difference(holes)):
-        x, y = np.arange(-2.0, 10.0, 0.05), np.arange(-1.5, 9.0, 0.05)
-        for far in (0.0, 0.03, 0.3, 1.2):
-            found = near_piece(piece, x, y, far)
-            grid_x, grid_y = np.meshgrid(x, y)
-            assert (found == shapely.dwithin(piece, shapely.points(grid_x, grid_y), far)).all()
-            asked += found.size
-            met += int(found.sum())
-    assert 0 < met < asked
 
 
 def test_a_slice_asks_few_cells_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -15,7 +14,6 @@ from regionik.planners.driving.footprint import arc_is_free, fits, slide_is_free
 from regionik.planners.driving.footprint_planner import (
     FootprintPath,
     NarrowPassageError,
-    cheaper_on_lattice,
     drive_footprint,
     passage_width,
 )
@@ -24,16 +22,11 @@ from regionik.planners.driving.heading_slabs import (
     convex_scene,
     free_at_all,
     free_at_some,
-    grown_by_disc,
-    minkowski_sums,
     rotation_core,
     rotation_hull,
     slab_areas,
-    slabs,
-    slabs_along,
 )
 from regionik.planners.driving.point_planner import NoPathError
-from regionik.planners.driving.pose_planner import SLIDE, Steering, slide_cost
 from regionik.scene import scene_of
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Shadow
@@ -95,27 +88,27 @@ def holds(
 
 
 @pytest.mark.parametrize("footprint", FOOTPRINTS)
-@pytest.mark.parametrize(("low", "high"), [(0.7, 0.7), (0.1, 0.2), (-0.3, 0.1), (1.0, 3.0), (0.0, 2 * np.pi)])
+@pytest.mark.parametrize(("low", "high"), [(0.7, 0.7), (-0.3, 0.1), (0.0, 2 * np.pi)])
 def test_inner_in_truth_in_outer(footprint: Array, low: float, high: float) -> None:
     clearance = 0.05
     (slab,) = slab_areas(footprint, FLOOR, OBSTACLES, clearance, [[low, high]])
     assert slab.inner.difference(slab.outer.buffer(1e-8)).is_empty
     room = footprint_scene(footprint, FLOOR, OBSTACLES, clearance)
-    spots = np.random.default_rng(4).uniform((-1, -1), (8, 7), (400, 2))
+    spots = np.random.default_rng(4).uniform((-1, -1), (8, 7), (150, 2))
     # Where areas end is where errors show.
     rings = shapely.get_coordinates([slab.inner, slab.outer])
-    edge = rings[:: max(1, len(rings) // 300)]
+    edge = rings[:: max(1, len(rings) // 100)]
     spots = np.concatenate([spots, edge + 1e-4, edge - 1e-4])
     in_inner = shapely.contains_xy(slab.inner, *spots.T)
     in_outer = shapely.contains_xy(slab.outer.buffer(1e-9), *spots.T)
     for spot, sure, maybe in zip(spots, in_inner, in_outer, strict=True):
-        free = [fits(room, spot[0], spot[1], yaw) for yaw in np.linspace(low, high, 15)]
+        free = [fits(room, spot[0], spot[1], yaw) for yaw in np.linspace(low, high, 7)]
         assert all(free) or not sure
         assert maybe or not any(free)
 
 
 @pytest.mark.parametrize("footprint", FOOTPRINTS)
-@pytest.mark.parametrize(("low", "high"), [(0.1, 0.2), (1.0, 3.0), (0.0, 2 * np.pi)])
+@pytest.mark.parametrize(("low", "high"), [(0.1, 0.2), (1.0, 3.0)])
 def test_a_window_shows_a_part_of_the_same_areas(footprint: Array, low: float, high: float) -> None:
     window = shapely.Point(2.0, 2.0).buffer(1.5)
     (whole,) = slab_areas(footprint, FLOOR, OBSTACLES, 0.05, [[low, high]])
@@ -161,7 +154,7 @@ def test_fits_is_what_shapely_says(footprint: Array) -> None:
     rng = np.random.default_rng(1)
     room = footprint_scene(footprint, FLOOR, OBSTACLES, 0.05)
     seen = set()
-    for _ in range(600):
+    for _ in range(250):
         pose = rng.uniform((0, 0, -7), (7, 6, 7))
         gap = slack(footprint, pose, 0.05)
         if abs(gap) > 1e-9:
@@ -195,7 +188,7 @@ def test_proven_motions_are_free(kind: str, footprint: Array) -> None:
     rng = np.random.default_rng(7)
     room = footprint_scene(footprint, FLOOR, OBSTACLES, 0.05)
     free = easy = missed = 0
-    while easy < 120:
+    while easy < 40:
         start, change = rng.uniform((0, 0, -4), (7, 6, 4)), rng.normal(size=3)
         _, length, turn = path_of(kind, rng, start)
         goal = start + change
@@ -286,23 +279,6 @@ def test_same_seed_same_drive() -> None:
     assert not np.array_equal(runs[0].poses, runs[1].poses)
 
 
-def test_a_path_on_the_lattice_is_free_and_cheaper_or_none() -> None:
-    """Past a wall with a gap that the footprint fits lengthwise, or round its end."""
-    floor = box(0, 0, 3, 4) - box(1.4, 0, 1.6, 0.3) - box(1.4, 0.75, 1.6, 3.2)
-    scene, base = footprint_scene(YOUBOT, floor), Steering(SLIDE, 0.0, 0.35)
-    start, goal = np.array([0.7, 0.5, np.pi / 2]), np.array([2.3, 0.5, np.pi / 2])
-    round_the_wall = 2 * np.hypot(0.7, 3.1) + 0.2
-    path = cheaper_on_lattice(scene, base, start, goal, round_the_wall)
-    assert path is not None
-    np.testing.assert_array_equal(path[[0, -1]], [start, goal])
-    assert all(slide_is_free(scene, p, q) for p, q in pairwise(path))
-    costs = [slide_cost(base, p, q) for p, q in pairwise(path)]
-    assert 1.6 <= sum(costs) <= 1.6 + 0.35 * np.pi + 0.3
-    assert cheaper_on_lattice(scene, base, start, goal, 1.65) is None
-    found = drive_footprint(YOUBOT, floor, start, goal, seed=0)
-    assert sum(slide_cost(base, p, q) for p, q in pairwise(found.poses)) <= 1.1 * sum(costs)
-
-
 def test_easy_drives() -> None:
     room = box(0, 0, 3, 3)
     straight = drive_footprint(YOUBOT, room, [1, 1, 0], [2, 2, 3], seed=0)
@@ -316,19 +292,6 @@ def test_a_point_drives_like_a_shape() -> None:
         assert corridor(0.01).covers(LineString([p[:2], q[:2]]))
 
 
-def test_slabs_are_a_full_turn() -> None:
-    bounds = slabs(7)
-    assert bounds[0].mean() == 0
-    np.testing.assert_allclose(bounds[1:, 0], bounds[:-1, 1])
-    assert bounds[-1, 1] - bounds[0, 0] == pytest.approx(2 * np.pi)
-    exact = slabs_along(footprint_scene(YOUBOT, corridor(0.5, 0.37)), 12)
-    np.testing.assert_array_equal(exact[1:, 0], exact[:-1, 1])
-    assert exact[-1, 1] - exact[0, 0] == pytest.approx(2 * np.pi)
-    thin = np.mod(exact[exact[:, 0] == exact[:, 1], 0], np.pi / 2)
-    np.testing.assert_allclose(thin, 0.37, atol=1e-8)
-    assert len(thin) == 4
-
-
 def test_widths() -> None:
     triangle = [[0, 0], [1, 0], [0.5, np.sqrt(0.75)]]
     assert footprint_width(triangle) == pytest.approx(np.sqrt(0.75))
@@ -338,20 +301,6 @@ def test_widths() -> None:
     assert passage_width(apart, Point(0.5, 0.5), Point(2.5, 0.5)) < 1e-6
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"footprint": [[0, 0], [1, 0], [2, 0]]}, "footprint: .* corners lie on one line"),
-        ({"floor": Polygon()}, "polygon: expected a Polygon or MultiPolygon that is not empty"),
-        ({"bounds": [[0.0, np.nan]]}, "slabs: every number must be finite"),
-    ],
-)
-def test_bad_slabs(change: dict[str, object], words: str) -> None:
-    given = {"footprint": YOUBOT, "floor": FLOOR, "obstacles": (), "clearance": 0.0, "bounds": [[0.0, 1.0]]}
-    with pytest.raises(InputError, match=words):
-        slab_areas(**{**given, **change})
-
-
 def test_bad_drives() -> None:
     with pytest.raises(NoPathError, match=r"start \(0.100, 1.000, 0.000 rad\): the footprint does not fit"):
         drive_footprint(YOUBOT, box(0, 0, 3, 3), [0.1, 1, 0], [2, 2, 0], seed=0)
@@ -359,26 +308,3 @@ def test_bad_drives() -> None:
         drive_footprint(YOUBOT, box(0, 0, 3, 3), [1, 1, 0], [2, 2, 0], seed=-1)
     with pytest.raises(InputError, match="goal: expected 3 numbers"):
         drive_footprint(YOUBOT, box(0, 0, 3, 3), [1, 1, 0], [2, 2], seed=0)
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_sums_of_edges_are_hulls_of_all_sums_of_corners(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    corners = shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(rng.normal(size=(9, 2)))))[:-1]
-    pieces = list(rng.normal(size=(30, 2, 2)).round(1))
-    pieces += [np.tile(rng.normal(size=(1, 2)), (2, 1)), np.array([corners[0], corners[1]])]
-    for shape in (corners, corners[::-1]):
-        sums = minkowski_sums(pieces, shape)
-        for piece, found in zip(pieces, sums, strict=True):
-            spots = (piece[:, None] + shape).reshape(-1, 2)
-            assert found.symmetric_difference(shapely.multipoints(spots).convex_hull).area < 1e-9
-
-
-@pytest.mark.parametrize("outside", [True, False])
-@pytest.mark.parametrize("shape", [*FOOTPRINTS, YOUBOT[:2], -AWAY, rotation_hull(AWAY, 0.2, 1.1)])
-def test_a_shape_grown_by_a_disc_is_the_hull_of_all_sums(shape: Array, outside: bool) -> None:
-    turns = 2 * np.pi * np.arange(48) / 48
-    disc = 0.3 / (np.cos(np.pi / 48) if outside else 1.0) * np.column_stack([np.cos(turns), np.sin(turns)])
-    hull = shapely.multipoints((shape[:, None] + disc).reshape(-1, 2)).convex_hull
-    ring = shapely.Polygon(grown_by_disc(shape, 0.3, 48, outside=outside))
-    assert ring.symmetric_difference(hull).area < 1e-12

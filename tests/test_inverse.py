@@ -9,13 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
 
 from benchmarks.tables.batch import solve_batch
 from benchmarks.tables.goals import ArmPosture, aim_at, solve_goal
-from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, Aim, polish
-from regionik.planners.solvers.multistart_ik import ArmSolver, solve_ik
-from regionik.planners.solvers.serial_chain import serial_arm
+from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, Aim
+from regionik.planners.solvers.multistart_ik import ArmSolver
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
@@ -309,46 +307,6 @@ def test_never_nan(lengths: list[float], twists: list[float], target: tuple[floa
     check(chain, solver, goal, solve_goal(solver, goal, np.full(chain.dof, 0.2)))
 
 
-@pytest.mark.parametrize("name", POSES)
-def test_polishing_alone_from_nearby(name: str) -> None:
-    chain = CHAINS[name]
-    arm = serial_arm(chain)
-    for q in postures(chain, 20, 10):
-        T = chain.forward(q)
-        near = np.clip(q + 0.02, chain.lower, chain.upper)
-        aim = aim_at(T[:3, 3], orientation=T[:3, :3])
-        error, angle, steps = polish(arm, aim, near, 1.0, 1e-8, 1e-8, 100)
-        assert error <= 1e-8
-        assert angle <= 1e-8
-        assert steps <= 30
-        np.testing.assert_allclose(chain.forward(near), T, atol=1e-7)
-
-
-def test_half_a_turn_away() -> None:
-    # The rotation vector is at its worst here.
-    chain = CHAINS["pioneer7"]
-    q = postures(chain, 1, 11)[0]
-    T = chain.forward(q)
-    for goal in (
-        aim_at(T[:3, 3], orientation=T[:3, :3] @ np.diag([1.0, -1, -1])),
-        aim_at(T[:3, 3], direction=-T[:3, 2]),
-    ):
-        solver = ArmSolver(chain, restarts=0)
-        check(chain, solver, goal, solve_goal(solver, goal, q))
-
-
-def test_the_kernel_solves_without_the_facade() -> None:
-    chain = CHAINS["pioneer7"]
-    solver, q = ArmSolver(chain), np.zeros(7)
-    error, angle, passes, restarts, polished = solve_ik(
-        solver.pointing, aim_at([0.2, 0.1, 0.3]), solver.starts, solver.effort, q
-    )
-    answer = solve_goal(solver, aim_at([0.2, 0.1, 0.3]), np.zeros(7))
-    assert (passes, restarts, polished, angle) == (answer.iterations, 0, False, 0.0)
-    assert error == pytest.approx(answer.error, abs=1e-12)
-    np.testing.assert_array_equal(q, answer.joints)
-
-
 @pytest.mark.parametrize(
     ("make", "expected"),
     [
@@ -362,18 +320,3 @@ def test_the_kernel_solves_without_the_facade() -> None:
 def test_bad_input_is_named(make, expected: str) -> None:  # type: ignore[no-untyped-def]
     with pytest.raises(InputError, match=expected):
         make()
-
-
-def test_an_arm_of_few_joints_goes_round_within_its_cone() -> None:
-    """Most bring the tool a centimetre on only with a turn; held at its turn, 68 of 200 were late."""
-    *joints, last = six_skewed().joints
-    chain = Chain(tuple(joints), last.T_parent_joint @ six_skewed().T_last_tool)
-    rng, met = np.random.default_rng(0), 0
-    for _ in range(200):
-        q, off, way = rng.uniform(-2.5, 2.5, 5), rng.normal(0.0, 0.04, 3), rng.normal(size=3)
-        tool = chain.forward(q)
-        turn = np.ascontiguousarray(Rotation.from_rotvec(off).as_matrix() @ tool[:3, :3])
-        aim = Aim(tool[:3, 3] + 0.01 * way / np.linalg.norm(way), ORIENTATION, turn, 0.1)
-        error, angle, _ = polish(serial_arm(chain), aim, q, 0.9, 1e-4, 0.01, 8)
-        met += error <= 1e-4 and angle <= 0.01
-    assert met >= 175

@@ -11,17 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from regionik.mfabrik import LED, Solver
-from regionik.moving.whole_turns import whole_turns
 from regionik.pipeline import plan
-from regionik.planners.smoothing.path_smoothing import HalfSpaces, PathProblem
-from regionik.planners.solvers.aims import in_columns
-from regionik.planners.solvers.damped_least_squares import ORIENTATION, POSITION, Aim
 from regionik.planners.solvers.serial_chain import rotation_about
-from regionik.scene import scene_of
-from regionik.smoothing.runs import _off_limits
 from regionik.verification.verifier import verify
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, spread_postures
+from regionik.worlds.chain import Chain
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from tests import examples
@@ -56,18 +50,12 @@ def test_whole_turns_change_nothing_but_the_distance_from_the_limits(seed: int) 
     np.testing.assert_allclose(UR.unwound(near), near, atol=1e-9)
 
 
-def test_drawn_postures_lie_about_the_middle() -> None:
-    drawn = spread_postures(UR, 1.0, 200, 0)
-    assert (np.abs(drawn - MIDDLE)[:, UR.winding] <= np.pi + 1e-9).all()
-    assert np.ptp(drawn[:, UR.winding], axis=0).min() > 5.5  # all round
-
-
 @pytest.mark.parametrize("kind", ["point", "direction", "orientation"])
 def test_postures_that_are_not_led_on_are_near_the_middle(kind: str) -> None:
     """Of a wrist that turns twice the solver gave any turn, up to its limits."""
     robot, rng = ur_robot(), np.random.default_rng(3)
     solver, met = Solver(robot), 0
-    for _ in range(examples(12)):
+    for _ in range(max(4, examples(12))):
         tool = robot.tool(np.zeros((1, 3)), rng.uniform(UR.lower, UR.upper)[None])[0]
         asked = {"direction": tool[:3, 2]} if kind == "direction" else {}
         asked = {"orientation": tool[:3, :3]} if kind == "orientation" else asked
@@ -83,17 +71,6 @@ def test_postures_that_are_not_led_on_are_near_the_middle(kind: str) -> None:
             left = UR.winding & (np.arange(UR.dof) > 0)  # the base shares the pivot's turn
             assert ((away <= np.pi + 1e-9) | (change <= LED + 1e-9))[left].all()
     assert met > 12
-
-
-def test_a_motion_is_brought_to_the_middle_as_a_whole() -> None:
-    world = World("ur", ur_robot(), FLOOR, (), (), Rules())
-    motion = np.tile(np.zeros(UR.dof), (4, 1))
-    motion[:, 5] = [-6.1, -5.5, -5.0, -5.8]
-    turned = whole_turns(scene_of(world), motion)
-    assert turned[5] == pytest.approx(2 * np.pi)
-    assert not turned[:5].any()
-    motion[:, 5] = np.linspace(-6.1, 6.1, 4)  # there is no room for another turn
-    assert not whole_turns(scene_of(world), motion).any()
 
 
 def _raster(count: int) -> tuple[Target, ...]:
@@ -125,35 +102,3 @@ def test_a_given_start_keeps_its_turns() -> None:
     started = plan(replace(world, start=Start(first.base[0], joints)))
     np.testing.assert_allclose(started.motion.joints[0], joints, atol=1e-12)
     assert verify(started).ok
-
-
-@pytest.mark.parametrize("kind", [POSITION, ORIENTATION])
-def test_states_at_a_limit_are_led_off_it_where_the_tool_lets_them(kind: int) -> None:
-    """Seven joints have room beside any pose, the base held; where two are at odds with it they stay."""
-    chain, rng = ARMS["panda"], np.random.default_rng(1)
-    robot = Robot("panda", "omni", np.zeros((1, 2)), np.array([0.0, 0.0, 0.5, 0.0]), chain, (), 0.1)
-    states = np.zeros((8, 3 + chain.dof))
-    states[:, 3:] = rng.uniform(
-        0.7 * chain.lower + 0.3 * chain.upper, 0.3 * chain.lower + 0.7 * chain.upper, (8, 7)
-    )
-    states[:, 3 + 4] = chain.upper[4]
-    tools = robot.tool(states[:, :3], states[:, 3:])
-    aims = in_columns([Aim(T[:3, 3].copy(), kind, T[:3, :3].copy(), 0.0) for T in tools])
-    lower, upper = np.zeros_like(states), np.zeros_like(states)
-    lower[:, 3:] = np.minimum(chain.lower + chain.spare, states[:, 3:])
-    upper[:, 3:] = np.maximum(chain.upper - chain.spare, states[:, 3:])
-    corner, beyond = np.zeros(8, dtype=bool), np.full(states.shape, np.nan)
-    scale = np.ones(states.shape[1])
-    problem = PathProblem(robot, np.arange(8.0), corner, aims, scale, lower, upper, beyond, _nothing_kept)
-    bound, led = _off_limits(problem, states)
-    room = np.minimum(led[:, 3:] - chain.lower, chain.upper - led[:, 3:]).min(axis=1)
-    assert np.count_nonzero(room >= chain.spare.min() - 1e-12) >= 5
-    there = robot.tool(led[:, :3], led[:, 3:])
-    np.testing.assert_allclose(there[:, :3, 3], tools[:, :3, 3], atol=1e-8)
-    if kind == ORIENTATION:
-        np.testing.assert_allclose(there[:, :3, :3], tools[:, :3, :3], atol=1e-7)
-    assert ((bound.lower <= led) & (led <= bound.upper)).all()
-
-
-def _nothing_kept(states: Array) -> HalfSpaces:
-    return HalfSpaces(np.zeros(0, dtype=np.intp), states[:0], np.zeros(0), np.zeros(0))

@@ -211,8 +211,7 @@ for ending in ("nbi", "nbc"):
     (path,) = Path(sys.argv[1]).rglob(f"*wrap*.{ending}")
     whole = path.read_bytes()
     for damaged in (
-        b"", whole[:50], whole[:-1], flipped(whole), bytes(len(whole)),
-        version, version + gone, version + pickle.dumps(3), gone, pickle.dumps((1, 2)),
+        b"", whole[:-1], flipped(whole), version + gone, pickle.dumps((1, 2)),
     ):
         path.write_bytes(damaged)
         print(hits(), hits())
@@ -223,7 +222,7 @@ def test_damaged_machine_code_is_compiled_anew(tmp_path: Path) -> None:
     there = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_DISABLE_JIT": "0"}
     command = [sys.executable, "-W", "error", "-c", DAMAGED, str(tmp_path)]
     ran = subprocess.run(command, cwd=ROOT, env=there, capture_output=True, text=True, check=True)
-    assert ran.stdout.splitlines() == ["0 1"] * 21
+    assert ran.stdout.splitlines() == ["0 1"] * 11
 
 
 def test_machine_code_is_made_anew_where_a_kernel_inside_has_changed(tmp_path: Path) -> None:
@@ -275,9 +274,8 @@ def test_the_work_of_earlier_processes_counts(tmp_path: Path) -> None:
 
 
 WORLDS = [
-    "free",
-    pytest.param("pillar", marks=pytest.mark.slow),
-    *(pytest.param(name, marks=MINUTES) for name in ("shelf", "pipe", "circle")),
+    pytest.param("free", marks=pytest.mark.slow),
+    *(pytest.param(name, marks=MINUTES) for name in ("pillar", "shelf", "pipe", "circle")),
 ]
 
 

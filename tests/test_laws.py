@@ -258,7 +258,7 @@ def shuffled(value: Any) -> Any:
     return [shuffled(one) for one in value] if isinstance(value, list) else value
 
 
-@pytest.mark.parametrize("name", ["pillar", "l_shape", "shelf"])
+@pytest.mark.parametrize("name", ["pillar"])
 def test_order_of_keys_gives_the_same_bytes(name: str) -> None:
     world = load_world(name)
     again = world_from_document(shuffled(world_to_document(world)))

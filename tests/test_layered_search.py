@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from inspect import unwrap
 
 import numpy as np
 import pytest
@@ -11,7 +10,6 @@ import shapely
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from regionik.areas.held_reach import held_reach
 from regionik.moving import layered_search
 from regionik.moving.layered_search import EDGE, LIFT, Layer, LayeredSearch
 from regionik.planners.driving.pose_lattice import spin_moves
@@ -133,38 +131,3 @@ def test_poses_lie_in_their_components_and_the_first_costs_least(seed: int) -> N
         steered = [pose.tolist() for pose, _ in graph.onward(i, components, here)]
         assert all(pose in [one.tolist() for one, _ in offered] for pose in steered)
     assert list(graph.arrivals(0, [], here)) == []
-
-
-def test_a_seam_in_the_open_needs_no_lift_off() -> None:
-    graph = search(0)
-    task = tuple(Target(np.array([x, 0.0, 0.3])) for x in np.linspace(0, 2, COUNT * 4))
-    scene = graph.scene.changed(obstacles=(), task=task)
-    standing, _, pruned = whole_path(scene)
-    seam = LayeredSearch(scene, pruned.ladder, pruned.keep, pruned.breaks, standing)
-    assert seam.lift_offs(0) == 0
-    heading = seam.heading(0, np.array([0.0, -0.4]))
-    assert heading is not None
-    assert min(abs(np.sin(heading)), abs(np.cos(heading))) < 1e-9
-
-
-def test_long_paths_are_computed_part_by_part(monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = search(0)
-    wanted = [whole.layer(i).owner for i in range(COUNT)]
-    for name, count in (("AHEAD", 2), ("STRIDE", 1), ("BEHIND", 0)):
-        monkeypatch.setattr(layered_search, name, count)
-    parts = search(0)
-    for i in (*range(COUNT), 0):
-        assert np.array_equal(parts.layer(i).owner, wanted[i])
-
-
-@pytest.mark.parametrize("clear", [0, 5])
-def test_an_arm_that_is_hardly_ever_clear_of_itself_reaches_somewhere(
-    clear: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(
-        "regionik.areas.held_reach.postures_clear", lambda _, q, __: np.arange(len(q)) < clear
-    )
-    found = unwrap(held_reach)(robot_named("youbot"))
-    base, tool = np.zeros((1, 3)), found.tools[7]
-    assert found.holds(base, tool).all()
-    assert len(found.postures(base[0], tool, 8)) == 8

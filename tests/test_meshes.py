@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from regionik.planners.collision.gjk import hull_distance
-from regionik.planners.collision.meshes import LEAF, nearest_triangle, triangle_tree
+from regionik.planners.collision.meshes import nearest_triangle, triangle_tree
 from tests import examples
 from tests.maths import Array
 
@@ -47,17 +47,3 @@ def test_the_tree_finds_what_all_triangles_say(count: int, seed: int, corners: i
         told = way.copy()
         assert nearest_triangle(tree, hull, 0.5 * expected, way, spot) == 0.5 * expected
         np.testing.assert_array_equal(way, told)
-
-
-@settings(max_examples=examples(40))
-@given(st.integers(1, 150), st.integers(0, 10**6))
-def test_every_triangle_hangs_once_in_boxes_that_hold_it(count: int, seed: int) -> None:
-    vertices, faces = soup(count, seed)
-    triangles, boxes = triangle_tree(vertices, faces)
-    assert sorted(map(bytes, triangles)) == sorted(map(bytes, vertices[faces]))
-    for k, triangle in enumerate(triangles):
-        node = len(boxes) // 2 + k // LEAF
-        while node > 0:
-            assert (boxes[node, :3] <= triangle.min(0)).all()
-            assert (triangle.max(0) <= boxes[node, 3:]).all()
-            node //= 2

@@ -23,7 +23,7 @@ from tests.bodies import LARGEST_BEND, with_lift
 from tests.maths import Array, wrap
 from tests.planned import planned
 
-CROWDED = ("shelf", "pipe", "tao1", "tao2", "tao3")
+CROWDED = ("shelf", "pipe", "tao1")
 YOUBOT = robot_named("youbot")
 START = Start(np.zeros(3), YOUBOT.carry)
 
@@ -76,7 +76,7 @@ def test_crowded_worlds_are_planned_whole(name: str) -> None:
     assert least_distance(found) >= found.world.rules.arm_clearance
 
 
-@pytest.mark.parametrize("name", CROWDED)
+@pytest.mark.parametrize("name", ["shelf", "tao1"])
 def test_without_avoidance_link_and_obstacle_are_named(name: str) -> None:
     world = load_world(name)
     why = why_not(unguarded(world))

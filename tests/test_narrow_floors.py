@@ -46,7 +46,7 @@ def refusal(world: World) -> str:
 
 
 @pytest.mark.parametrize(
-    "width", [0.6, 0.3801, *(pytest.param(width, marks=pytest.mark.slow) for width in (0.7, 0.5, 0.45))]
+    "width", [0.3801, *(pytest.param(width, marks=pytest.mark.slow) for width in (0.6, 0.45))]
 )
 def test_a_line_along_a_strip_of_floor_is_planned_at_every_width_above_the_footprints(width: float) -> None:
     made = plan(strip(width))
@@ -122,13 +122,10 @@ POST = Cylinder("post", 0.1, 0.1, np.array([-0.49, 0.0, 0.05]))
     "world",
     [
         started(POINTED, AT, (block(-0.2),)),
-        started(POINTED, AT, (block(-0.2),), "fixed"),
         started(POINTED, AT, (replace(POST, center=np.array([-0.2, 0.0, 0.05])),), "fixed"),
         started(POINTED, np.array([-0.5, 0.0, 0.0]), ()),
-        started(REAL, EDGE, ()),
         started(REAL, EDGE, (), "fixed"),
         started(REAL, AT, (POST,)),
-        started(REAL, AT, (block(-0.39),), clearance=0.0),
         started(of_kind(REAL, "car"), AT, (POST,)),
         started(
             of_kind(REAL, "differential"), AT, (block(0.0, 0.39, 2.0),)

@@ -8,29 +8,30 @@ import numpy as np
 import pytest
 
 from regionik.moving.state_keeper import StateKeeper
-from regionik.planners.collision.proximity import NearPairs, near_pairs, nearest
-from regionik.planners.collision.robot_bodies import NO_CONTACT, Bodies
+from regionik.planners.collision.proximity import NearPairs, near_pairs
 from regionik.planners.collision.robot_motion import WORLD
 from regionik.scene import scene_of
 from regionik.worlds.documents.world_file import load_world
+from tests.bodies import Guarded
 from tests.maths import Array
 from tests.test_proximity import AHEAD, CLUTTER, ROBOTS, distance_of, prepared, push, states
 
 WITHIN = 0.1
 
 
-def pairs_of(bodies: Bodies, base: Array, joints: Array, within: float = WITHIN) -> NearPairs:
-    return near_pairs(bodies, np.array(base), np.array(joints), NO_CONTACT, within)
+def pairs_of(among: Guarded, base: Array, joints: Array) -> NearPairs:
+    guard = among.scene.guard
+    return near_pairs(guard.bodies, np.array(base), np.array(joints), guard.contact, WITHIN)
 
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_the_nearest_of_all_pairs_is_what_is_nearest(name: str) -> None:
-    bodies = prepared(name)
-    base, joints = states(bodies.robot, 150, 31)
-    near, seen = pairs_of(bodies, base, joints), 0
+    among = prepared(name)
+    base, joints = states(among.robot, 150, 31)
+    near, seen = pairs_of(among, base, joints), 0
     assert (near.room < WITHIN).all()
     for k, (b, q) in enumerate(zip(base, joints, strict=True)):
-        touch, room = nearest(bodies, b, q, within=WITHIN), near.room[near.state == k]
+        touch, room = among.nearest(b, q, WITHIN), near.room[near.state == k]
         assert len(room) > 0 or touch.kind == "none"
         if touch.kind != "none":
             seen += 1
@@ -44,9 +45,9 @@ def test_the_nearest_of_all_pairs_is_what_is_nearest(name: str) -> None:
 @pytest.mark.parametrize("name", ROBOTS)
 def test_each_solid_is_told_of_the_nearest_obstacle_and_the_nearest_part_of_the_robot(name: str) -> None:
     """Points lie on one solid of the link, and the nearest obstacle is so far from there."""
-    bodies = prepared(name)
-    base, joints = states(bodies.robot, 60, 32)
-    near, robot = pairs_of(bodies, base, joints), bodies.robot
+    among = prepared(name)
+    base, joints = states(among.robot, 60, 32)
+    near, robot = pairs_of(among, base, joints), among.robot
     frames = robot.frames(base, joints)[near.state]
     assert {WORLD} < set(near.other.tolist())
     for k in np.flatnonzero(near.room > 1e-6).tolist():
@@ -68,12 +69,13 @@ def test_each_solid_is_told_of_the_nearest_obstacle_and_the_nearest_part_of_the_
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_what_the_robot_is_to_itself_hides_no_obstacle(name: str) -> None:
-    bodies = prepared(name)
-    base, joints = states(bodies.robot, 150, 34)
+    among, bodies = prepared(name), prepared(name).scene.guard.bodies
+    base, joints = states(among.robot, 150, 34)
     pairs = bodies.links.pairs.copy()
     pairs[:, bodies.hulls.world :] = False
     alone = replace(bodies, links=bodies.links._replace(pairs=pairs))
-    whole, some = pairs_of(bodies, base, joints), pairs_of(alone, base, joints)
+    whole = pairs_of(among, base, joints)
+    some = near_pairs(alone, base, joints, among.scene.guard.contact, WITHIN)
     assert len(some.room) < len(whole.room)
     for one, other in zip(whole, some, strict=True):
         assert (one[whole.other == WORLD] == other).all()
@@ -103,14 +105,14 @@ def test_distances_change_as_the_half_spaces_say() -> None:
 
 @pytest.mark.parametrize("mesh", [False, True])
 def test_what_may_be_touched_is_not_near(mesh: bool) -> None:
-    bodies, contact, x = push(0.0, mesh)
+    (among, x), (shy, _) = push(0.0, mesh), push(0.0, mesh, tool_contact=0.0)
     at = np.array([[x, 0.0, 0.0]]), AHEAD[None]
-    assert WORLD in pairs_of(bodies, *at).other
-    assert WORLD not in near_pairs(bodies, *at, contact, WITHIN).other
+    assert WORLD in pairs_of(shy, *at).other
+    assert WORLD not in pairs_of(among, *at).other
 
 
 def test_a_mesh_is_as_near_as_the_box_it_draws() -> None:
-    one, other = (push(-0.03, mesh)[0] for mesh in (False, True))
-    base = push(-0.03)[2] - np.column_stack([np.linspace(0.0, 0.05, 20), *np.zeros((2, 20))])
+    one, other = (push(0.0, mesh, tool_contact=0.0)[0] for mesh in (False, True))
+    base = push(-0.03)[1] - np.column_stack([np.linspace(0.0, 0.05, 20), *np.zeros((2, 20))])
     joints = np.tile(AHEAD, (20, 1))
     assert pairs_of(other, base, joints).room == pytest.approx(pairs_of(one, base, joints).room, abs=1e-6)

@@ -120,13 +120,12 @@ def test_a_picture_names_what_it_shows(plan: Plan, tmp_path: Path) -> None:
         assert word in plain_words
 
 
-@pytest.mark.parametrize("suffix", [".svg", ".png"])
-def test_the_same_plan_gives_the_same_picture(suffix: str, tmp_path: Path) -> None:
+def test_the_same_plan_gives_the_same_picture(tmp_path: Path) -> None:
     for name, family in (("a", "serif"), ("b", "monospace")):
         with rc_context({"font.family": [family], "lines.linewidth": 5.0}):
-            rik.plot(timed(synthetic_plan(l_shape())), tmp_path / f"{name}{suffix}")
+            rik.plot(timed(synthetic_plan(l_shape())), tmp_path / f"{name}.svg")
             assert rcParams["lines.linewidth"] == 5.0
-    assert (tmp_path / f"a{suffix}").read_bytes() == (tmp_path / f"b{suffix}").read_bytes()
+    assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
 
 
 def test_a_png_is_a_picture_and_an_svg_is_xml(tmp_path: Path) -> None:

@@ -18,10 +18,7 @@ from regionik.planners.geometry.polygons import (
     segment_inside,
 )
 from regionik.planners.kernels import compiled
-from regionik.worlds.errors import InputError
 from tests.maths import Array
-
-ROOM = box(0, 0, 4, 4) - box(1, 1, 2, 2)
 
 
 def random_area(seed: int) -> Polygon | MultiPolygon:
@@ -39,11 +36,11 @@ def sees(flat: FlatPolygon, a: Array | tuple[float, float], b: Array | tuple[flo
     return bool(segment_inside(flat.vertices, flat.starts, a[0], a[1], b[0], b[1]))
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_points_agree_with_shapely(seed: int) -> None:
     area = random_area(seed)
     flat = FlatPolygon.from_shapely(area)
-    points = np.random.default_rng(seed).uniform(-1, 11, (10_000, 2))
+    points = np.random.default_rng(seed).uniform(-1, 11, (3_000, 2))
     inside = np.array([contains(flat.vertices, flat.starts, *p) for p in points])
     near = np.array([nearest_on_boundary(flat.vertices, flat.starts, *p) for p in points])
     held = np.array([clamp(flat.vertices, flat.starts, *p) for p in points])
@@ -54,7 +51,7 @@ def test_points_agree_with_shapely(seed: int) -> None:
     np.testing.assert_array_equal(held, np.where(inside[:, None], points, near))
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_nearest_points_are_inside_and_clamp_keeps_them(seed: int) -> None:
     flat = FlatPolygon.from_shapely(random_area(seed))
     for p in np.random.default_rng(seed).uniform(-1, 11, (2000, 2)):
@@ -63,32 +60,16 @@ def test_nearest_points_are_inside_and_clamp_keeps_them(seed: int) -> None:
         assert clamp(flat.vertices, flat.starts, *spot) == spot
 
 
-def test_flattening_keeps_every_ring() -> None:
-    area = MultiPolygon([ROOM, box(5, 0, 6, 1)])
-    flat = FlatPolygon.from_shapely(area)
-    assert flat.starts.tolist() == [0, 4, 8, 12]
-    rings = [Polygon(flat.vertices[a:b]).area for a, b in zip(flat.starts[:-1], flat.starts[1:], strict=True)]
-    assert rings == pytest.approx([16, 1, 1])
-    with pytest.raises(ValueError, match="read-only"):
-        flat.vertices[0, 0] = 1.0
-
-
-@pytest.mark.parametrize("shape", [Point(0, 0), LineString([(0, 0), (1, 1)]), Polygon(), MultiPolygon()])
-def test_other_shapes_are_refused(shape: shapely.Geometry) -> None:
-    with pytest.raises(InputError, match="expected a Polygon or MultiPolygon"):
-        FlatPolygon.from_shapely(shape)
-
-
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_segments_agree_with_shapely_outside_the_tolerance_band(seed: int) -> None:
     area = random_area(seed)
     flat = FlatPolygon.from_shapely(area)
     rng = np.random.default_rng(seed + 100)
-    a = rng.uniform(0, 10, (10_000, 2))
+    a = rng.uniform(0, 10, (3_000, 2))
     b = a + rng.normal(0, 1, a.shape)
     # Half the ends are put on the boundary or on a vertex, where rounding decides.
-    a[:2500] = [nearest_on_boundary(flat.vertices, flat.starts, *p) for p in a[:2500]]
-    b[1000:3500] = flat.vertices[rng.integers(len(flat.vertices), size=2500)]
+    a[:700] = [nearest_on_boundary(flat.vertices, flat.starts, *p) for p in a[:700]]
+    b[300:1000] = flat.vertices[rng.integers(len(flat.vertices), size=700)]
     seen = np.array([sees(flat, p, q) for p, q in zip(a, b, strict=True)])
     lines = shapely.linestrings(np.stack([a, b], axis=1))
     grown, shrunk = area.buffer(2e-9), area.buffer(-1e-8)
@@ -96,57 +77,8 @@ def test_segments_agree_with_shapely_outside_the_tolerance_band(seed: int) -> No
     assert 0.1 < seen.mean() < 0.9
     assert shapely.covers(grown, lines[seen]).all()
     assert not shapely.covers(shrunk, lines[~seen]).any()
-    free_ends = slice(3500, None)
+    free_ends = slice(1000, None)
     np.testing.assert_array_equal(seen[free_ends], shapely.covers(area, lines[free_ends]))
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_every_piece_of_the_boundary_can_be_driven_along(seed: int) -> None:
-    flat = FlatPolygon.from_shapely(random_area(seed))
-    rng = np.random.default_rng(seed)
-    for first, last in zip(flat.starts[:-1], flat.starts[1:], strict=True):
-        ring = flat.vertices[first:last]
-        for p, q in zip(ring, np.roll(ring, -1, axis=0), strict=True):
-            s, t = rng.random(2)
-            on = [nearest_on_boundary(flat.vertices, flat.starts, *(p + k * (q - p))) for k in (s, t)]
-            assert sees(flat, p, q)
-            assert sees(flat, q, p)
-            assert sees(flat, on[0], on[1])
-
-
-@pytest.mark.parametrize(
-    ("a", "b", "expected"),
-    [
-        ((0, 0), (4, 0), True),  # along the wall
-        ((0.5, 1), (2.5, 1), True),  # along the hole's side and beyond
-        ((0, 2), (2, 4), True),
-        ((0, 3), (3, 0), False),  # through the hole
-        ((1, 1), (2, 2), False),  # the hole's diagonal: both ends on the boundary
-        ((1, 1.5), (2, 1.5), False),
-        ((0.5, 1.5), (1.5, 0.5), True),  # grazes the hole's corner at (1, 1)
-        ((0.5, 1.5 + 1e-10), (1.5 + 1e-10, 0.5), True),
-        ((0.5, 1.5 + 1e-8), (1.5 + 1e-8, 0.5), False),
-        ((0.5, 1.5 - 1e-8), (1.5 - 1e-8, 0.5), True),
-        ((0.5, 1 + 1e-10), (2.5, 1 + 1e-10), True),  # just inside the hole's side
-        ((0.5, 1 + 1e-8), (2.5, 1 + 1e-8), False),
-        ((0, -1e-10), (4, -1e-10), True),
-        ((0, -1e-8), (4, -1e-8), False),
-        ((3, 3), (5, 3), False),
-        ((5, 3), (6, 3), False),  # wholly outside
-        ((-1, 2.5), (5, 2.5), False),  # inside between two outside ends
-        ((4, 4), (4, 4), True),
-        ((4.1, 4), (4.1, 4), False),
-        ((1.5, 1.5), (1.5, 1.5), False),
-        ((3, 3), (3, 3 + 1e-13), True),
-    ],
-)
-def test_segments_known_by_hand(a: tuple[float, float], b: tuple[float, float], expected: bool) -> None:
-    for turn in (0.0, 0.3, 1.1, 2.9):  # so that not all is parallel to the axes
-        c, s = np.cos(turn), np.sin(turn)
-        flat = FlatPolygon.from_shapely(shapely.affinity.affine_transform(ROOM, [c, -s, s, c, 0, 0]))
-        p, q = ([c * x - s * y, s * x + c * y] for x, y in (a, b))
-        assert sees(flat, np.array(p), np.array(q)) is expected
-        assert sees(flat, np.array(q), np.array(p)) is expected
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -165,14 +97,6 @@ def test_a_segment_in_two_polygons_together_lies_in_their_union(seed: int) -> No
         assert found == whole.buffer(1e-9).covers(line)
         seen[bool(found)] += 1
     assert min(seen.values()) > 10
-
-
-def test_two_rooms_with_one_wall_are_together_but_not_across_a_slit() -> None:
-    left, near, apart = (FlatPolygon.from_shapely(box(x, 0, x + 1, 1)) for x in (0.0, 1.0, 1.0 + 1e-7))
-    for right, together in ((near, True), (apart, False)):
-        arrays = left.vertices, left.starts, right.vertices, right.starts
-        assert segment_in_either(*arrays, 0.5, 0.5, 1.5, 0.5) == together
-        assert segment_in_either(*arrays, 0.2, 0.5, 0.8, 0.5)
 
 
 def test_a_thin_wall_is_a_wall() -> None:

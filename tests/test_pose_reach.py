@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
-from numpy.typing import NDArray
 
 from benchmarks.tables.goals import confirm
 from regionik.areas.reach_model import ReachQuery
@@ -16,11 +15,8 @@ from regionik.parking.fewest_stops import park
 from regionik.parking.stop_motion import connect_stops
 from regionik.parking.stops import in_sequence
 from regionik.pipeline import plan
-from regionik.planners.reach import pose_reach as sampled
-from regionik.planners.reach.inverse_reachability import Tolerances, aim_at, posture_samples, posture_seeds
-from regionik.planners.reach.polar_cells import PolarCells, asked_cells
 from regionik.planners.reach.pose_reach import pose_reach
-from regionik.planners.solvers.closed_form import Polish, postures_at
+from regionik.planners.solvers.closed_form import postures_at
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, Aim
 from regionik.planners.solvers.mfabrik_serial import in_arm_frame
 from regionik.postures.arm import aim_of as goal_aim
@@ -50,7 +46,7 @@ def aim_of_posture(chain: Chain, seed: int, kind: int, cone: float) -> tuple[Aim
 @pytest.mark.parametrize("name", ["ur", "panda"])
 def test_every_place_has_a_posture_that_meets_the_aim(name: str, kind: int) -> None:
     chain = ARMS[name]
-    for seed in range(3):
+    for seed in range(2):
         aim, _ = aim_of_posture(chain, seed, kind, 0.05)
         found = pose_reach(chain, HEIGHT, aim).grid
         for k in range(0, len(found.places), 7):
@@ -62,69 +58,14 @@ def test_every_place_has_a_posture_that_meets_the_aim(name: str, kind: int) -> N
             assert ((held >= chain.lower[1:]) & (held <= chain.upper[1:])).all()
 
 
-@pytest.mark.parametrize("name", ["ur", "panda", "puma"])
+@pytest.mark.parametrize("name", ["panda", "puma"])
 def test_the_place_of_a_posture_lies_in_the_reach_of_its_pose(name: str) -> None:
     chain, missed = ARMS[name], 0
-    for seed in range(60):
+    for seed in range(20):
         aim, _ = aim_of_posture(chain, seed, ORIENTATION, 1e-3)
         area = pose_reach(chain, HEIGHT, aim).area
         missed += area.distance(shapely.Point(0.0, 0.0)) > 0.02
     assert missed <= 1  # sampled
-
-
-@pytest.mark.parametrize("name", ["ur", "puma"])
-def test_cells_are_asked_for_branches_that_were_not_led_to(name: str) -> None:
-    """Cuts only move outwards, and cells only come back; both are where a closed form has postures."""
-    chain, more = ARMS[name], 0
-    first, *others = chain.joints
-    endless = Chain((replace(first, lower=-np.inf, upper=np.inf), *others), chain.T_last_tool)
-    distances, bearings = np.linspace(0.0, 1.2, 13), np.linspace(0.0, 2 * np.pi, 24, endpoint=False)
-    r, b = (part.ravel() for part in np.meshgrid(distances, bearings, indexing="ij"))
-    for seed in range(3):
-        aim = aim_of_posture(endless, seed, ORIENTATION, 1e-3)[0]
-        aim = aim._replace(position=np.array([0.0, 0.0, aim.position[2] - HEIGHT]))
-        found = reached_from(endless, aim, r, b).reshape(13, 24)
-        outward = np.where(found[:-1] != found[1:], np.where(found[:-1], 0.0, 1.0), 0.0)
-        onward = np.where(found != np.roll(found, -1, axis=1), np.where(found, 0.0, 1.0), 0.0)
-        tight = PolarCells(distances, bearings, found, outward, onward)
-        none = np.zeros(len(tight.middles[0]), dtype=bool)
-        asked = asked_cells(endless, aim, Polish(1e-4, 1e-4, 8), tight, none)
-        moved = np.abs(asked.outward - tight.outward)
-        assert set(np.round(np.unique(moved), 3)) <= {0.0, 0.125, 0.375}
-        assert asked.counted is not None
-        i, j = np.nonzero(moved)
-        assert reached_from(endless, aim, distances[i] + 0.1 * asked.outward[i, j], bearings[j]).all()
-        assert reached_from(endless, aim, *tight.kept(asked.counted[tight.cells]).middles[2].T).all()
-        more += len(i)
-    assert more > 10
-
-
-def reached_from(chain: Chain, aim: Aim, distance: Array, bearing: Array) -> NDArray[np.bool_]:
-    """Mask of places, by distance and bearing from the target, from which a closed form meets an aim."""
-    tools = np.tile(np.eye(4), (len(distance), 1, 1))
-    tools[:, :3, :3], tools[:, 2, 3] = aim.turn, aim.position[2]
-    tools[:, 0, 3], tools[:, 1, 3] = -distance * np.cos(bearing), -distance * np.sin(bearing)
-    met = np.zeros(len(distance), dtype=bool)
-    met[postures_at(chain, tools, Polish(1e-4, 1e-4, 8))[1]] = True
-    return met
-
-
-def test_samples_meet_poses_though_few_places_do() -> None:
-    """With four joints behind the pivot, places for a pose are a curve: the base comes to it."""
-    *first, last = ARMS["ur"].joints
-    pivot = replace(first[0], lower=-np.inf, upper=np.inf)
-    chain = Chain((pivot, *first[1:]), last.T_parent_joint @ ARMS["ur"].T_last_tool)
-    samples, within = posture_samples(chain, 2.0), Tolerances(1e-4, 1e-3, 2.0)
-    for seed in range(3):
-        aim, _ = aim_of_posture(chain, seed, ORIENTATION, 0.02)
-        rise = float(aim.position[2] - HEIGHT)
-        postures, places = posture_seeds(chain, samples, rise, aim, within, 64)
-        assert len(postures) > 32
-        for q, (distance, bearing) in zip(postures, places, strict=True):
-            seen = aim_at(aim._replace(position=np.array([0, 0, rise])), distance, bearing, bearing + np.pi)
-            error, angle = confirm(chain, seen, q)
-            assert error <= 1.1e-4
-            assert angle <= 0.022
 
 
 def test_places_within_the_area_are_reached() -> None:
@@ -142,45 +83,6 @@ def test_places_within_the_area_are_reached() -> None:
         tools[:, :3, :3], tools[:, :3, 3] = aim.turn, aim.position - [0.0, 0.0, HEIGHT]
         tools[:, :2, 3] -= points
         assert len(np.unique(postures_at(endless, tools)[1])) >= 0.95 * len(points)
-
-
-def test_no_path_is_too_long_to_be_kept() -> None:
-    """A path of 437 poses was sampled anew each time that it was asked for: 256 were kept."""
-    kept = sampled._sampled.cache_info().maxsize
-    assert kept is not None
-    assert kept >= 4000
-
-
-@pytest.mark.parametrize("columns", [1, 32])
-def test_cells_are_cut_where_their_edges_leave_the_set(columns: int) -> None:
-    """A ring, and a disc beside the origin: their areas to the error of chords."""
-    distances = np.linspace(0.0, 1.0, 19)
-    bearings = np.linspace(0.0, 2 * np.pi, columns, endpoint=False)
-    center = np.array([0.0 if columns == 1 else 0.1, 0.0])
-    low, high = 0.31, 0.77
-
-    def size(r: Array, b: Array) -> Array:
-        away = r[..., None] * np.stack([np.cos(b), np.sin(b)], axis=-1) - center
-        length: Array = np.linalg.norm(away, axis=-1)
-        return length
-
-    def inside(r: Array, b: Array) -> NDArray[np.bool_]:
-        within: NDArray[np.bool_] = (size(r, b) > low) & (size(r, b) < high)
-        return within
-
-    def cut(r: tuple[Array, Array], b: tuple[Array, Array]) -> Array:
-        shares = np.linspace(0, 1, 401)[:, None, None]
-        at = inside(r[0] + shares * (r[1] - r[0]), b[0] + shares * (b[1] - b[0]))
-        change = np.argmax(at != at[:1], axis=0)
-        return np.where((at != at[:1]).any(axis=0), (change - 0.5) / 400, 0.0)
-
-    r, b = np.meshgrid(distances, bearings, indexing="ij")
-    beyond = b + 2 * np.pi / columns
-    outward = cut((r[:-1], r[1:]), (b[:-1], b[:-1]))
-    onward = cut((r, r), (b, beyond)) if columns > 1 else np.zeros_like(r)
-    area = PolarCells(distances, bearings, inside(r, b), outward, onward).area
-    assert area.is_valid
-    assert area.area == pytest.approx(np.pi * (high**2 - low**2), rel=0.02)
 
 
 def posed_task(robot: Robot, seed: int, count: int) -> tuple[Target, ...]:
@@ -231,22 +133,19 @@ def test_a_stop_goes_on_to_set_points_that_areas_leave_to_the_next() -> None:
 @pytest.mark.parametrize(
     ("kind", "seed"),
     [
-        pytest.param("offsets", 61, marks=pytest.mark.slow),
         ("offsets", 96),
-        ("offsets", 46),
-        pytest.param("offsets", 6, marks=pytest.mark.slow),
         ("urdf arms", 444),
-        ("offsets", 2196),
-        pytest.param("offsets", 2281, marks=pytest.mark.slow),
-        ("offsets", 3646),
         ("slides", 30587),
-        ("offsets", 20331),
         ("wrists", 41305),
-        ("offsets", 40861),
         ("offsets", 31596),
-        pytest.param("offsets", 41956, marks=pytest.mark.slow),
-        ("slides", 40352),
-        ("urdf arms", 41879),
+        *(
+            pytest.param(*one, marks=pytest.mark.slow)
+            for one in (
+                *(("offsets", seed) for seed in (61, 46, 6, 2196, 2281, 3646, 20331, 40861, 41956)),
+                ("slides", 40352),
+                ("urdf arms", 41879),
+            )
+        ),
     ],
 )
 def test_worlds_with_a_witness_that_were_not_planned(kind: str, seed: int) -> None:

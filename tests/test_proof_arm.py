@@ -169,7 +169,7 @@ def test_ok_is_never_contradicted_by_samples() -> None:
     """Nor is a violation told where samples find room."""
     rng = np.random.default_rng(15)
     told = {True: 0, False: 0}
-    for k in range(120):
+    for k in range(60):
         robot, solid = random_robot(rng, 2, 0.2), random_solid(rng, k)
         base = rng.normal(scale=0.2, size=(2, 3)) * [[1], [rng.choice([0.0, 1.0])]]
         motion = motion_through(base, np.cumsum(rng.normal(scale=0.3, size=(2, 2)), axis=0))
@@ -182,4 +182,4 @@ def test_ok_is_never_contradicted_by_samples() -> None:
             assert gap < 0.03  # the samples are so far apart
             assert not any("not proven" in v.text for v in found.violations)
             assert -gap >= max(v.amount for v in found.violations if "at state" in v.text or gap < 0) - 1e-3
-    assert min(told.values()) >= 15
+    assert min(told.values()) >= 7

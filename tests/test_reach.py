@@ -23,7 +23,7 @@ def test_every_yes_is_confirmed_and_every_no_is_empty() -> None:
     world = load_world("l_shape")
     world = replace(world, rules=replace(world.rules, contact_depth=0.3, tool_contact=0.3))
     rng = np.random.default_rng(0)
-    targets = rng.uniform([-1, -1.5, 0], [4.5, 2.5, 0.9], (300, 3))
+    targets = rng.uniform([-1, -1.5, 0], [4.5, 2.5, 0.9], (100, 3))
     answer = reach(world, targets)
     limits = world.robot.chain
     for k, target in enumerate(targets):
@@ -39,11 +39,11 @@ def test_every_yes_is_confirmed_and_every_no_is_empty() -> None:
             assert answer.reason[k]
             assert np.isnan(answer.base[k]).all()
             assert (answer.verdict[k] == "unreachable") == area.outer.is_empty
-    assert 50 < answer.reachable.sum() < 300
+    assert 15 < answer.reachable.sum() < 100
     assert (answer.verdict == "undecided").sum() == 0
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(4))
 def test_random_worlds_are_decided(seed: int) -> None:
     world, rng = random_world(seed), np.random.default_rng(seed)
     spots = rng.uniform([-1.5, -2.5, 0], [5, 2.5, 0.9], (8, 3))
@@ -85,7 +85,7 @@ def test_the_edge_of_the_cone_is_decided(off: float, verdict: str) -> None:
     world = load_world("free")
     arm, z = planar_arm(world.robot.chain), 0.35
     height = float(arm.shoulder[1] + world.robot.mount[2])
-    pitches = np.linspace(-np.pi / 2, 0, 2000)
+    pitches = np.linspace(-np.pi / 2, 0, 600)
     reached = [len(reach_intervals(arm, height, np.array([z]), (p, p))[0]) > 0 for p in pitches]
     least = float(pitches[int(np.argmax(reached))])  # steepest pitch that any place allows
     assert 0 < np.argmax(reached) < len(pitches)

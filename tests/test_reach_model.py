@@ -7,19 +7,11 @@ import numpy as np
 import pytest
 import shapely
 
-from regionik.areas.planar_reach import PlanarReach
-from regionik.areas.reach_model import ReachModel
-from regionik.areas.reachable import PivotedReach, PosedReach, reach_model
 from regionik.areas.standing import spread
 from regionik.mfabrik import solver_for
 from regionik.pipeline import plan
-from regionik.planners.solvers.damped_least_squares import DIRECTION
-from regionik.postures.arm import aim_of, goal_of
 from regionik.postures.families import BACK, FRONT, Family
-from regionik.postures.planar_solver import PlanarSolver
-from regionik.postures.serial_solver import SerialSolver
 from regionik.reach_rows import reach_rows
-from regionik.reachability.any_base import can_search
 from regionik.regions import admissible_area
 from regionik.scene import scene_of
 from regionik.verification.verifier import verify
@@ -31,7 +23,6 @@ from tests.kinds import Goal
 from tests.maths import rot_x
 from tests.measures import axis_of, pose_of
 
-GOALS: tuple[Goal, ...] = ("point", "direction", "orientation")
 FLOOR = Floor(shapely.box(-2, -2, 2, 2))
 
 
@@ -47,11 +38,6 @@ def bounded(robot: Robot, half: float) -> Robot:
     return replace(robot, chain=Chain(joints, robot.chain.T_last_tool))
 
 
-def traits(model: ReachModel) -> set[str]:
-    found = {name for name in ("exact", "shows_all_postures") if getattr(model, name)}
-    return found | ({"proven"} if model.is_proven(Rules()) else set())
-
-
 def targets(position: tuple[float, float, float]) -> dict[Goal, Target]:
     spot = np.array(position)
     return {
@@ -59,41 +45,6 @@ def targets(position: tuple[float, float, float]) -> dict[Goal, Target]:
         "direction": Target(spot, np.array([0.0, 0.0, -1.0]), 0.3),
         "orientation": Target(spot, cone=0.3, orientation=rot_x(np.pi)[:3, :3]),
     }
-
-
-def test_a_goal_is_what_is_asked() -> None:
-    assert {goal: goal_of(target) for goal, target in targets((0, 0, 0)).items()} == {g: g for g in GOALS}
-    assert aim_of(targets((0, 0, 0))["direction"]).kind == DIRECTION
-
-
-def test_an_arm_in_a_plane_has_one_model() -> None:
-    robot = robot_named("youbot")
-    (model,) = {reach_model(robot, goal) for goal in GOALS}
-    assert isinstance(model, PlanarReach)
-    assert traits(model) == {"exact", "proven", "shows_all_postures"}
-    assert isinstance(model.solver(Family(FRONT), 1e-3), PlanarSolver)
-
-
-def test_a_tool_across_the_plane_is_posed_but_can_be_exhausted() -> None:
-    robot = across(robot_named("youbot"))
-    assert isinstance(reach_model(robot, "point"), PlanarReach)
-    assert can_search(scene_of(World("test", robot, FLOOR)))
-    for goal in GOALS[1:]:
-        model = reach_model(robot, goal)
-        assert isinstance(model, PosedReach)
-        assert traits(model) == set()
-        assert isinstance(model.solver(Family(FRONT), 1e-3), SerialSolver)
-
-
-def test_any_other_arm_is_pivoted_for_points_and_posed_for_more() -> None:
-    robot = robot_named("pioneer7")
-    point = reach_model(robot, "point")
-    assert type(point) is PivotedReach
-    assert not can_search(scene_of(World("test", robot, FLOOR)))
-    assert traits(point) == {"proven"}
-    for goal in GOALS[1:]:
-        assert isinstance(reach_model(robot, goal), PosedReach)
-        assert traits(reach_model(robot, goal)) == set()
 
 
 @pytest.mark.parametrize("name", ["youbot", "pioneer7"])

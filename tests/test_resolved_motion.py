@@ -11,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from regionik.moving import path_following
 from regionik.moving.path_following import ResolvedMotion
 from regionik.postures.poses import Pose, arrays
 from regionik.scene import scene_of
@@ -71,16 +70,6 @@ def test_the_tool_turns_within_its_cone(bearing: float, tilt: float, cone: float
         assert turned <= task[1].cone / 2 + 1e-5
 
 
-def test_it_is_the_motion_of_all_that_moves() -> None:
-    """Rolling takes over what the arm would do: the joints move less than with a base that stands."""
-    ahead = 0.1 * np.array([np.cos(0.4), np.sin(0.4), 0.0])
-    world, here = world_of("differential", ahead)
-    states = ResolvedMotion(scene_of(world), scene_of(world).guard).onward(0, here)
-    assert states is not None
-    assert np.linalg.norm(states[-1].base[:2] - here.base[:2]) > 0.03
-    assert np.abs(states[-1].joints - here.joints).max() < 0.3
-
-
 @given(
     joint=st.integers(0, 3), upper=st.booleans(), bearing=st.floats(-np.pi, np.pi), up=st.floats(-0.3, 0.3)
 )
@@ -132,42 +121,6 @@ def test_links_go_round_what_is_in_their_way(base: BaseKind) -> None:
     round_it = ResolvedMotion(scene_of(world), guard).onward(0, here)
     assert round_it is not None
     assert guard.passes([here, *round_it])
-
-
-def test_a_base_that_would_leave_the_floor_does_not_go() -> None:
-    world, here = world_of("differential", np.array([0.0, 0.0, 0.02]))
-    narrow = replace(world, floor=Floor(shapely.box(3, 3, 5, 5)))
-    assert ResolvedMotion(scene_of(narrow), scene_of(narrow).guard).onward(0, here) is None
-
-
-def test_a_hop_that_is_not_proven_is_halved(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Straight motions of few joints leave a long straight path of the tool by more than they may."""
-    monkeypatch.setattr(path_following, "TOOL_STRIDE", 1.0)
-    monkeypatch.setattr(path_following, "REACH_STRIDE", 10.0)
-    world, here = world_of("omni", np.array([0.0, 0.3, 0.1]))
-    world = replace(world, rules=replace(world.rules, step=1.0))
-    states = ResolvedMotion(scene_of(world), scene_of(world).guard).onward(0, here)
-    assert states is not None
-    assert len(states) > 1
-    tools = world.robot.tool(*arrays([here, *states]))[:, :3, 3]
-    share = (tools - tools[0]) @ (tools[-1] - tools[0]) / np.sum((tools[-1] - tools[0]) ** 2)
-    assert (np.diff(share) > 0).all()
-    assert tools[-1] == pytest.approx(world.task[1].position, abs=1e-5)
-
-
-@given(bearing=st.floats(-np.pi, np.pi), off=st.floats(-0.3, 0.3))
-def test_what_redundancy_leaves_open_goes_back_home(bearing: float, off: float) -> None:
-    world, here = world_of("omni", 0.1 * np.array([np.cos(bearing), np.sin(bearing), 0.0]))
-    motion, home = (
-        ResolvedMotion(scene_of(world), scene_of(world).guard),
-        here.joints + off * np.array([0, 1, -1, 1, 0]),
-    )
-    there, plain = motion.onward(0, here, home), motion.onward(0, here)
-    assert there is not None
-    assert plain is not None
-    far, before = (np.abs(one[-1].joints - home).max() for one in (there, plain))
-    assert far <= before + 1e-3
-    assert abs(off) < 0.1 or far < before
 
 
 def test_what_only_the_next_target_asks_for_is_met_there() -> None:

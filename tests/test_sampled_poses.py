@@ -9,8 +9,6 @@ from itertools import combinations, permutations
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from regionik.moving.transit import TransitPlanner
 from regionik.parking import arm_tour, sampled_poses
@@ -32,7 +30,6 @@ from regionik.worlds.links import capsules_along
 from regionik.worlds.obstacles import Box
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, StopCriterion, Target, World
-from tests import examples
 from tests.test_closed_form import ARMS
 
 RULES = Rules(clearance=0.05, mode="stops", order="any", stop_tolerance=0.01)
@@ -168,34 +165,6 @@ def arm_times(held: HeldPostures, world: World) -> np.ndarray:
         times = np.abs(np.diff(states, axis=0)) / np.array(world.speeds.joint_velocity)
         far[a, b] = far[b, a] = times.max(axis=1).sum()
     return far
-
-
-@given(st.integers(0, 10**6), st.integers(1, 60), st.integers(1, 9))
-@settings(max_examples=examples(60))
-def test_what_no_other_row_contains_is_not_dominated(seed: int, count: int, columns: int) -> None:
-    rows = np.unique(np.random.default_rng(seed).random((count, columns)) < 0.4, axis=0)
-    wanted = [not any((row <= other).all() and (row != other).any() for other in rows) for row in rows]
-    assert undominated(rows).tolist() == wanted
-
-
-def test_faces_of_an_overlay_are_all_that_discs_share() -> None:
-    rng = np.random.default_rng(1)
-    areas = np.array([shapely.Point(spot).buffer(0.3) for spot in rng.uniform(0, 1, (8, 2))], dtype=object)
-    found = overlay_faces(areas)
-    spots = rng.uniform(0, 1, (2000, 2))
-    inside = np.column_stack([shapely.contains_xy(area, spots) for area in areas])
-    assert all((found.inside >= row).all(axis=1).any() for row in inside[inside.any(axis=1)])
-
-
-def test_of_areas_that_share_a_place_only_that_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Laid over each other, with many corners each, they had thousands of faces, all but two of no use."""
-    made = list[int]()
-    monkeypatch.setattr(shapely, "polygonize", lambda lines: made.append(len(lines)))
-    rng = np.random.default_rng(2)
-    centers = np.concatenate([at + rng.uniform(-0.2, 0.2, (60, 2)) for at in (0.0, 3.0)])
-    found = overlay_faces(np.array([shapely.Point(at).buffer(1.0, 40) for at in centers], dtype=object))
-    assert not made
-    assert sorted(found.inside.tolist()) == [[False] * 60 + [True] * 60, [True] * 60 + [False] * 60]
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -64,7 +64,7 @@ def test_arms_that_people_own_meet_every_target(name: str) -> None:
     robot = known_robot(name)
     solver = rik.Solver(robot, tolerance=TOLERANCE)
     iterations = []
-    for _, tool in drawn(robot, 40):
+    for _, tool in drawn(robot, 15):
         found = solver(tool[:3, 3], np.zeros(3), started(robot))
         assert_met(robot, found, tool)
         iterations.append(found.iterations)
@@ -83,7 +83,7 @@ def test_where_passes_stall_base_and_arm_are_polished_together() -> None:
 @pytest.mark.parametrize("name", ["Puma 560", "Panda", "TIAGo"])
 def test_the_base_slides_along_the_edge_of_its_area(name: str) -> None:
     robot = known_robot(name)
-    for base, tool in drawn(robot, 20):
+    for base, tool in drawn(robot, 10):
         area = around(base)
         found = rik.Solver(robot, area, TOLERANCE)(tool[:3, 3], np.zeros(3), started(robot))
         assert_met(robot, found, tool)
@@ -104,8 +104,9 @@ def test_a_row_of_a_batch_is_a_call_and_is_met() -> None:
         np.testing.assert_array_equal(batch.base[k], one.base)
 
 
-@pytest.mark.parametrize("heading", ["free", "fixed", "face_target"])
-@pytest.mark.parametrize("name", ["youbot", "hinge5", "pioneer7"])
+@pytest.mark.parametrize(
+    ("name", "heading"), [("youbot", "free"), ("hinge5", "fixed"), ("pioneer7", "face_target")]
+)
 def test_what_fails_returns_the_nearest_state_with_its_own_error(name: str, heading: Heading) -> None:
     """A youBot's answer said 2.2637 m once, of a state 2.6625 m off."""
     robot, area = robot_named(name), shapely.box(-0.2, -0.2, 0.2, 0.2)

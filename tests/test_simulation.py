@@ -18,7 +18,6 @@ from rosbags.typesys import Stores, get_typestore
 
 import regionik as rik
 from regionik.cli.app import run
-from regionik.planners.solvers.serial_chain import chain_frames, serial_arm
 from regionik.simulation.noise import Noise, PoseEstimate, typical_noise
 from regionik.simulation.physics import STEP, Physics
 from regionik.simulation.reference import PERIOD, Reference, reference
@@ -26,7 +25,7 @@ from regionik.simulation.run import Contact
 from regionik.simulation.run_file import run_to_csv, run_to_mcap
 from regionik.simulation.run_picture import picture_of_run
 from regionik.simulation.simulate import SUBSTEPS, BaseDrives, simulate
-from regionik.simulation.tracking import MOST_ADDED, TrackingController
+from regionik.simulation.tracking import TrackingController
 from regionik.timing.retime import retime
 from regionik.values import Motion, Plan
 from regionik.worlds.errors import EngineError, InputError
@@ -207,49 +206,6 @@ def test_every_base_comes_back_to_its_way(
     assert abs(error[2]) < 0.02
 
 
-@settings(max_examples=examples(20))
-@given(st.tuples(st.floats(-0.02, 0.02), st.floats(-0.02, 0.02), st.floats(-0.02, 0.02)))
-def test_the_arm_takes_up_what_the_base_is_off(off: tuple[float, float, float]) -> None:
-    robot, way = arc("omni", 0.0, 0.0, 0.5)
-    posture = np.array([0.3, 1.2, -1.0, 1.2, 0.1])
-    way = replace(way, joints=np.tile(posture, (len(way.time), 1)))
-    way = replace(way, T_tool=robot.tool(way.base, way.joints))
-    controller, joints = TrackingController(robot, Speeds(joint_velocity=10.0), way), posture
-    pose = way.base[0] + off
-    for k in range(10):
-        joints = controller._arm_joints(k, pose, joints)
-    frames = np.empty((robot.chain.dof + 1, 4, 4))
-    chain_frames(serial_arm(robot.chain), joints, frames)
-    tool = (robot.T_world_arm(pose) @ frames[-1])[:3, 3]
-    assert np.linalg.norm(tool - way.T_tool[0, :3, 3]) < 5e-4
-    assert ((joints >= robot.chain.lower) & (joints <= robot.chain.upper)).all()
-
-
-def test_the_arm_stays_near_the_plan_where_it_cannot_take_up_what_the_base_is_off() -> None:
-    robot, way = arc("omni", 0.0, 0.0, 1.0)  # carried
-    controller, joints = TrackingController(robot, Speeds(joint_velocity=10.0), way), way.joints[0]
-    for k in range(90):
-        joints = controller._arm_joints(k, way.base[0] + [0.5, 0.3, 0.4], joints)
-        assert np.abs(joints - way.joints[k]).max() <= MOST_ADDED
-
-
-@settings(max_examples=examples(12))
-@given(st.floats(-np.pi, np.pi))
-def test_off_its_path_the_arm_strays_no_farther_than_the_base_takes_it(angle: float) -> None:
-    robot, way = arc("omni", 0.2, 0.1, 5.0)
-    on_path = (way.time > 2.0) & (way.time < 3.0)
-    controller = TrackingController(robot, Speeds(joint_velocity=10.0), replace(way, on_path=on_path))
-    off, joints = np.array([0.02 * np.cos(angle), 0.02 * np.sin(angle), 0.03]), way.joints[0]
-    added = []
-    for k in range(len(way.time)):
-        joints = controller._arm_joints(k, way.base[k] + off, joints)
-        added.append(float(np.abs(joints - way.joints[k]).max()))
-    kept = (way.time < 1.0) | (way.time > 4.2)
-    assert np.array(added)[kept].max() < 1e-4
-    assert np.array(added)[on_path].min() > 0.01
-    assert np.abs(np.diff(added)).max() < 2e-3  # it begins and ends without a jump
-
-
 def test_localisation_at_rest_averages() -> None:
     noise, rng = Noise(position=0.01, heading=0.01), np.random.default_rng(0)
     true = np.array([1.0, 2.0, 3.1])
@@ -276,18 +232,6 @@ def test_odometry_follows_a_circle_and_grows_less_sure() -> None:
         assert spread > before
         before = spread
     assert np.abs(estimate.pose - [0.0, 0.8, np.pi]).max() < 1e-3
-
-
-@settings(max_examples=examples(20))
-@given(st.floats(-np.pi, np.pi), st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5), st.floats(-1, 1)))
-def test_what_odometry_may_be_off_turns_with_the_base(yaw: float, twist: tuple[float, float, float]) -> None:
-    """A base that drives ahead slips along its heading, whichever that is."""
-    straight, turned = (PoseEstimate(np.array([0.0, 0.0, angle])) for angle in (0.0, yaw))
-    for _ in range(20):
-        straight, turned = (one.moved(np.array(twist), PERIOD, 0.02) for one in (straight, turned))
-    R = np.eye(3)
-    R[:2, :2] = [[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]]
-    assert np.abs(turned.covariance - R @ straight.covariance @ R.T).max() < 1e-12
 
 
 # --- the command

@@ -4,28 +4,26 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
+from importlib import import_module
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 from scipy.sparse import csc_array
 from scipy.spatial.transform import Rotation
 from shapely.affinity import rotate, translate
 
-from regionik import pipeline
 from regionik.moving.state_keeper import AREA_MARGIN, NEAR, StateKeeper
+from regionik.pipeline import search
 from regionik.planners.smoothing.path_smoothing import HalfSpaces, within_reach
-from regionik.planners.smoothing.quadratic_program import least_weighted, minimize_quadratic
+from regionik.planners.smoothing.quadratic_program import minimize_quadratic
 from regionik.planners.solvers.aims import beyond_cones, missed_by, tool_jacobians
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, Aims
-from regionik.pruning import whole_path
 from regionik.scene import scene_of
 from regionik.smoothing import runs
-from regionik.smoothing import smooth_motion as stage
-from regionik.smoothing.smooth_motion import Reconnection, smooth_motion
+from regionik.smoothing.smooth_motion import smooth_motion
 from regionik.timing.retime import retime
 from regionik.values import Plan, Report, Violation
 from regionik.verification.verifier import verify
@@ -39,43 +37,39 @@ from tests.kinds import BaseKind
 from tests.maths import Array
 from tests.measures import axis_of
 
-SMOOTHED = ("free", "l_shape", "pillar", "shelf", "slab", "wall")
+SMOOTHED = ("l_shape", "pillar", "shelf")
 
 
-def test_constraints_that_bound_nothing_are_left_out_without_a_word(
-    capfd: pytest.CaptureFixture[str],
-) -> None:
-    rows, least = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]), np.array([-np.inf, 0.5, -np.inf])
-    ends = np.full(2, -1.0), np.full(2, np.inf)
-    for some in (slice(0, 3), slice(0, 1)):
-        wanted = [0.0, 0.5] if some.stop > 1 else [0.0, 0.0]
-        none = np.empty((0, 2)), np.empty(0)
-        dense = least_weighted(np.ones(2), np.zeros(2), *none, rows[some], least[some], *ends)
-        sparse = minimize_quadratic(
-            csc_array(np.eye(2)),
-            np.zeros(2),
-            csc_array(rows[some]),
-            least[some],
-            np.full(3, 1e3)[some],
-            *ends,
-        )
-        assert dense == pytest.approx(wanted, abs=1e-8)
-        assert sparse == pytest.approx(wanted, abs=1e-8)
-    assert capfd.readouterr() == ("", "")
+class Stage(NamedTuple):
+    """What smoothing is asked while a world is planned, and the plan that comes of it."""
+
+    scene: Any
+    found: Plan
+    standing: Any
+    smooth: Plan
 
 
-def as_found(world: World) -> Plan:
-    """The plan before it is smoothed."""
+def staged(world: World) -> Stage:
+    asked = list[tuple[Any, Plan, Any]]()
+
+    def stage(scene: Any, found: Plan, standing: Any) -> Plan:
+        asked.append((scene, found, standing))
+        return smooth_motion(scene, found, standing)
+
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pipeline, "smooth_motion", lambda scene, plan, standing: plan)
-        return pipeline.search(scene_of(world))
+        patch.setattr(import_module(search.__module__), "smooth_motion", stage)
+        smooth = search(scene_of(world))
+    return Stage(*asked[-1], smooth)
 
 
 @lru_cache
-def both(name: str) -> tuple[Plan, Plan]:
-    world = load_world(name)
-    found = as_found(world)
-    return found, smooth_motion(scene_of(found.world), found, whole_path(scene_of(world))[0])
+def of(name: str) -> Stage:
+    return staged(load_world(name))
+
+
+def again(name: str) -> Plan:
+    """The same found plan, smoothed once more."""
+    return smooth_motion(*of(name)[:3])
 
 
 def way_of_path(plan: Plan, k: int) -> float:
@@ -88,18 +82,13 @@ def way_of_path(plan: Plan, k: int) -> float:
 
 
 @pytest.mark.parametrize("name", SMOOTHED)
-def test_a_smoothed_plan_holds_and_lifts_the_tool_no_more(name: str) -> None:
-    found, smooth = both(name)
+def test_a_smoothed_plan_holds_is_on_its_path_and_is_driven_sooner(name: str) -> None:
+    _, found, _, smooth = of(name)
     assert verify(smooth).ok
     assert smooth is not found
     assert smooth.lift_offs == found.lift_offs
     assert np.array_equal(smooth.motion.base[0], found.motion.base[0])
     assert np.array_equal(smooth.motion.joints[0], found.motion.joints[0])
-
-
-@pytest.mark.parametrize("name", SMOOTHED)
-def test_the_tool_is_on_its_path_and_the_base_in_its_areas(name: str) -> None:
-    found, smooth = both(name)
     old = {row.tobytes() for row in np.hstack([found.motion.base, found.motion.joints])}
     rows = np.hstack([smooth.motion.base, smooth.motion.joints])
     working = smooth.motion.kind != "transit"
@@ -109,11 +98,7 @@ def test_the_tool_is_on_its_path_and_the_base_in_its_areas(name: str) -> None:
     for setpoint, area in zip(smooth.setpoints, smooth.areas, strict=True):
         spot = shapely.Point(axis_of(smooth.world.robot, setpoint.base))
         assert area.pruned.distance(spot) < 1e-6
-
-
-@pytest.mark.parametrize("name", SMOOTHED)
-def test_it_is_driven_sooner_and_holds_the_tools_speed_longer(name: str) -> None:
-    before, after = (retime(plan, Speeds(tool_velocity=0.2)) for plan in both(name))
+    before, after = (retime(plan, Speeds(tool_velocity=0.2)) for plan in (found, smooth))
     assert after.motion.time[-1] < before.motion.time[-1]
     assert after.stats["timing"]["tool"]["held"] > before.stats["timing"]["tool"]["held"]
 
@@ -121,14 +106,14 @@ def test_it_is_driven_sooner_and_holds_the_tools_speed_longer(name: str) -> None
 @pytest.mark.parametrize(("name", "most"), [("free", 0.71), ("shelf", 0.50)])
 def test_the_arm_goes_no_farther_than_resolved_rates_lead_it(name: str, most: float) -> None:
     """RoboPlan 0.7.0 by `benchmarks/bench_travel.py`, which begins in the same posture [rad]."""
-    motion = both(name)[1].motion
+    motion = of(name).smooth.motion
     first = int(np.argmax(motion.kind == "setpoint"))
     assert np.abs(np.diff(motion.joints[first:], axis=0)).sum() <= most
 
 
 def test_runs_begin_where_the_arm_has_less_to_move() -> None:
     """M-FABRIK folds the last link over; from the carry posture the arm need not."""
-    found, smooth = both("free")
+    _, found, _, smooth = of("free")
     first = [plan.setpoints[0].joints for plan in (found, smooth)]
     assert np.abs(first[0] - found.motion.joints[0]).max() > 3.0
     assert np.abs(first[1] - found.motion.joints[0]).max() < 1.0
@@ -136,44 +121,32 @@ def test_runs_begin_where_the_arm_has_less_to_move() -> None:
     assert bends[1] < 0.5 * bends[0]
 
 
-def test_runs_stay_where_no_way_to_them_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    found, _ = both("shelf")
-    monkeypatch.setattr(Reconnection, "_way", lambda *_: None)
-    held = smooth_motion(scene_of(found.world), found, whole_path(scene_of(found.world))[0])
-    lifted = [plan.motion.base[plan.motion.kind == "transit"] for plan in (found, held)]
-    assert held is not found
-    assert np.array_equal(*lifted)
-
-
 def test_the_same_bytes_again() -> None:
-    found, smooth = both("l_shape")
-    again = smooth_motion(scene_of(found.world), found, whole_path(scene_of(found.world))[0])
-    assert np.array_equal(again.motion.base, smooth.motion.base)
-    assert np.array_equal(again.motion.joints, smooth.motion.joints)
+    smooth, other = of("shelf").smooth, again("shelf")
+    assert np.array_equal(other.motion.base, smooth.motion.base)
+    assert np.array_equal(other.motion.joints, smooth.motion.joints)
 
 
 def test_a_long_run_is_smoothed_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     """Parts share the state between them, which the plan has once."""
-    found, whole = both("free")
     monkeypatch.setattr(runs, "MOST_STATES", 30)
-    parts = smooth_motion(scene_of(found.world), found, whole_path(scene_of(found.world))[0])
-    assert parts is not found
+    parts = again("free")
+    assert parts is not of("free").found
     assert verify(parts).ok
     rows = np.hstack([parts.motion.base, parts.motion.joints])
     assert (np.diff(rows, axis=0) != 0).any(axis=1).all()
-    assert not np.array_equal(parts.motion.joints, whole.motion.joints)
+    assert not np.array_equal(parts.motion.joints, of("free").smooth.motion.joints)
 
 
 def test_what_cannot_be_proven_stays_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
-    found, _ = both("pillar")
     refusal = Report(False, {}, (Violation("arm", 5, 0, 1.0, "no"),))
-    monkeypatch.setattr(stage, "verify", lambda plan: refusal)
-    assert smooth_motion(scene_of(found.world), found, whole_path(scene_of(found.world))[0]) is found
+    monkeypatch.setattr("regionik.smoothing.smooth_motion.verify", lambda plan: refusal)
+    assert again("pillar") is of("pillar").found
 
 
 def test_a_state_that_fails_is_held_closer(monkeypatch: pytest.MonkeyPatch) -> None:
     """A check that wants the base near to where it was is met in the end."""
-    found, free = both("l_shape")
+    _, found, _, free = of("l_shape")
     near = np.array([configuration.base[:2] for configuration in found.setpoints])
 
     def strict(plan: Plan) -> Report:
@@ -185,8 +158,8 @@ def test_a_state_that_fails_is_held_closer(monkeypatch: pytest.MonkeyPatch) -> N
                 return replace(report, ok=False, violations=(*report.violations, far))
         return report
 
-    monkeypatch.setattr(stage, "verify", strict)
-    kept = smooth_motion(scene_of(found.world), found, whole_path(scene_of(found.world))[0])
+    monkeypatch.setattr("regionik.smoothing.smooth_motion.verify", strict)
+    kept = again("l_shape")
     assert np.linalg.norm(free.setpoints[20].base[:2] - near[20]) > 0.02
     assert np.linalg.norm(kept.setpoints[20].base[:2] - near[20]) <= 0.02
     assert kept is not found
@@ -196,16 +169,13 @@ def robot_on(robot: Robot, drive: BaseKind) -> Robot:
     return replace(robot, base=drive, turning_radius=0.3 if drive == "car" else 0.0)
 
 
-def on_wheels(drive: BaseKind) -> tuple[Plan, Plan]:
-    """The plan of a world by a base on wheels as found and smoothed."""
+def on_wheels(drive: BaseKind) -> Stage:
     world = load_world("l_shape")
-    wheels = replace(world, robot=robot_on(world.robot, drive))
-    found = as_found(wheels)
-    return found, smooth_motion(scene_of(found.world), found, whole_path(scene_of(wheels))[0])
+    return staged(replace(world, robot=robot_on(world.robot, drive)))
 
 
 def test_a_car_keeps_its_way() -> None:
-    found, smooth = on_wheels("car")
+    _, found, _, smooth = on_wheels("car")
     moved = smooth.motion.base - found.motion.base
     moved[:, 2] -= 2 * np.pi * np.round(moved[:, 2] / (2 * np.pi))  # whole turns may be left out
     assert np.abs(moved).max() < 1e-9
@@ -214,7 +184,7 @@ def test_a_car_keeps_its_way() -> None:
 
 
 def test_a_differential_drive_rolls_without_slip_and_sooner() -> None:
-    found, smooth = on_wheels("differential")
+    _, found, _, smooth = on_wheels("differential")
     drive = smooth.world.robot.drive
     assert not np.array_equal(smooth.motion.base, found.motion.base)
     assert np.abs(drive.slip(smooth.motion.base)[0]).max() < 1e-10
@@ -226,20 +196,19 @@ def test_a_differential_drive_rolls_without_slip_and_sooner() -> None:
 
 def test_a_base_found_off_its_areas_is_not_drawn_into_them() -> None:
     """As where pruning cut the component, or base and joints went on together."""
-    found, standing = both("free")[0], whole_path(scene_of(load_world("free")))[0]
+    scene, found, standing, _ = of("free")
     away = tuple(replace(area, pruned=translate(area.pruned, 0.0, 0.9)) for area in found.areas)
-    (run,) = runs.runs_of(scene_of(found.world), replace(found, areas=away), standing, 0.025, loose=False)
+    (run,) = runs.runs_of(scene, replace(found, areas=away), standing, 0.025, loose=False)
     assert run.problem.keep(run.states).least.max() <= 0.0
 
 
 def test_a_base_found_off_the_floor_of_all_slabs_stays_where_it_was() -> None:
     """As its footprint may have room where no slab of headings shows any; it was drawn back, off its path."""
-    found, standing = both("free")[0], whole_path(scene_of(load_world("free")))[0]
+    scene, found, standing, _ = of("free")
     away = tuple(replace(area, pruned=translate(area.pruned, 0.0, 90.0)) for area in found.areas)
     sides = tuple(replace(side, floor=translate(side.floor, 0.0, 90.0)) for side in standing.sides)
-    (run,) = runs.runs_of(
-        scene_of(found.world), replace(found, areas=away), replace(standing, sides=sides), 0.025, loose=False
-    )
+    standing = replace(standing, sides=sides)
+    (run,) = runs.runs_of(scene, replace(found, areas=away), standing, 0.025, loose=False)
     assert run.problem.keep(run.states).least.max() <= 0.0
     still = np.zeros(len(run.states))
     assert run.mended(run.states, [0], still, still) == pytest.approx(run.states)
@@ -346,8 +315,7 @@ def test_a_base_that_has_room_at_some_headings_only_is_smoothed() -> None:
     floor = Floor(shapely.box(-2.5, -0.45, 2.5, 0.45))
     world = World("lane", cart, floor, (post,), task, Rules(clearance=0.02))
     assert scene_of(world).free_floor.turns_matter
-    found = as_found(world)
-    smooth = smooth_motion(scene_of(found.world), found, whole_path(scene_of(world))[0])
+    _, found, _, smooth = staged(world)
     assert smooth is not found
     assert verify(smooth).ok
 
@@ -402,23 +370,9 @@ def test_programs_are_solved_as_least_squares_within_bounds() -> None:
         assert np.abs(found - wanted).max() < 1e-5
 
 
-@given(st.floats(0.1, 5.0), st.floats(-2.0, 2.0), st.floats(0.1, 5.0))
-def test_what_is_missing_of_a_constraint_costs(cost: float, least: float, upper: float) -> None:
-    """Of x^2 / 2 + cost * max(0, least - x) the minimum is the cost, the constraint or the bound."""
-    row, free = csc_array(np.ones((1, 1))), np.full(1, -np.inf)
-    found = minimize_quadratic(
-        csc_array(np.eye(1)), np.zeros(1), row, np.array([least]), np.array([cost]), free, np.array([upper])
-    )
-    assert found is not None
-    assert found[0] == pytest.approx(min(max(least, 0.0), cost, upper), abs=3e-4)
-
-
 @pytest.mark.slow
 def test_states_far_from_one_that_failed_stay() -> None:
-    found, _ = both("depot")
-    run = next(
-        runs.runs_of(scene_of(found.world), found, whole_path(scene_of(found.world))[0], 0.05, loose=False)
-    )
+    run = next(runs.runs_of(*of("depot")[:3], 0.05, loose=False))
     smooth, n = run.smoothed(), len(run.states)
     failed, demanded = [3, n // 2], np.zeros(n)
     narrow = np.full(n, np.inf)

@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike
 from shapely import box
-from shapely.geometry import Point, Polygon
+from shapely.geometry import Polygon
 
-from regionik.planners.driving.greedy_steps import greedy_points, visible_star
-from regionik.planners.geometry.polygons import FlatPolygon, clamp, nearest_on_boundary, segment_inside
+from regionik.planners.driving.greedy_steps import greedy_points
+from regionik.planners.geometry.polygons import FlatPolygon, clamp, segment_inside
 from tests import examples
 from tests.maths import Array
 
@@ -42,12 +42,6 @@ def step_to_goal(free: Polygon, start: ArrayLike, goal: ArrayLike, rho: float) -
     flat = FlatPolygon.from_shapely(free)
     (x, y), (goal_x, goal_y) = clamp(flat.vertices, flat.starts, *np.asarray(start)), np.asarray(goal)
     return Steps(*greedy_points(flat.vertices, flat.starts, x, y, goal_x, goal_y, rho))
-
-
-def step_area(free: Polygon, base: ArrayLike, rho: float) -> Array:
-    flat = FlatPolygon.from_shapely(free)
-    x, y = np.asarray(base)
-    return visible_star(flat.vertices, flat.starts, x, y, rho, np.nan)
 
 
 def legs_inside(free: Polygon, points: Array) -> bool:
@@ -92,53 +86,8 @@ def test_steps_keep_rho_stay_inside_and_never_move_away(seed: int, rho: float, e
     assert steps.arrived == (left[-1] == 0.0)
 
 
-@pytest.mark.parametrize("seed", range(12))
-def test_step_area_is_what_a_straight_step_reaches(seed: int) -> None:
-    free = clutter(seed)
-    flat = FlatPolygon.from_shapely(free)
-    rng = np.random.default_rng(seed)
-    vertex = flat.vertices[rng.integers(len(flat.vertices))]
-    edge = nearest_on_boundary(flat.vertices, flat.starts, *rng.uniform(0, 4, 2))
-    within = clamp(flat.vertices, flat.starts, *rng.uniform(0, 4, 2))
-    for base in (vertex, edge, within):
-        rho = 0.6
-        star = FlatPolygon(step_area(free, base, rho), np.array([0, len(step_area(free, base, rho))]))
-        for x in base + rng.uniform(-rho, rho, (400, 2)):
-            if abs(np.hypot(*(x - base)) - rho) < 0.002 * rho:
-                continue  # between the disc and the polygon inscribed in it
-            sees = segment_inside(flat.vertices, flat.starts, *base, *x) and np.hypot(*(x - base)) < rho
-            on = np.hypot(*(np.array(nearest_on_boundary(star.vertices, star.starts, *x)) - x)) < 1e-7
-            assert on or sees == (tuple(clamp(star.vertices, star.starts, *x)) == tuple(x))
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_step_area_has_the_area_of_the_view(seed: int) -> None:
-    """Against shadows cast behind every edge, taken from the disc by shapely."""
-    free = clutter(seed)
-    base = np.array(free.representative_point().coords[0])
-    rho = 0.8
-    view = Point(base).buffer(rho, quad_segs=512) & free
-    flat = FlatPolygon.from_shapely(free)
-    shadows = []
-    for first, last in zip(flat.starts[:-1], flat.starts[1:], strict=True):
-        ring = flat.vertices[first:last]
-        for p, q in zip(ring, np.roll(ring, -1, axis=0), strict=True):
-            if Point(base).distance(shapely.LineString([p, q])) <= rho:
-                far = [base + (v - base) * (50 / np.hypot(*(v - base))) for v in (q, p)]
-                shadows.append(shapely.make_valid(Polygon([p, q, *far])))
-    expected = (view - shapely.union_all(shadows)).area
-    star = Polygon(step_area(free, base, rho))
-    assert star.area == pytest.approx(expected, rel=4e-3)
-
-
 def test_a_goal_out_of_the_pocket_stalls_in_it() -> None:
     pocket = box(0, 0, 3, 3) - (box(1, 1, 2, 2) - box(1, 1.2, 1.8, 1.8))
     steps = step_to_goal(pocket, (1.5, 1.5), (2.5, 1.5), 0.2)
     assert not steps.arrived
     assert steps.points[-1][0] == pytest.approx(1.8)
-
-
-def test_shorter_goals_take_one_step() -> None:
-    steps = step_to_goal(box(0, 0, 1, 1), (0.2, 0.2), (0.3, 0.2), 0.5)
-    assert steps.points.tolist() == [[0.2, 0.2], [0.3, 0.2]]
-    assert step_to_goal(box(0, 0, 1, 1), (0.2, 0.2), (0.2, 0.2), 0.5).arrived

@@ -11,22 +11,19 @@ import numpy as np
 import pytest
 import shapely
 from shapely.geometry import Point
-from shapely.geometry.base import BaseGeometry
 
 from regionik.cli.app import run
 from regionik.output.plan_file import load_plan
-from regionik.parking import fewest_stops
 from regionik.parking.fewest_stops import park
 from regionik.parking.placements import PlacementSearch
 from regionik.parking.stops import in_sequence, stops
 from regionik.pipeline import plan
 from regionik.planners.coverage import set_cover
-from regionik.planners.coverage.set_cover import least_cover, overlay_faces, undominated
+from regionik.planners.coverage.set_cover import least_cover, undominated
 from regionik.postures.families import BACK, FRONT
-from regionik.regions import outer_areas, path_areas
-from regionik.scene import Scene, scene_of
+from regionik.regions import path_areas
+from regionik.scene import scene_of
 from regionik.values import Plan
-from regionik.verification.led_postures import _excess, _Goals, _residual_and_jacobian
 from regionik.verification.stops import within_reached_circles
 from regionik.verification.verifier import verify
 from regionik.view.floor_view import floor_view
@@ -88,7 +85,7 @@ def fewest(world: World) -> int:
     return best[count]
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(3))
 def test_none_of_all_ways_to_cut_the_path_needs_fewer_stops(seed: int) -> None:
     world = wave(seed)
     found = park(scene_of(world))
@@ -96,22 +93,30 @@ def test_none_of_all_ways_to_cut_the_path_needs_fewer_stops(seed: int) -> None:
     assert len(found.groups) >= found.lower
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_path_backwards_needs_as_many(seed: int) -> None:
     world = wave(seed)
     back = replace(world, task=world.task[::-1])
     assert len(park(scene_of(world)).groups) == len(park(scene_of(back)).groups)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(1))
 def test_more_clearance_and_more_tolerance_never_need_fewer(seed: int) -> None:
     for key in ("clearance", "stop_tolerance"):
         counts = [len(park(scene_of(ruled(wave(seed), **{key: value}))).groups) for value in (0.0, 0.05, 0.1)]
         assert counts == sorted(counts)
 
 
-@pytest.mark.parametrize("order", ["given", "any"])
-@pytest.mark.parametrize("criterion", ["tolerance", "clearance", "manipulability", "effort", "distance"])
+@pytest.mark.parametrize(
+    ("criterion", "order"),
+    [
+        ("tolerance", "given"),
+        ("clearance", "any"),
+        ("manipulability", "given"),
+        ("effort", "any"),
+        ("distance", "any"),
+    ],
+)
 def test_every_circle_lies_in_every_area(order: str, criterion: str) -> None:
     world = ruled(wave(1, count=8), order=order, stop_criterion=criterion)
     areas = path_areas(scene_of(world))
@@ -175,14 +180,13 @@ def sampled_cover(world: World, spacing: float) -> int:
     return len(least_cover(rows[undominated(rows)]).chosen)
 
 
-@pytest.mark.parametrize("half", [0.4, 0.8])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("seed", "half"), [(0, 0.8), (1, 0.4)])
 def test_no_cover_from_a_grid_of_places_and_headings_needs_fewer(seed: int, half: float) -> None:
     world = scattered(seed, half)
     assert len(stops(world)) <= sampled_cover(world, 0.1)
 
 
-@pytest.mark.parametrize("most", [15, 10, 7])
+@pytest.mark.parametrize("most", [15, 7])
 def test_some_of_many_areas_are_enough_for_a_cover_and_a_bound(
     most: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -198,21 +202,6 @@ def test_some_of_many_areas_are_enough_for_a_cover_and_a_bound(
     for group in found.groups:
         for i in group.setpoints:
             assert areas[i].buffer(1e-9).covers(group.places[0])
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_the_bound_asks_for_few_outer_areas(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Those of a few set-points bound the stops as those of all do, which take long for many an arm."""
-    world, asked = scattered(seed, 3.0), list[int]()
-    every = overlay_faces(fewest_stops._outer_places(scene_of(world), world.task))
-
-    def counted(scene: Scene, targets: list[Target]) -> list[BaseGeometry]:
-        asked.append(len(targets))
-        return outer_areas(scene, targets)
-
-    monkeypatch.setattr(fewest_stops, "outer_areas", counted)
-    assert park(scene_of(world)).lower == least_cover(every.inside).lower
-    assert 2 * sum(asked) < len(world.task)
 
 
 def test_what_a_place_serves_does_not_depend_on_what_was_asked_before() -> None:
@@ -247,9 +236,9 @@ def test_stops_on_both_sides_of_a_wall_are_done_side_by_side() -> None:
     assert np.count_nonzero(np.diff(sides)) == 1
 
 
-@pytest.mark.parametrize("half", [0.4, 1.0, 3.0])
+@pytest.mark.parametrize("half", [0.4, 3.0])
 def test_any_order_never_needs_more_stops(half: float) -> None:
-    for seed in range(3):
+    for seed in range(2):
         given, free = (ruled(narrow(wave(seed, 10), half), order=order) for order in ("given", "any"))
         assert len(stops(free)) <= len(stops(given))
 
@@ -263,7 +252,7 @@ def test_the_middle_of_the_largest_circle_has_the_largest_tolerance() -> None:
 
 
 def test_the_shortest_way_is_no_longer_than_that_of_the_middles() -> None:
-    for seed in range(4):
+    for seed in range(2):
         ways = []
         for criterion in ("distance", "tolerance"):
             world = ruled(wave(seed), stop_criterion=criterion)
@@ -377,11 +366,10 @@ def test_tools_that_point_are_verified_all_over_the_circles() -> None:
     assert any("no posture was found that reaches" in violation.text for violation in report.violations)
 
 
-@pytest.mark.parametrize("span", [slice(2, 7), slice(0, 2), slice(10, 14)])
-def test_circles_that_end_where_the_cone_does_are_verified(span: slice) -> None:
+def test_circles_that_end_where_the_cone_does_are_verified() -> None:
     """At their rims no posture turns the tool any further than to the edge of its cone; found by the soak."""
     asked = soaked_world("made", 47)
-    world = replace(asked, task=asked.task[span], obstacles=(), start=None)
+    world = replace(asked, task=asked.task[2:7], obstacles=(), start=None)
     found = plan(ruled(world, mode="stops", heading="free"))
     assert verify(found).ok
     away = tuple(replace(target, cone=target.cone - 0.05) for target in found.world.task)
@@ -469,40 +457,6 @@ def test_pictures_of_a_plan_show_its_circles() -> None:
 def test_more_stops_than_the_rules_let_the_tool_be_lifted() -> None:
     with pytest.raises(NoPlanFound, match="needs one stop more"):
         plan(ruled(load_world("pillar"), mode="stops", max_lift_offs=0))
-
-
-def test_a_tool_that_points_the_other_way_misses_by_half_a_turn() -> None:
-    world = load_world("wall")
-    base, joints = np.zeros((1, 3)), world.robot.carry[None]
-    tool = world.robot.tool(base[0], joints[0])
-    asked = [Target(tool[:3, 3], direction=sign * tool[:3, 2], cone=0.2) for sign in (1.0, -1.0)]
-    misses = [_excess(world, [one], base, joints)[0] for one in asked]
-    assert misses == pytest.approx([-world.rules.tolerance, np.pi - 0.2])
-
-
-def test_what_is_missing_changes_as_the_jacobian_says() -> None:
-    world = load_world("wall")
-    rng, chain = np.random.default_rng(3), world.robot.chain
-    low, high = np.maximum(chain.lower, -3.0), np.minimum(chain.upper, 3.0)
-    base, small = rng.uniform(-1, 1, (1, 3)), 1e-6
-    for _ in range(20):
-        q, other = rng.uniform(low, high, (2, 1, chain.dof))
-        tool = world.robot.tool(base[0], other[0])
-        spot = tool[:3, 3]
-        for target in (
-            Target(spot),
-            Target(spot, direction=tool[:3, 2], cone=0.1),
-            Target(spot, cone=0.1, orientation=tool[:3, :3]),
-        ):
-            missed, J = _residual_and_jacobian(world, _Goals.of([target], 0.0), base, q)
-            steps = q + small * np.eye(chain.dof), q - small * np.eye(chain.dof)
-            many = _Goals.of([target] * chain.dof, 0.0), np.tile(base, (chain.dof, 1))
-            ahead, behind = (_residual_and_jacobian(world, many[0], many[1], x)[0] for x in steps)
-            assert (behind - ahead)[:, :3] / (2 * small) == pytest.approx(J[0, :3].T, abs=1e-5)
-            left = (np.linalg.norm(side[:, 3:], axis=1) for side in (behind, ahead))
-            size = np.linalg.norm(missed[0, 3:])
-            changed = missed[0, 3:] @ J[0, 3:] / size if size > 0 else np.zeros(chain.dof)
-            assert np.subtract(*left) / (2 * small) == pytest.approx(changed, abs=1e-5)
 
 
 def test_a_circle_to_park_in_is_no_wider_than_others_find_it() -> None:

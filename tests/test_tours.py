@@ -90,7 +90,7 @@ def test_no_other_choice_in_an_order_is_shorter(seed: int, count: int) -> None:
     assert _open_length(chosen, far, lead, tail) == pytest.approx(best)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_local_search_is_within_a_percent_of_dynamic_programming(seed: int) -> None:
     rng = np.random.default_rng(seed)
     far = distances(rng.uniform(0, 1, (13, 2)))

@@ -22,10 +22,8 @@ from regionik.worlds.robot import BODY_HEIGHT, Robot
 from regionik.worlds.urdf.bounding import (
     bounding_solid,
     convex_hull,
-    cylinder_capsule,
     oriented_box,
     outer_hull,
-    sphere_capsule,
 )
 from regionik.worlds.urdf.loader import load_robot
 from tests import examples
@@ -49,31 +47,7 @@ def volume(solid: LinkSolid) -> float:
 
 # --- bounds
 
-_SIZE = st.floats(1e-3, 3)
 _POSE = st.tuples(*[st.floats(-3, 3)] * 6).map(lambda values: pose(values[:3], values[3:]))
-
-
-@settings(max_examples=examples(50))
-@given(_POSE, _SIZE, _SIZE)
-def test_a_cylinder_is_inside_its_capsule(T: Array, radius: float, length: float) -> None:
-    capsule = cylinder_capsule(0, "c", T, radius, length)
-    angles = np.linspace(0, 2 * np.pi, 50)
-    rim = radius * np.column_stack([np.cos(angles), np.sin(angles)])
-    points = np.concatenate([np.column_stack([rim, np.full(50, z)]) for z in (-length / 2, 0, length / 2)])
-    assert depth(capsule, points @ T[:3, :3].T + T[:3, 3]).max() < 1e-9
-    plain = np.pi * radius**2 * length + 4 / 3 * np.pi * radius**3  # as long and as thick as the cylinder
-    ball = 4 / 3 * np.pi * np.hypot(radius, length / 2) ** 3
-    assert volume(capsule) <= min(plain, ball) * (1 + 1e-3)
-
-
-def test_a_sphere_is_inside_its_capsule() -> None:
-    capsule = sphere_capsule(2, "ball", np.array([1.0, 2.0, 3.0]), 0.2)
-    directions = np.random.default_rng(0).normal(size=(200, 3))
-    points = 0.2 * directions / np.linalg.norm(directions, axis=1)[:, None] + [1, 2, 3]
-    away = depth(capsule, points)
-    assert away.max() < 1e-9
-    assert away.min() > -1e-5
-    assert np.linalg.norm(capsule.end - capsule.start) > 0
 
 
 @settings(max_examples=examples(50))

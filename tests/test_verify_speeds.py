@@ -51,13 +51,21 @@ def test_the_polynomials_are_those_of_the_trajectory(kind: BaseKind) -> None:
         assert np.abs(np.linalg.norm(rate[:, :-1], axis=1) - went).max() < 1e-6
 
 
-@pytest.mark.parametrize("kind", ["omni", "differential", "car"])
-@pytest.mark.parametrize("limit", LIMITED)
+@pytest.mark.parametrize(
+    ("kind", "limit"),
+    [
+        *(("omni", limit) for limit in LIMITED),
+        ("differential", "turn_acceleration"),
+        ("car", "base_velocity"),
+        ("car", "joint_acceleration"),
+    ],
+)
 def test_what_goes_beyond_a_limit_is_named(kind: BaseKind, limit: str) -> None:
     """A hundredth below what is used of the limit."""
     found = timed(kind)
-    assert verify(found).ok
-    assert 0 < verify(found).margins["speeds"] < 1
+    whole = verify(found)
+    assert whole.ok
+    assert 0 < whole.margins["speeds"] < 1
     used = found.stats["timing"]["used"][limit]
     speeds = found.world.speeds
     assert speeds is not None

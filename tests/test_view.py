@@ -21,13 +21,11 @@ from regionik.values import Plan
 from regionik.view import film, viewer
 from regionik.view.film import BrowserPage, chromium, opened
 from regionik.view.page import html_page, served, to_html
-from regionik.view.picture import camera_for
 from regionik.view.plan_picture import MAX_FRAMES, picture_of_plan
 from regionik.view.timeline import clearances
-from regionik.view.world_picture import MARK_RADIUS, picture_of_world, shown_start, tool_radius
+from regionik.view.world_picture import picture_of_world, shown_start
 from regionik.worlds.errors import InputError
 from regionik.worlds.links import LinkBox
-from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import World
 from tests.maths import Array, pose
 from tests.plans import every_solid, l_shape, synthetic_plan, timed
@@ -153,24 +151,6 @@ def test_boxes_on_links_are_drawn_where_the_robot_has_them() -> None:
     apart = np.linalg.norm(seen[:, None] - true[None], axis=2)
     assert apart.min(axis=0).max() < 1e-12
     assert apart.min(axis=1).max() < 1e-12
-
-
-def test_the_ball_at_the_tool_shows_outside_the_last_solid() -> None:
-    robot = every_solid().robot
-    assert tool_radius(robot) > robot.solids[-1].radius
-    box = LinkBox(4, "hand", np.eye(4), np.array([0.1, 0.2, 0.06]))
-    assert tool_radius(dataclasses.replace(robot, solids=(*robot.solids[:-1], box))) > 0.03
-    assert tool_radius(dataclasses.replace(robot, solids=())) >= MARK_RADIUS
-
-
-def test_the_camera_avoids_a_wall() -> None:
-    world = l_shape()
-    spots = np.array([[0.0, 0.0, 0.0], [3.0, 1.0, 0.0]])
-    open_view = camera_for(world, spots)
-    wall = Box("wall", np.array([4.5, 0.1, 2.0]), np.array([1.75, -0.4, 1.0]))
-    walled = camera_for(dataclasses.replace(world, obstacles=(wall,)), spots)
-    assert open_view.eye[1] < open_view.center[1]
-    assert walled.eye[1] > walled.center[1]
 
 
 def test_names_are_shown_as_text(tmp_path: Path) -> None:

@@ -17,12 +17,11 @@ from ompl import base as ob
 from shapely import box
 from shapely.geometry import MultiPolygon, Point, Polygon
 
-from regionik.planners.driving.arcs import Segment, WheeledPath, path_of_motions
+from regionik.planners.driving.arcs import WheeledPath, path_of_motions
 from regionik.planners.driving.footprint import arc_is_free
 from regionik.planners.driving.footprint_scene import FootprintScene, footprint_scene
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.driving.pose_planner import (
-    REEDS_SHEPP,
     SPIN,
     Steering,
     drive_wheeled,
@@ -136,7 +135,7 @@ def holds(way: WheeledPath, free: Polygon | MultiPolygon, start: Array, goal: Ar
 
 
 def test_curves_are_as_short_as_those_of_ompl() -> None:
-    for a, b in random_pairs(4000, seed=1):
+    for a, b in random_pairs(800, seed=1):
         words, lengths = words_between(a, b, RADIUS)
         assert lengths[0] == pytest.approx(engine_distance(a, b), abs=1e-9)
         assert (np.diff(lengths) >= 0).all()
@@ -168,7 +167,7 @@ def test_free_arcs_by_dense_sampling() -> None:
     scene = point_in(free)
     rng = np.random.default_rng(0)
     seen = {True: 0, False: 0}
-    for _ in range(1500):
+    for _ in range(400):
         x, y, yaw = *rng.uniform(0, 10, 2), rng.uniform(-4, 4)
         length, turn = rng.normal() * 2, rng.choice([0.0, 1e-7, 1.0, 2.0]) * rng.uniform(-3, 3)
         points = np.array([arc_end(x, y, yaw, s * length, s * turn) for s in np.linspace(0, 1, 401)])[:, :2]
@@ -183,7 +182,7 @@ def test_free_arcs_by_dense_sampling() -> None:
                 free.exterior.union(shapely.union_all(free.interiors)), shapely.points(points)
             )
             assert outside > 0 or edge.min() <= abs(length) / 800 + 1e-9
-    assert min(seen.values()) > 200
+    assert min(seen.values()) > 50
 
 
 GAP = 2e-9  # above an eighth of a full circle's acceleration after 16 halvings, (2 pi)**2 / 8 / 4**16 [m]
@@ -235,7 +234,7 @@ def test_reversing_is_as_long_as_driving_forwards_and_turns_no_more() -> None:
     """Wherever a long base can go forwards it is steered, as far, and turning as much or less."""
     scene, base = footprint_scene(LONG, clutter(0)), Steering(SPIN, 0.0, 0.2)
     less, motions, rng = 0, np.zeros((5, 2)), np.random.default_rng(2)
-    for _ in range(400):
+    for _ in range(200):
         a = rng.uniform((0, 0, -np.pi), (10, 10, np.pi))
         b = np.array([*(a[:2] + rng.uniform(-1.5, 1.5, 2)), rng.uniform(-np.pi, np.pi)])
         forwards = path_of_motions(a, nose_first(a, b), "straight")
@@ -245,7 +244,7 @@ def test_reversing_is_as_long_as_driving_forwards_and_turns_no_more() -> None:
         assert np.abs(motions[:, 0]).sum() == pytest.approx(forwards.length, abs=1e-9)
         assert np.abs(motions[:, 1]).sum() <= forwards.turning + 1e-9
         less += np.abs(motions[:, 1]).sum() < forwards.turning - 0.1
-    assert less > 20
+    assert less > 8
 
 
 def test_a_leg_behind_is_driven_backwards() -> None:
@@ -265,18 +264,6 @@ def engine_distance_at(radius: float, a: list[float], b: list[float]) -> float:
     scale = RADIUS / radius
     ends = [np.array([p[0] * scale, p[1] * scale, p[2]]) for p in (a, b)]
     return engine_distance(ends[0], ends[1]) / scale
-
-
-def test_a_shut_shortest_curve_gives_way_to_the_next() -> None:
-    """The shortest curve leaves a corridor; another one that stays inside is taken without a search."""
-    a, b = np.array([0.5, 0.5, 0.0]), np.array([1.0, 0.8, np.pi / 2])
-    words, lengths = words_between(a, b, 0.4)
-    shut = box(0, 0, 1.25, 0.82)
-    parts = np.zeros((5, 2))
-    cost = steer(point_in(shut), Steering(REEDS_SHEPP, 0.4, 0.0), a, b, np.inf, parts)
-    assert lengths[0] + 0.2 < cost < np.inf
-    assert off(at_the_end(parts, a), b) <= 1e-9
-    assert len(words) > 3
 
 
 def test_footprints_on_wheels() -> None:
@@ -313,13 +300,6 @@ def test_a_turn_alone() -> None:
     way = drive_wheeled(point_in(box(0, 0, 1, 1)), [0.5, 0.5, 3.0], [0.5, 0.5, -3.0], seed=0)
     assert [segment.kind for segment in way.segments] == ["turn"]
     assert way.turning == pytest.approx(2 * np.pi - 6)
-
-
-def test_segments_must_join() -> None:
-    line = Segment(np.zeros(3), 1.0, 0.0)
-    with pytest.raises(InputError, match="segment 1 begins"):
-        WheeledPath(np.zeros(3), (line, Segment(np.array([1.1, 0, 0]), 0.0, 1.0)), "straight")
-    assert Segment(np.zeros(3), np.pi, np.pi).pose(0.5) == pytest.approx([1, 1, np.pi / 2])
 
 
 SCRIPT = """

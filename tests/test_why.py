@@ -1,30 +1,20 @@
 """Why not: exact cases by hand, and laws on random ones, by the functions of the benchmark."""
 
 import json
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from regionik.cli.app import run
 from regionik.explain.arm_failures import target_in_solid
 from regionik.explain.causes import deletion_filter, irreducible
-from regionik.explain.changes import move_obstacle, repaired, share
-from regionik.explain.constraints import Constraint, constraints_of
-from regionik.explain.minimal_change import (
-    FINE,
-    circle,
-    confirmed,
-    first_seen,
-    least_open,
-    shortest_step,
-    sphere,
-)
+from regionik.explain.changes import repaired, share
+from regionik.explain.constraints import constraints_of
 from regionik.pipeline import plan, why
 from regionik.reachability.reach import reach
 from regionik.scene import Scene, scene_of
@@ -33,10 +23,9 @@ from regionik.view.world_picture import picture_of_explanation
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import Explanation, InputError, NoPlanFound, Repair
-from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
+from regionik.worlds.obstacles import Box, Sphere
 from regionik.worlds.robot import Tool, with_tool
 from regionik.worlds.scene import Floor, Rules, Target, World
-from tests import examples
 from tests.furnished import robot_with
 from tests.maths import translation
 from tests.why_cases import as_small_as_brute_force, cases, proven_irreducible
@@ -147,7 +136,7 @@ def test_bad_targets_are_refused() -> None:
 
 def test_random_cases_are_irreducible_and_mended() -> None:
     """`benchmarks/bench_why.py` asks more of them, some by `tests/test_still_shown.py`."""
-    found = cases(range(52, 55))
+    found = cases(range(52, 54))
     assert found
     for case in found:
         is_mended(case)
@@ -248,42 +237,6 @@ def test_the_picture_shows_causes_and_moves() -> None:
 # Laws of the search ------------------------------------------------------------------------------------
 
 
-@given(st.floats(0.01, 1.9), st.floats(0.0, 0.5))
-def test_least_open_finds_where_it_begins(begin: float, window: float) -> None:
-    found = least_open(lambda a: (a >= begin) & ((a < begin + 0.1 + window) | (a > 1.95)), 2.0)
-    assert found is not None
-    assert begin <= found <= begin + FINE
-
-
-@given(st.floats(0.001, 1.0), st.floats(0.9, 1.9))
-def test_confirmed_holds_and_little_less_does_not(begin: float, wrong: float) -> None:
-    found = confirmed(lambda a: a >= begin, begin * wrong, 4.0)
-    assert found is not None
-    assert begin <= found <= 1.05 * begin + 2 * FINE
-
-
-@given(st.floats(0.001, 1.0), st.floats(0.9, 1.9), st.floats(1.0, 1.3))
-def test_what_is_sooner_seen_leads_and_does_not_decide(begin: float, wrong: float, later: float) -> None:
-    found = confirmed(lambda a: a >= begin, begin * wrong, 4.0, lambda a: a >= later * begin)
-    assert found is not None
-    assert begin <= found <= 1.05 * begin + 2 * FINE
-    assert confirmed(lambda a: False, begin, 4.0, lambda a: a >= begin) is None
-
-
-def test_confirmed_gives_up() -> None:
-    assert confirmed(lambda a: False, 0.1, 4.0) is None
-    assert confirmed(lambda a: False, 4.0, 4.0) is None
-
-
-@settings(max_examples=examples(20))
-@given(st.floats(-np.pi, np.pi), st.floats(-1.2, 1.2))
-def test_the_shortest_step_to_a_plane(turn: float, rise: float) -> None:
-    normal = np.array([np.cos(turn) * np.cos(rise), np.sin(turn) * np.cos(rise), np.sin(rise)])
-    found = shortest_step(lambda steps: steps @ normal >= 0.3, sphere(48), 2.0)
-    assert found is not None
-    assert found[0] == pytest.approx(0.3, rel=0.02)
-
-
 @given(st.sets(st.frozensets(st.integers(0, 6), min_size=1, max_size=3), min_size=1, max_size=4))
 def test_the_filter_leaves_one_minimal_set(conflicts: set[frozenset[int]]) -> None:
     names = [f"solid {k}" for k in range(7)]
@@ -308,80 +261,6 @@ def test_the_filter_leaves_nothing_that_can_be_left_out_though_more_need_not_hol
     left = frozenset(deletion_filter(range(9), lambda kept: frozenset(kept) in holding))
     assert left in holding
     assert not any(left - {one} in holding for one in left)
-
-
-def test_the_filter_leaves_out_many_at_once() -> None:
-    asked = list[int]()
-
-    def holds(kept: Sequence[int]) -> bool:
-        asked.append(len(kept))
-        return {3, 60} <= set(kept)
-
-    assert deletion_filter(range(1000), holds) == (3, 60)
-    assert len(asked) < 50
-
-
-def test_a_step_aside_where_the_shortest_is_barred() -> None:
-    def sees(by: np.ndarray) -> bool:
-        return bool(by[1] > 0.2)
-
-    found = first_seen(lambda steps: steps[:, 0] >= 0.3, sees, circle(32), 0.3, 0.6)
-    assert found is not None
-    length, way = found
-    assert 0.3 < length < 0.6
-    assert sees(length * way)
-    assert length * way[0] >= 0.3
-    assert length < 1.25 * np.hypot(0.3, 0.2)  # the next length, in one of 32 directions
-    assert first_seen(lambda steps: steps[:, 0] >= 0.7, sees, circle(32), 0.3, 0.6) is None
-
-
-@pytest.mark.parametrize("most", [0.31, 2.0, 30.0])
-def test_the_shortest_step_when_many_directions_help_at_once(most: float) -> None:
-    normal = np.array([-0.3, 0.954])
-    found = shortest_step(lambda steps: steps @ normal >= 0.05 * np.linalg.norm(normal), circle(32), most)
-    assert found is not None
-    assert found[0] == pytest.approx(0.05, rel=0.02)
-    assert shortest_step(lambda steps: np.linalg.norm(steps, axis=1) >= 0.999 * most, circle(32), most)
-
-
-def test_every_constraint_is_taken_away_by_itself() -> None:
-    target = Target(np.array([0.5, 0.0, 0.3]), np.array([1.0, 0.0, 0.0]))
-    post = Cylinder("post", 0.1, 0.2, np.array([1.0, 0.0, 0.1]))
-    world = hall(
-        robot=robot_named("youbot-real"),
-        obstacles=(post,),
-        task=(target,),
-        rules=Rules(clearance=0.1, heading="face_target"),
-    )
-    every: tuple[Constraint, ...] = constraints_of(scene_of(world))
-    assert len(every) == 7
-    for one in every:
-        left = [other.name for other in constraints_of(one.relax(scene_of(world)))]
-        gone = {other.name for other in every} - set(left)
-        # The floor's edge and joint limits are still there, wherever they are.
-        expected = {one.name} if one.kind not in ("floor", "limits") else set()
-        assert gone - {"rules.clearance"} == expected - {"rules.clearance"}
-
-
-@pytest.mark.parametrize(
-    "solid",
-    [
-        Box("it", np.array([0.2, 0.3, 0.4]), np.array([0.1, 0.2, 0.2]), 0.3),
-        Prism("it", shapely.box(0, 0, 1, 1), 0.0, 1.0),
-        Mesh(
-            "it",
-            np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]]),
-            np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]),
-        ),
-    ],
-    ids=["box", "prism", "mesh"],
-)
-def test_solids_move_as_they_are(solid: Box | Prism | Mesh) -> None:
-    move = move_obstacle(scene_of(hall(obstacles=(solid,))), "it")
-    assert move is not None
-    moved = move.at(np.array([0.5, -0.25])).world.obstacles[0]
-    spot = np.array([0.9, 0.1, 0.3])
-    assert moved.distance(spot + [0.5, -0.25, 0.0]) == pytest.approx(solid.distance(spot))
 
 
 def test_a_table_top_and_the_column_under_it_are_the_cause() -> None:

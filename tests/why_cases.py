@@ -17,7 +17,7 @@ from regionik.worlds.errors import Explanation, Repair
 from regionik.worlds.scene import World
 from tests.test_random_worlds import random_world
 
-SAMPLES = 100  # repairs along one direction, all smaller than what is told
+SAMPLES = 12  # repairs along one direction, all smaller than what is told
 NEAR = 0.05  # part by which a repair may be larger than the least of them
 ROUNDING = 2e-4  # [m] or [rad]
 
