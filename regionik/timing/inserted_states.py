@@ -16,6 +16,7 @@ from regionik.worlds.errors import InputError
 
 ROUNDS = 30  # of inserting states until the smooth path keeps to the plan
 COMPARED_SHARES = (0.25, 0.5, 0.75)  # of a segment, where the smooth path is compared with it
+PAST = 1e-5  # by which joints may pass their limits between states [rad], [m]
 DRAWN = 0.9  # share of the blend by which states are put beside segments
 PERIOD = 0.02  # of the fine timing that shows where states are needed [s]
 VELOCITY_ERROR = 0.002  # share of the squared path velocity by which it may be off the fine one
@@ -99,16 +100,21 @@ def _halfway(limits: MotionLimits, motion: Motion, segment: Index, straight: Arr
     if limits.robot.drive.rolls:
         return straight
     base, joints = path_of(limits.robot, motion).states_at(segment, np.full(len(segment), 0.5))
-    smooth = np.column_stack([base, joints])
+    smooth = np.column_stack([base, _within_range(limits, joints)])
     off = limits.displacement(straight, smooth)
     return straight + np.minimum(DRAWN * limits.blend / off, 1.0)[:, None] * (smooth - straight)
+
+
+def _within_range(limits: MotionLimits, joints: Array) -> Array:
+    """Joints (m, dof) brought within their limits, which splines between states may pass."""
+    return np.clip(joints, limits.robot.chain.lower, limits.robot.chain.upper)
 
 
 def _deviation(limits: MotionLimits, motion: Motion, fine: Motion, way: Array) -> Array:
     """Upper bound for any point's distance on the smooth path from a motion's segments, (n - 1,) [m].
 
     That path is through the states of a finer motion, which are at ways (n,) along those segments. Infinite
-    where wheels slip too far.
+    where wheels slip too far, or joints pass their limits.
     """
     off = np.zeros(len(fine) - 1)
     path, segment = path_of(limits.robot, fine), np.arange(len(off))
@@ -116,6 +122,8 @@ def _deviation(limits: MotionLimits, motion: Motion, fine: Motion, way: Array) -
         q, _, _ = path.evaluate(path.position[:-1] + share * path.lengths, segment)
         straight = _along(limits, motion, way[:-1] + share * np.diff(way))
         off = np.maximum(off, limits.displacement(q, straight))
+        past = np.abs(q[:, 3:] - _within_range(limits, q[:, 3:])).max(axis=1, initial=0.0)
+        off[past > PAST] = np.inf
     return np.where(path.slipping, np.inf, off)
 
 
@@ -128,9 +136,8 @@ def with_rests(motion: Motion, states: Index) -> tuple[Motion, Index]:
 
 def _subdivided(limits: MotionLimits, motion: Motion, segment: Index, share: Array) -> Motion:
     """Motion with states inserted at shares of segments (m,), in their order, next to its smooth path."""
-    return with_rolled_states(
-        limits, motion, segment, *path_of(limits.robot, motion).states_at(segment, share)
-    )
+    base, joints = path_of(limits.robot, motion).states_at(segment, share)
+    return with_rolled_states(limits, motion, segment, base, _within_range(limits, joints))
 
 
 def periods(span: Array, period: float) -> Index:
