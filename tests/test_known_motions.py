@@ -11,6 +11,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from regionik.timing.inserted_states import blended, refined
+from regionik.timing.limits import MotionLimits
+from regionik.timing.parametrization import path_of
 from regionik.timing.retime import retime
 from regionik.values import Configuration, Motion, Plan
 from regionik.verification.verifier import verify
@@ -93,3 +96,21 @@ def test_a_base_that_faces_its_targets_does_so_when_it_is_timed_too() -> None:
     moving = np.linalg.norm(np.diff(timed.motion.joints, axis=0), axis=1) > 0
     assert moving.all()
     assert timed.motion.joints[timed.motion.kind == "setpoint", 0] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_joint_that_leaves_its_limit_does_not_pass_it_before() -> None:
+    """The splines swing beyond, and the states on them broke the rules: the robot rested there."""
+    limits = MotionLimits(robot_named("youbot"), QUICK)
+    least = float(limits.robot.chain.lower[1])
+    q = along({0: 0.5}, {}, 11)
+    q[:, 4] = least + np.maximum(np.arange(11) - 5, 0) * 0.05
+    motion = Motion(
+        q[:, :3], q[:, 3:], np.repeat("step", 11), np.zeros(11, dtype=np.int64), np.full(11, np.nan)
+    )
+    found = refined(limits, blended(limits, motion))
+    assert found.joints[:, 1].min() >= least
+    path = path_of(limits.robot, found)
+    k = np.repeat(np.arange(len(found) - 1), 9)
+    share = np.tile(np.arange(1, 10) / 10, len(found) - 1)
+    z, _, _ = path.evaluate(path.position[k] + share * path.lengths[k], k)
+    assert z[:, 4].min() >= least - 2e-5
