@@ -203,8 +203,8 @@ def timed(plan: Plan, rate: float = 0.37) -> Plan:
     """A plan of an omnidirectional base with times: it goes evenly along its path, from rest to rest."""
     motion = plan.motion
     turn = np.remainder(np.diff(motion.base[:, 2]) + np.pi, 2 * np.pi) - np.pi
-    slid = np.linalg.norm(np.diff(motion.base[:, :2], axis=0), axis=1)
-    far = np.maximum(slid, np.maximum(np.abs(turn), np.abs(np.diff(motion.joints, axis=0)).max(axis=1)))
+    steps = np.diff(motion.base[:, :2], axis=0), turn, np.diff(motion.joints, axis=0)
+    far = np.linalg.norm(np.column_stack(steps), axis=1)
     moving = np.flatnonzero(far > 1e-9)
     rates = np.full(len(motion), rate)
     rates[: moving[0] + 1] = rates[moving[-1] + 1 :] = 0.0

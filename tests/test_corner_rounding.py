@@ -53,7 +53,9 @@ def bent(turns: list[float]) -> Motion:
 
 
 def rounded_within(limits: MotionLimits, motion: Motion, most: Array) -> Motion:
-    return rounded(limits, motion, np.full(len(motion), limits.blend), most)
+    return rounded(
+        limits, motion, np.full(len(motion), limits.blend), most, np.zeros((len(motion), 8), dtype=np.bool_)
+    )
 
 
 @settings(max_examples=examples(8))
@@ -119,8 +121,8 @@ def test_one_place_over_a_limit_does_not_slow_the_whole() -> None:
     found = retime(planned("wall"), ASKED)
     assert verify(found).ok
     tool = found.stats["timing"]["tool"]
-    assert tool["held_elsewhere"] >= tool["held"] > 0.75
-    assert {one["at"] for one in tool["places"]} == {"end", "path"}
+    assert tool["held_elsewhere"] >= tool["held"] > 0.9
+    assert "end" in {one["at"] for one in tool["places"]} <= {"end", "path"}
     assert any("jerk" in one["by"] for one in tool["places"])
 
 

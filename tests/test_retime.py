@@ -142,7 +142,7 @@ def test_corners_are_cut_where_the_tool_is_lifted_and_not_on_its_path(
     robot, found = before.world.robot, retime(before).motion
     with monkeypatch.context() as patch:
         patch.setattr(stage, "LIFTED", Speeds.blend)
-        assert found.time[-1] < 0.95 * retime(before).motion.time[-1]
+        assert found.time[-1] < 0.98 * retime(before).motion.time[-1]
     off = cKDTree(tools_along(robot, before.motion, near)).query(
         robot.tool(found.base, found.joints)[:, :3, 3]
     )[0]
@@ -174,7 +174,7 @@ def engine_alone(found: Plan, finer: int) -> float:
 def test_it_is_nearly_as_fast_as_the_engine_alone(name: str) -> None:
     """As on its own grid, where the engine exceeds limits between grid points; next to a finer one."""
     found = timed(name)
-    assert engine_alone(found, 1) * 0.999 <= found.motion.time[-1] <= engine_alone(found, 1) * 1.01
+    assert engine_alone(found, 1) * 0.998 <= found.motion.time[-1] <= engine_alone(found, 1) * 1.01
     assert found.motion.time[-1] <= engine_alone(found, 8) * 1.06
 
 
@@ -308,6 +308,20 @@ def test_a_single_state_needs_no_time(asked: Speeds) -> None:
 
 def test_a_world_of_one_set_point_that_the_soak_found_is_timed() -> None:
     assert verify(retime(search(scene_of(soaked_world("overhead", 591))))).ok
+
+
+def test_a_path_goes_through_its_states_without_jumps_of_direction_or_curvature() -> None:
+    rng = np.random.default_rng(1)
+    base = np.cumsum(rng.normal(size=(30, 3)) * [0.1, 0.1, 0.0], axis=0)
+    joints = np.repeat(rng.uniform(-1, 1, (10, 2)), 3, axis=0)
+    path = smooth_path(OmnidirectionalDrive(), base, joints)
+    assert path.runs == [(0, 29)]
+    k, states = np.arange(29), np.concatenate([base, joints], axis=1)
+    begin, end = path.evaluate(path.position[:-1], k), path.evaluate(path.position[1:], k)
+    assert begin[0] == pytest.approx(states[:-1], abs=1e-12)
+    for before, after in zip(end, begin, strict=True):
+        assert before[:-1] == pytest.approx(after[1:], abs=1e-9)
+    assert np.abs([begin[2][0], end[2][-1]]).max() < 1e-9  # straight from rest and to it
 
 
 @pytest.mark.slow

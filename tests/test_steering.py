@@ -228,7 +228,7 @@ def corners(parts: list[Arc]) -> list[int]:
     ("kind", "less", "told"),
     [
         ("differential", {"turn_acceleration": 1.0}, "differences: the heading gains"),
-        ("car", {"steering_velocity": 0.5}, "pace: the steering turns"),
+        ("car", {"steering_velocity": 0.5}, "differences: the steering turns"),
     ],
 )
 def test_the_second_opinion_objects_to_lower_limits_alone(

@@ -19,12 +19,12 @@ from regionik.timing.inserted_states import graded, periods, with_states
 from regionik.timing.limits import MotionLimits, segments_on_path
 from regionik.timing.parametrization import path_of
 from regionik.values import Motion
-from regionik.worlds.arrays import Array, Index
+from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.robot import Robot
 
 RAMP = 0.06  # of accelerations, at least [s]
 PERIOD = 0.0125  # between states that are laid out, at most, where segments are short [s]
-SHORTEST = 0.01  # of a segment [s]
+SHORTEST = 0.001  # of a segment [s]
 ROUNDS = 30, 60  # of weighing states: at least, and at most
 AIM = 0.9  # part of the distance that is aimed at
 WEIGHTS = 1e-3, 1e9  # of a state
@@ -35,7 +35,7 @@ HELD = 0.1  # part of the distance below which a state stays where it is
 STRAIGHT = 0.15  # part of the distance by which the motion may leave lines between its states
 
 
-def rounded(limits: MotionLimits, motion: Motion, room: Array, most: Array) -> Motion:
+def rounded(limits: MotionLimits, motion: Motion, room: Array, most: Array, kept: Mask) -> Motion:
     """Motion whose corners are rounded, with more states there.
 
     Parameters
@@ -48,7 +48,11 @@ def rounded(limits: MotionLimits, motion: Motion, room: Array, most: Array) -> M
         By which any point may leave the motion about each state [m].
     most : (n,) array
         By which at most in the state itself; it stays where it is if that is hardly anything [m].
+    kept : (n, 3 + dof) array of bool
+        Coordinates of states that stay as they are.
     """
+    if len(motion) == 1:
+        return motion
     path = path_of(limits.robot, motion)
     q, moving = path.coordinates, path.lengths > 0
     change = np.diff(q, axis=0)
@@ -67,10 +71,12 @@ def rounded(limits: MotionLimits, motion: Motion, room: Array, most: Array) -> M
     time = np.append((np.cumsum(span) - span)[segment] + share * span[segment], span.sum())
     allowed = np.append(np.minimum(room[:-1], room[1:])[segment], 0.0)
     allowed[own] = np.minimum(room, most)
+    held = np.zeros(before.shape, dtype=np.bool_)
+    held[own] = kept | (allowed[own] <= HELD * limits.blend)[:, None]
     after = before.copy()
     for a, b in path.runs:
         rows = slice(int(own[a]), int(own[b]) + 1)
-        after[rows] = _smoothed(limits, before[rows], time[rows], allowed[rows])
+        after[rows] = _smoothed(limits, before[rows], time[rows], allowed[rows], held[rows])
     moved = after - before
     some = _between(limits, after, way, own, STRAIGHT * limits.blend)
     found = replace(motion, base=motion.base + moved[own, :3], joints=motion.joints + moved[own, 3:])
@@ -93,11 +99,15 @@ def _between(limits: MotionLimits, q: Array, way: Array, own: Index, near: float
         kept = np.union1d(kept, (kept[bent] + kept[bent + 1]) // 2)
 
 
-def _smoothed(limits: MotionLimits, q: Array, time: Array, allowed: Array) -> Array:
-    """States (n, m) at times (n,) of least jerk within distances (n,); the same where none is found."""
-    held, widest = allowed <= HELD * limits.blend, allowed.max(initial=0.0)
+def _smoothed(limits: MotionLimits, q: Array, time: Array, allowed: Array, held: Mask) -> Array:
+    """States (n, m) at times (n,) of least jerk within distances (n,); the same where none is found.
+
+    Coordinates that are ``held`` (n, m) stay, and so do both ends.
+    """
+    held = held.copy()
     held[[0, -1]] = True
-    if held.all() or len(q) < 4:
+    fixed, widest = held.all(axis=1), allowed.max(initial=0.0)
+    if fixed.all() or len(q) < 4:
         return q
     s, chain = limits.speeds, limits.robot.chain
     least = np.array([s.base_acceleration, s.base_acceleration, s.turn_acceleration])
@@ -105,16 +115,16 @@ def _smoothed(limits: MotionLimits, q: Array, time: Array, allowed: Array) -> Ar
     lower, upper = np.minimum(chain.lower, q[:, 3:]), np.maximum(chain.upper, q[:, 3:])
     form, best = _jerk_form(time) * max(limits.ramp, RAMP) ** 2, q
     frames = limits.robot.frames(q[:, :3], q[:, 3:])
-    weight = (widest / np.where(held, widest, allowed)) ** 2
+    weight = (widest / np.where(fixed, widest, allowed)) ** 2
     for k in range(ROUNDS[1]):
-        weight = np.where(held, WEIGHTS[1], weight)
+        weights = np.where(held, WEIGHTS[1], weight[:, None])
         try:
-            found = _weighed(form, q, np.outer(pull, weight))
+            found = _weighed(form, q, pull[:, None] * weights.T)
         except np.linalg.LinAlgError:  # states too unevenly spaced to be told apart: what is found stands
             break
         found[:, 3:] = np.clip(found[:, 3:], lower, upper)
         found[held] = q[held]
-        share = limits.displacement_from(q, frames, found) / np.where(held, 1.0, allowed)
+        share = limits.displacement_from(q, frames, found) / np.where(fixed, 1.0, allowed)
         if share.max() <= 1:
             best = found
             if k >= ROUNDS[0]:

@@ -9,13 +9,15 @@ import numpy as np
 
 from regionik.planners.geometry.rolling import without_slip
 from regionik.timing.limits import MotionLimits
-from regionik.timing.parametrization import fastest_rates, fastest_times, timed_path
+from regionik.timing.parametrization import fastest_rates, fastest_times, path_of
 from regionik.values import Motion
 from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.errors import InputError
 
 ROUNDS = 30  # of inserting states until the smooth path keeps to the plan
 COMPARED_SHARES = (0.25, 0.5, 0.75)  # of a segment, where the smooth path is compared with it
+PAST = 1e-5  # by which joints may pass their limits between states [rad], [m]
+DRAWN = 0.9  # share of the blend by which states are put beside segments
 PERIOD = 0.02  # of the fine timing that shows where states are needed [s]
 VELOCITY_ERROR = 0.002  # share of the squared path velocity by which it may be off the fine one
 MOST, HALVINGS = 16, 8  # even parts of a segment, and how often those at its ends are halved
@@ -27,13 +29,13 @@ def refined(limits: MotionLimits, motion: Motion) -> Motion:
 
     A fine timing shows where: between two states that are kept its acceleration is nearly constant.
     """
-    path = timed_path(limits, motion)
+    path = path_of(limits.robot, motion)
     alone = np.zeros(len(motion) - 1, dtype=np.int64)  # from rest to rest takes two segments
     alone[[a for a, b in path.runs if b == a + 1]] = 1
     motion = _subdivided(limits, motion, *evenly(alone))
     span = np.diff(fastest_times(limits, motion, tightenings=0))
-    span[timed_path(limits, motion).lengths == 0] = 0.0  # a rest has a state at each end
-    segment, share = graded(periods(span, PERIOD), timed_path(limits, motion).rests)
+    span[path_of(limits.robot, motion).lengths == 0] = 0.0  # a rest has a state at each end
+    segment, share = graded(periods(span, PERIOD), path_of(limits.robot, motion).rests)
     count, fine = np.bincount(segment, minlength=len(span)), _subdivided(limits, motion, segment, share)
     position, rate = fastest_rates(limits, fine, tightenings=0)
     first = np.concatenate([[0], np.cumsum(count + 1)])  # where the motion's own states are
@@ -57,31 +59,71 @@ def _knots(x: Array, y: Array) -> list[int]:
 
 
 def blended(limits: MotionLimits, motion: Motion) -> Motion:
-    """Motion with states inserted halfway until the smooth path keeps to the segments between all."""
+    """Motion with states inserted halfway until the smooth path keeps to the segments of this one.
+
+    They are on the smooth path where that is near enough, else as near to it; those of wheels are on arcs.
+    """
+    found, way = motion, np.arange(len(motion), dtype=np.float64)  # of states along the segments
     for _ in range(ROUNDS):
-        far = np.flatnonzero(_deviation(limits, motion) > limits.blend)
+        far = np.flatnonzero(_deviation(limits, motion, found, way) > limits.blend)
         if not len(far):
-            return motion
-        base = limits.robot.drive.between(motion.base[far], motion.base[far + 1], np.full(len(far), 0.5))
-        joints = (motion.joints[far] + motion.joints[far + 1]) / 2
-        motion = with_states(motion, far, base, joints)
+            return found
+        middle = (way[far] + way[far + 1]) / 2
+        q = _halfway(limits, found, far, _along(limits, motion, middle))
+        found = with_states(found, far, q[:, :3], q[:, 3:])
+        way = np.insert(way, far + 1, middle)
     raise InputError(
         f"blend: the smooth path does not come within {limits.blend:g} m of the plan's motion; ask for more"
     )
 
 
-def _deviation(limits: MotionLimits, motion: Motion) -> Array:
-    """Upper bound for any point's distance on the smooth path from each segment, (n - 1,) [m].
+def strayed(limits: MotionLimits, motion: Motion) -> float:
+    """Part of its segments that the smooth path through a motion's states leaves by more than the blend."""
+    if len(motion) == 1:
+        return 0.0
+    off = _deviation(limits, motion, motion, np.arange(len(motion), dtype=np.float64))
+    return float((off > limits.blend).mean())
 
-    Infinite where wheels slip too far.
+
+def _along(limits: MotionLimits, motion: Motion, way: Array) -> Array:
+    """Base and joints (m, 3 + dof) on the segments of a motion, at so many of them from its start (m,)."""
+    path = path_of(limits.robot, motion)
+    segment = np.clip(way.astype(np.int64), 0, len(motion) - 2)
+    share = way - segment
+    base = limits.robot.drive.between(path.base[segment], path.base[segment + 1], share)
+    change = path.joints[segment + 1] - path.joints[segment]
+    return np.column_stack([base, path.joints[segment] + share[:, None] * change])
+
+
+def _halfway(limits: MotionLimits, motion: Motion, segment: Index, straight: Array) -> Array:
+    """States (m, 3 + dof) halfway on segments: straight ones, drawn to the smooth path as far as may be."""
+    if limits.robot.drive.rolls:
+        return straight
+    base, joints = path_of(limits.robot, motion).states_at(segment, np.full(len(segment), 0.5))
+    smooth = np.column_stack([base, _within_range(limits, joints)])
+    off = limits.displacement(straight, smooth)
+    return straight + np.minimum(DRAWN * limits.blend / off, 1.0)[:, None] * (smooth - straight)
+
+
+def _within_range(limits: MotionLimits, joints: Array) -> Array:
+    """Joints (m, dof) brought within their limits, which splines between states may pass."""
+    return np.clip(joints, limits.robot.chain.lower, limits.robot.chain.upper)
+
+
+def _deviation(limits: MotionLimits, motion: Motion, fine: Motion, way: Array) -> Array:
+    """Upper bound for any point's distance on the smooth path from a motion's segments, (n - 1,) [m].
+
+    That path is through the states of a finer motion, which are at ways (n,) along those segments. Infinite
+    where wheels slip too far, or joints pass their limits.
     """
-    off = np.zeros(len(motion) - 1)
-    path, segment = timed_path(limits, motion), np.arange(len(off))
+    off = np.zeros(len(fine) - 1)
+    path, segment = path_of(limits.robot, fine), np.arange(len(off))
     for share in COMPARED_SHARES:
         q, _, _ = path.evaluate(path.position[:-1] + share * path.lengths, segment)
-        base = limits.robot.drive.between(path.base[:-1], path.base[1:], np.full(len(off), share))
-        joints = path.joints[:-1] + share * np.diff(path.joints, axis=0)
-        off = np.maximum(off, limits.displacement(q, np.column_stack([base, joints])))
+        straight = _along(limits, motion, way[:-1] + share * np.diff(way))
+        off = np.maximum(off, limits.displacement(q, straight))
+        past = np.abs(q[:, 3:] - _within_range(limits, q[:, 3:])).max(axis=1, initial=0.0)
+        off[past > PAST] = np.inf
     return np.where(path.slipping, np.inf, off)
 
 
@@ -94,7 +136,8 @@ def with_rests(motion: Motion, states: Index) -> tuple[Motion, Index]:
 
 def _subdivided(limits: MotionLimits, motion: Motion, segment: Index, share: Array) -> Motion:
     """Motion with states inserted at shares of segments (m,), in their order, next to its smooth path."""
-    return with_rolled_states(limits, motion, segment, *timed_path(limits, motion).states_at(segment, share))
+    base, joints = path_of(limits.robot, motion).states_at(segment, share)
+    return with_rolled_states(limits, motion, segment, base, _within_range(limits, joints))
 
 
 def periods(span: Array, period: float) -> Index:

@@ -24,7 +24,7 @@ from regionik.timing.inserted_states import (
     with_states,
 )
 from regionik.timing.limits import MotionLimits, segments_on_path, tool_velocity
-from regionik.timing.parametrization import fastest_rates, path_of, steering_pauses, timed_path
+from regionik.timing.parametrization import fastest_rates, path_of, steering_pauses
 from regionik.timing.smooth_path import SmoothPath
 from regionik.timing.time_spline import time_spline
 from regionik.timing.timing_figures import HELD
@@ -48,7 +48,7 @@ def jerk_limited_motion(limits: MotionLimits, fine: Motion) -> Motion:
     Any point of the robot may leave its path, and then the segments between the states that are found, by
     ``limits.blend``.
     """
-    path, factor = timed_path(limits, fine), np.ones(len(fine) - 1)
+    path, factor = path_of(limits.robot, fine), np.ones(len(fine) - 1)
     best, least, found = fine, np.inf, 0
     for k in range(ROUNDS):
         position, rate = fastest_rates(limits, fine, 0, factor)

@@ -16,8 +16,9 @@ from regionik.worlds.robot import Robot
 ROOTS = {"velocity": 1.0, "acceleration": 1 / 2, "jerk": 1 / 3}  # by which time stretches with a share
 THICKNESS = 0.05  # of links, about the lines from joint to joint [m]
 
-_ANGLES = np.arange(4) * np.pi / 4  # of an octagon inside the disc of the base's accelerations
-_INSIDE = np.cos(np.pi / 8)
+SIDES = 32  # of the polygon inside the disc of the base's accelerations
+_ANGLES = np.arange(SIDES // 2) * 2 * np.pi / SIDES
+_INSIDE = np.cos(np.pi / SIDES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +54,7 @@ class MotionLimits:
         """Path derivatives (m, k) of coordinates whose accelerations are limited, and their limits (k,)."""
         s = self.speeds
         directions = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)])
-        base = np.append(np.full(4, _INSIDE * s.base_acceleration), s.turn_acceleration)
+        base = np.append(np.full(len(_ANGLES), _INSIDE * s.base_acceleration), s.turn_acceleration)
         limits = np.concatenate([base, self.joint_acceleration])
         first, second = (np.concatenate([one[:, :2] @ directions, one[:, 2:]], axis=1) for one in (q_s, q_ss))
         return first, second, limits

@@ -11,7 +11,7 @@ import numpy as np
 
 from regionik.planners.timing.time_optimal import PathDerivatives, time_optimal_velocities
 from regionik.timing.limits import MotionLimits, segments_on_path
-from regionik.timing.smooth_path import STEERED, SmoothPath, smooth_path, spline_path
+from regionik.timing.smooth_path import STEERED, SmoothPath, smooth_path
 from regionik.values import Motion
 from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.robot import Robot
@@ -29,12 +29,6 @@ LIMITED_SHARES = (0.0, 0.5, LAST)  # at which the parametrization keeps accelera
 def path_of(robot: Robot, motion: Motion) -> SmoothPath:
     """Return the smooth path through a motion's states."""
     return smooth_path(robot.drive, motion.base, motion.joints)
-
-
-def timed_path(limits: MotionLimits, motion: Motion) -> SmoothPath:
-    """Return the path along which a motion is timed: without jumps of curvature where jerk is limited."""
-    path = spline_path if limits.speeds.limit_jerk else smooth_path
-    return path(limits.robot.drive, motion.base, motion.joints)
 
 
 def fastest_times(
@@ -71,7 +65,7 @@ def fastest_rates(
     Limits are kept at both ends and in the middle of each segment; where they are exceeded elsewhere, they
     are tightened over that run. They may be ``tightened`` by factors on segments (n - 1,) to begin with.
     """
-    path = timed_path(limits, motion)
+    path = path_of(limits.robot, motion)
     moving = np.flatnonzero(path.lengths > 0)
     rate, todo = np.zeros(len(motion)), np.arange(len(moving))
     factor = np.ones(len(moving)) if tightened is None else tightened[moving]

@@ -11,7 +11,7 @@ import numpy as np
 from regionik.planners.progress import track
 from regionik.postures.arm import deviation
 from regionik.timing.corner_rounding import HELD, rounded
-from regionik.timing.inserted_states import blended, refined, with_rests
+from regionik.timing.inserted_states import blended, refined, strayed, with_rests
 from regionik.timing.jerk_limited_timing import jerk_limited_motion, stretched
 from regionik.timing.limit_usage import check_tool_speed, slowdowns
 from regionik.timing.limits import MotionLimits, segments_on_path
@@ -20,7 +20,8 @@ from regionik.timing.smooth_path import CORNER, GENTLE
 from regionik.timing.timing_figures import timing_figures
 from regionik.values import Motion, Plan, Report
 from regionik.verification.verifier import verify
-from regionik.worlds.arrays import Array, Index
+from regionik.worlds.arms import has_pivot, pivot_index
+from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.errors import InputError
 from regionik.worlds.limits import Speeds
 from regionik.worlds.robot import Robot
@@ -28,6 +29,7 @@ from regionik.worlds.robot import Robot
 ROUNDED_CORNER = np.radians(60)  # where corners are rounded first, the robot stops at sharper ones
 TURN_SHARE = 0.25  # of the narrowest cone, by which the smooth path may turn the tool from the motion
 SPARE_CONE = 0.02  # of a set-point, without which its state stays where it is [rad]
+DENSE = 0.05  # part of the segments that the smooth path through dense states may leave before it is timed
 LIFTED = 0.03  # by which points may cut corners with the tool lifted, where nothing is in the way [m]
 NARROWER, NARROWED = 5.0, 8  # times less are corners cut where a rule was broken, in so many tries
 SLOWDOWNS, SPARE = 8, 1e-4  # of the motion, and by how much more
@@ -97,9 +99,15 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, hold: bool = False) -> P
 
 
 def _fastest(limits: MotionLimits, plan: Plan) -> tuple[Plan, Report]:
-    """The plan timed and its report; with usual corners too, where it rests at one that was to be rounder."""
+    """The plan timed and its report; with usual corners too, where it rests at one that was to be rounder.
+
+    And with none rounded, where the states are dense already.
+    """
     usual, found = min(limits.blend, Speeds.blend), list[tuple[Plan, Report]]()
     near, most = replace(limits, speeds=replace(limits.speeds, blend=usual)), _most(plan)
+    if not limits.robot.drive.rolls and strayed(limits, plan.motion) <= DENSE:
+        motion, _ = with_rests(plan.motion, _rests(limits, plan.motion, np.zeros(len(plan.motion))))
+        found.append(_verified(limits, plan, _timed(limits, motion)))
     asked = np.where(plan.motion.kind == "transit", max(limits.blend, LIFTED), limits.blend)
     rounder = not limits.robot.drive.rolls and (asked > usual).any()
     for room in (asked, np.full(len(asked), usual))[not rounder :]:
@@ -116,12 +124,14 @@ def _within(limits: MotionLimits, plan: Plan, asked: Array, most: Array) -> tupl
     Points leave the motion by at most what is ``asked`` (n,) about each state, and ``most`` (n,) in it, by
     less where that breaks a rule, and where that does not help the robot rests [m].
     """
-    room = asked.copy()
+    room, kept = asked.copy(), _kept(plan)
     first = rests = _rests(limits, plan.motion, np.minimum(room, most))
     widths = iter(BESIDE)
     for k in track("timing", range(NARROWED + len(BESIDE))):
         motion, own = with_rests(plan.motion, rests)
-        timed, report = _verified(limits, plan, _timed(limits, motion, room[own], most[own]))
+        rolls = limits.robot.drive.rolls  # wheels keep to their arcs
+        smooth = motion if rolls else rounded(limits, motion, room[own], most[own], kept[own])
+        timed, report = _verified(limits, plan, _timed(limits, smooth))
         if report.ok:
             break
         near = partial(_nearby_states, limits.robot, motion, timed.motion, _worst(report))
@@ -181,6 +191,15 @@ def _most(plan: Plan) -> Array:
     return most
 
 
+def _kept(plan: Plan) -> Mask:
+    """Coordinates that stay in each state, (n, 3 + dof): the pivot's, of a base that faces its targets."""
+    motion, chain = plan.motion, plan.world.robot.chain
+    kept = np.zeros((len(motion), 3 + chain.dof), dtype=np.bool_)
+    if plan.world.rules.heading == "face_target" and has_pivot(chain):
+        kept[motion.kind == "setpoint", 3 + pivot_index(chain)] = True
+    return kept
+
+
 def _with_motion(plan: Plan, motion: Motion) -> Plan:
     """The plan with another motion, whose states at set-points are its configurations."""
     found, rows = list(plan.setpoints), _listed(plan, motion)
@@ -205,12 +224,10 @@ def _listed(plan: Plan, motion: Motion) -> list[tuple[int, int]]:
     return [(k, i) for k, i in zip(rows.tolist(), motion.setpoint[rows].tolist(), strict=True) if i < count]
 
 
-def _timed(limits: MotionLimits, motion: Motion, room: Array, most: Array) -> Motion:
+def _timed(limits: MotionLimits, motion: Motion) -> Motion:
     """Motion with times, through its own states and more; a single state has time 0."""
     if len(motion) == 1:
         return replace(motion, time=np.zeros(1))
-    if not limits.robot.drive.rolls:  # wheels keep to their arcs
-        motion = rounded(limits, motion, room, most)
     fine = blended(limits, refined(limits, blended(limits, motion)))
     if limits.speeds.limit_jerk:
         motion = jerk_limited_motion(limits, fine)

@@ -1,8 +1,8 @@
 """Smooth path of a timed motion: through all states, and close to the segments between them.
 
-Joints, and an omnidirectional base, follow a monotone piecewise cubic through the states, coordinate by
-coordinate (Fritsch and Butland). A base on wheels rolls through them along its heading, which turns smoothly
-from one arc to the next. The path is divided into runs, at whose ends the robot rests.
+Joints, and an omnidirectional base, follow cubic splines through the states, coordinate by coordinate, by
+arc length in metres and radians alike: their curvature has no jumps. Of a base on wheels the way rolled and
+the heading are such splines. The path is divided into runs, at whose ends the robot rests.
 """
 
 from __future__ import annotations
@@ -37,19 +37,8 @@ class SmoothPath:
     @cached_property
     def lengths(self) -> Array:
         """Lengths of the segments in path position, (n - 1,); 0 for a state given twice."""
-        far = self._largest_change
+        far = np.linalg.norm(np.diff(self.coordinates, axis=0), axis=1)
         return np.where(far > SAME, far, 0.0)
-
-    @property
-    def _largest_change(self) -> Array:
-        """Change of what moves most on each segment, (n - 1,)."""
-        swing = np.abs(np.diff(self.joints, axis=0)).max(1, initial=0.0)
-        return np.maximum(np.maximum(self._way, np.abs(np.diff(self.base[:, 2]))), swing)
-
-    @property
-    def _way(self) -> Array:
-        """Of the base on each segment, (n - 1,) [m]."""
-        return np.hypot(*np.diff(self.base[:, :2], axis=0).T)
 
     @cached_property
     def position(self) -> Array:
@@ -117,44 +106,17 @@ class SmoothPath:
         return self._through(self.coordinates)
 
     def _through(self, z: Array) -> Array:
-        """Coefficients (n - 1, 4, k) of cubics through values (n, k) at the states, constant first.
+        """Coefficients (n - 1, 4, k) of splines through values (n, k) at the states, constant first.
 
-        Slopes at states are weighted harmonic means of those of the two segments, and 0 where these have
-        opposite signs, so that nothing goes beyond its states (Fritsch and Butland, SIAM J. Sci. Stat.
-        Comput. 1984).
+        At the ends of runs the path is straight.
         """
-        far = np.where(self.lengths > 0, self.lengths, np.inf)[:, None]
-        secant, width = np.diff(z, axis=0) / far, np.where(self.lengths > 0, self.lengths, 0.0)[:, None]
-        before, after = secant[:-1], secant[1:]
-        w, v = 2 * width[1:] + width[:-1], width[1:] + 2 * width[:-1]
-        same = before * after > 0
-        reciprocals = w / np.where(same, before, 1.0) + v / np.where(same, after, 1.0)
-        mean = (w + v) / np.where(same, reciprocals, np.inf)
-        mean = np.where(width[:-1] == 0, after, np.where(width[1:] == 0, before, mean))  # at rest
-        slope = np.concatenate([secant[:1], mean, secant[-1:]])
-        start, end = slope[:-1], slope[1:]
-        bend, twist = (3 * secant - 2 * start - end) / far, (start + end - 2 * secant) / far**2
-        return np.stack([z[:-1], start, bend, twist], axis=1)
+        moving = self.lengths > 0
+        bend = knot_curvatures(self.lengths, z, moving, np.zeros((2, len(moving)), dtype=np.bool_))
+        return spline_cubics(self.lengths, z, bend, moving)
 
     def evaluate(self, position: Array, segment: Index) -> tuple[Array, Array, Array]:
         """Base and joints q (m, 3 + dof) at path positions (m,) on segments (m,), with q_s and q_ss."""
         return cubic_values(self._cubics[segment], position - self.position[segment])[:3]
-
-
-@dataclass(frozen=True, eq=False)
-class SplinePath(SmoothPath):
-    """Path through states by cubic splines, whose curvature has no jumps; its position is arc length."""
-
-    @property
-    def _largest_change(self) -> Array:
-        """Euclidean length of the segments, in metres and radians alike."""
-        return np.linalg.norm(np.diff(self.coordinates, axis=0), axis=1)
-
-    def _through(self, z: Array) -> Array:
-        """See `SmoothPath._through`; at the ends of runs the path is straight."""
-        moving = self.lengths > 0
-        bend = knot_curvatures(self.lengths, z, moving, np.zeros((2, len(moving)), dtype=np.bool_))
-        return spline_cubics(self.lengths, z, bend, moving)
 
 
 def cubic_values(cubics: Array, since: Array) -> tuple[Array, Array, Array, Array]:
@@ -247,10 +209,6 @@ class RollingPath(SmoothPath):
         """Arc length of each segment, below 0 in reverse, (n - 1,) [m]."""
         return self.drive.rolled(self.base)
 
-    @property
-    def _way(self) -> Array:
-        return np.abs(self._rolled)
-
     @cached_property
     def coordinates(self) -> Array:
         """Way rolled, heading and joints, (n, 2 + dof)."""
@@ -312,16 +270,6 @@ class RollingPath(SmoothPath):
         return q, q_s, q_ss
 
 
-@dataclass(frozen=True, eq=False)
-class RollingSplinePath(RollingPath, SplinePath):
-    """The same by cubic splines."""
-
-
 def smooth_path(drive: BaseDrive, base: Array, joints: Array) -> SmoothPath:
     """Return the path through states whose headings turn the shorter way from one to the next."""
     return (RollingPath if drive.rolls else SmoothPath)(drive, unwrapped(base), joints)
-
-
-def spline_path(drive: BaseDrive, base: Array, joints: Array) -> SmoothPath:
-    """Return the same without jumps of curvature."""
-    return (RollingSplinePath if drive.rolls else SplinePath)(drive, unwrapped(base), joints)

@@ -1,8 +1,8 @@
 """Timed motions between states as polynomials of time, built again from states and times.
 
-Where jerk is not limited the path acceleration is constant between two states, along the smooth path through
-the states. Where it is, each coordinate is a cubic spline of time through the states, at rest at both ends of
-a run.
+Where jerk is not limited the path acceleration is constant between two states, along cubic splines of arc
+length through the states. Where it is, each coordinate is a cubic spline of time through the states, at rest
+at both ends of a run.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial.legendre import leggauss
 from numpy.typing import ArrayLike
-from scipy.interpolate import make_interp_spline
+from scipy.interpolate import BSpline, make_interp_spline
 from scipy.special import comb
 
 from regionik.verification.motion import Indices, Mask, MotionSegments
@@ -58,11 +58,8 @@ class TimedSegments:
 
     @cached_property
     def lengths(self) -> Array:
-        """Lengths on the smooth path: of what moves most, (segments,)."""
-        one = self.segments
-        swing = np.abs(one.joint_change).max(axis=1, initial=0.0)
-        way = np.abs(one.rolled) if one.robot.drive.rolls else np.linalg.norm(one.slide, axis=1)
-        far = np.maximum(np.maximum(way, np.abs(one.turn)), swing)
+        """Lengths on the smooth path, in metres and radians alike, (segments,)."""
+        far = np.linalg.norm(self.change, axis=1)
         return np.where(far > SAME, far, 0.0)
 
     @cached_property
@@ -148,22 +145,20 @@ class TimedSegments:
         return CoursePolynomials(polynomials[..., :2], polynomials[..., 2:-2], polynomials[..., -2:])
 
     def _through(self, change: Array) -> Array:
-        """Monotone cubics of the share of the way, constant first, (moving, 4, k), from 0 at the start.
+        """Splines of the share of each length, constant first, (moving, 4, k), from 0 at its start.
 
-        Source: Fritsch and Butland, SIAM J. Sci. Stat. Comput. 1984, eq. 5.
+        They are functions of the way, with no second derivative at both ends of a run.
         """
-        far = self.lengths[:, None]
-        slope = change / np.where(far > 0, far, np.inf)
-        one, other = slope[:-1], slope[1:]
-        before, after = far[:-1], far[1:]
-        part = (1 + after / np.where(before + after > 0, before + after, 1.0)) / 3
-        with np.errstate(divide="ignore", invalid="ignore"):
-            mean = np.where(one * other > 0, one * other / (part * other + (1 - part) * one), 0.0)
-        mean = np.where(before == 0, other, np.where(after == 0, one, mean))
-        ends = np.concatenate([slope[:1], mean, slope[-1:]])
-        left, right = ends[:-1] * far, ends[1:] * far
-        rest = left, 3 * change - 2 * left - right, left + right - 2 * change
-        return np.stack([np.zeros_like(change), *rest], axis=1)[self.moving]
+        found = np.zeros((len(self.lengths), 4, change.shape[1]))
+        for first, end in self._runs.tolist():
+            found[first:end] = _natural_spline(self.lengths[first:end], change[first:end])
+        return found[self.moving]
+
+    @cached_property
+    def _runs(self) -> Indices:
+        """First segment of each run, and the one after its last, (runs, 2)."""
+        edges = np.diff(np.concatenate([[False], self.lengths > 0, [False]]))
+        return np.flatnonzero(edges).reshape(-1, 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,12 +179,6 @@ class SplinedSegments(TimedSegments):
         ways = np.zeros((2, len(k), 4))
         ways[:, :, 1] = one.rolled[k], one.turn[k]
         return k, ways, np.zeros((len(k), 2))
-
-    @cached_property
-    def _runs(self) -> Indices:
-        """First segment of each run, and the one after its last, (runs, 2)."""
-        edges = np.diff(np.concatenate([[False], self.lengths > 0, [False]]))
-        return np.flatnonzero(edges).reshape(-1, 2)
 
     @cached_property
     def impossible(self) -> Indices:
@@ -235,17 +224,35 @@ def timed_segments(segments: MotionSegments, speeds: Speeds | None) -> TimedSegm
     return (SplinedSegments if speeds is not None and speeds.limit_jerk else TimedSegments)(segments)
 
 
+def _natural_spline(length: Array, change: Array) -> Array:
+    """Pieces (n, 4, k) of the cubic spline over n segments, by the share of each, from 0 at its start."""
+    spline = make_interp_spline(*_places(length, change), 3, bc_type="natural")
+    found = _pieces(spline, np.concatenate([[0.0], np.cumsum(length)]))
+    found[:, 0] = 0.0
+    return found
+
+
 def _spline_pieces(span: Array, change: Array) -> Array:
     """Pieces (n + 2, 4, k) of the cubic spline over n segments, by the share of each, constant first.
 
     With neither velocity nor acceleration at both ends, for which the first and the last have a knot halfway.
     """
-    time = np.concatenate([[0.0], np.cumsum(span)])
-    places = np.concatenate([np.zeros((1, change.shape[1])), np.cumsum(change, axis=0)])
+    time, places = _places(span, change)
     knots = np.concatenate([time[:1], [time[:2].mean()], time[1:-1], [time[-2:].mean()], time[-1:]])
     rest = [(order, np.zeros(change.shape[1])) for order in (1, 2)]
     ends = np.repeat(time[:1], 3), np.repeat(time[-1:], 3)
     spline = make_interp_spline(time, places, 3, np.concatenate([ends[0], knots, ends[1]]), (rest, rest))
+    return _pieces(spline, knots)
+
+
+def _places(width: Array, change: Array) -> tuple[Array, Array]:
+    """Ends of segments (n + 1,) by their widths, and the places there (n + 1, k) by changes."""
+    start = np.zeros((1, change.shape[1]))
+    return np.concatenate([[0.0], np.cumsum(width)]), np.concatenate([start, np.cumsum(change, axis=0)])
+
+
+def _pieces(spline: BSpline, knots: Array) -> Array:
+    """Coefficients (n, 4, k) of a cubic spline by the share of the way between knots (n + 1,)."""
     h = np.diff(knots)[:, None]
     return np.stack([spline(knots[:-1], n) * h**n / factorial(n) for n in range(4)], axis=1)
 
