@@ -134,7 +134,7 @@ def test_an_arm_that_cannot_keep_its_posture_round_the_circle_is_mended_by_a_sma
 
 
 def craned(stop_tolerance: float) -> World:
-    """One target for a lift, a hinge and a slide, set off to the side, on a base that turns where it stands."""
+    """One target for a lift, a hinge and a slide, set off to the side, on a base that turns on the spot."""
     joints = (
         Joint("lift", "prismatic", 0.0, 0.4, np.eye(4), np.array([0.0, 0.0, 1.0])),
         Joint("hinge", "revolute", -2.0, 2.5, translation(0.0, 0.02, 0.0), np.array([0.0, 1.0, 0.0])),
