@@ -90,6 +90,14 @@ def test_parts_of_a_lift_keep_the_margin_of_its_limits() -> None:
     assert (limited[0].lower, limited[-1].upper) == pytest.approx((0.06, 0.24))
 
 
+def test_a_base_that_stands_where_one_of_its_sides_is_along_a_wall_alone_is_seen_to() -> None:
+    """The second opinion goes round by whole degrees; at 78.75 degrees alone the base has 0.2 mm to spare."""
+    world = furnished_world(1028)
+    body = Body(world_to_document(world), machine_of(world))
+    assert body.stands_over(np.array([2.053681, 1.150501]))
+    assert not body.stands_over(np.array([2.053681, 1.1495]))
+
+
 def board(name: str, x: float, y: float, z: float, wide: float, deep: float) -> Box:
     return Box(name, np.array([wide, deep, 0.04]), np.array([x, y, z]))
 
