@@ -6,8 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 import shapely
+from shapely.geometry import Polygon
+from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import EVERY
+from regionik.areas.ground import EVERY, united
 from regionik.areas.layers import GUARD, Geometries
 from regionik.areas.reach_model import FineRows, ReachModel, ReachQuery, Rows
 from regionik.areas.reachable import FINE_ARC_POINTS, reach_model
@@ -67,7 +69,8 @@ def inner_rows(
 def rows_of(scene: Scene, targets: Sequence[Target], query: ReachQuery) -> Rows:
     """`reach_rows` as a query asks for them, whatever place an execution puts the arm axis off.
 
-    Places from which a lift would bring its load too near to something are none.
+    Places from which a lift would bring its load too near to something are none; where no other is left to an
+    inner area, those from which some part of its range does not.
     """
     alike: dict[ReachModel, list[int]] = {}
     for i, target in enumerate(targets):
@@ -80,12 +83,40 @@ def rows_of(scene: Scene, targets: Sequence[Target], query: ReachQuery) -> Rows:
         kinds, shapes = kinds + rows[1], np.concatenate([shapes, rows[2]])
     order = np.argsort(which, kind="stable")
     which, shapes = which[order], shapes[order]
-    if scene.lifted.matters:
-        heights = np.array([target.position[2] for target in targets])[which]
-        for z in np.unique(heights).tolist():
-            taken = scene.lifted.rejection(z, query.span, inner=query.inner)
-            shapes[heights == z] = shapely.difference(shapes[heights == z], taken)
-    return which, tuple(kinds[k] for k in order), shapes
+    rows = which, tuple(kinds[k] for k in order), shapes
+    return _without_lifted(scene, targets, query, rows) if scene.lifted.matters else rows
+
+
+def _without_lifted(scene: Scene, targets: Sequence[Target], query: ReachQuery, rows: Rows) -> Rows:
+    """Rows less the places that what lifts carry rejects."""
+    (which, kinds, whole), left = rows, rows[2].copy()
+    heights = np.array([target.position[2] for target in targets])[which]
+    for z in np.unique(heights).tolist():
+        taken = scene.lifted.rejection(z, query.span, inner=query.inner)
+        left[heights == z] = shapely.difference(whole[heights == z], taken)
+    if not query.inner:
+        return which, kinds, left
+    ground = scene.ground.outer
+    places, open_ = ground.subtract(whole), shapely.area(ground.subtract(left)) > 0
+    for i in np.setdiff1d(which[shapely.area(places) > 0], which[open_]).tolist():
+        for k in np.flatnonzero(which == i).tolist():
+            left[k] = _by_parts_of_lifts(scene, targets[i], kinds[k], query, places[k])
+    return which, kinds, left
+
+
+def _by_parts_of_lifts(
+    scene: Scene, target: Target, family: Family, query: ReachQuery, places: BaseGeometry
+) -> BaseGeometry:
+    """Places of some from which a part of the range of lifts does, what they carry clear in all of it."""
+    found = [Polygon()]
+    for part in scene.lifted.parts(float(target.position[2])):
+        taken = scene.lifted.rejection_of(part, query.span, inner=True)
+        if shapely.difference(places, taken).is_empty:
+            continue
+        _, kinds, shapes = scene.model_with_lift(target, part).rows([target], query)
+        own = [shape for kind, shape in zip(kinds, shapes, strict=True) if kind == family]
+        found += [shapely.difference(shape, taken) for shape in own]
+    return united(np.array(found, dtype=object))
 
 
 def fine_reach(

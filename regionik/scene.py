@@ -23,6 +23,7 @@ from regionik.planners.driving.footprint_scene import FootprintScene
 from regionik.postures.arm import goal_of
 from regionik.postures.arm_guard import Guard, bodies_in, guard_at, guard_from
 from regionik.worlds.arrays import Array
+from regionik.worlds.body import with_lift
 from regionik.worlds.prepared import Prepared
 from regionik.worlds.robot import Robot, with_joint_margin
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
@@ -117,6 +118,10 @@ class Scene(Prepared):
         """Return the model of reach for a target, with the limits that the rules' criteria leave."""
         return reach_model(self._model_robot, goal_of(target))
 
+    def model_with_lift(self, target: Target, lift: tuple[float, float]) -> ReachModel:
+        """Return the model of reach for a target whose lifts raise the arm within a part of their range."""
+        return reach_model(self.once(_limited_lift, lift), goal_of(target))
+
     @cached_property
     def _model_robot(self) -> Robot:
         return with_joint_margin(self.robot, self.rules.criteria)
@@ -174,6 +179,11 @@ class Scene(Prepared):
         }
         vars(scene).update(kept)
         return scene
+
+
+def _limited_lift(scene: Scene, lift: tuple[float, float]) -> Robot:
+    """Return the robot of models with its lifts limited to a part of their range."""
+    return with_lift(scene._model_robot, lift)
 
 
 @lru_cache(maxsize=MAX_SCENES)

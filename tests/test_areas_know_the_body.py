@@ -9,13 +9,16 @@ import pytest
 import shapely
 
 import regionik as rik
+from regionik.scene import scene_of
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import world_to_document
+from regionik.worlds.limits import Criteria
 from regionik.worlds.links import BASE, LinkBox
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Floor, Rules, Target, World
 from tests.doors import Doors
-from tests.furnished import furnished_world
+from tests.furnished import furnished_world, rising
+from tests.kinds import Mode
 from tests.maths import translation
 from tests.opinion.body import Body
 from tests.retold import machine_of
@@ -44,6 +47,55 @@ def test_no_place_is_under_the_table() -> None:
     field = rik.reach_field(world, world.task, cell=0.1)
     x, y = np.meshgrid(field.x, field.y)
     assert field.values[(np.abs(x - 1.5) < 0.8) & (np.abs(y) < 0.4)].max() == 0
+
+
+def under_a_ceiling() -> World:
+    """A torso may rise by 0.3 m for a target that is low, and a ceiling leaves it 0.2 m."""
+    robot = rising(replace(under_a_table().robot, base_solids=()), 0.1)
+    top = Box("ceiling", np.array([6.0, 5.0, 0.1]), np.array([1.5, 0.0, 1.12]))
+    task = (Target(np.array([1.5, 0.0, 0.7])),)
+    return World("low room", robot, Floor(shapely.box(-1, -2, 4, 2)), (top,), task, Rules(clearance=0.02))
+
+
+@pytest.mark.parametrize("mode", ["stops", pytest.param("continuous", marks=pytest.mark.slow)])
+def test_a_lift_that_would_touch_a_ceiling_at_its_highest_stays_low(mode: Mode) -> None:
+    world = under_a_ceiling()
+    world = replace(world, rules=replace(world.rules, mode=mode))
+    assert rik.reach(world, world.task).reachable.all()
+    assert not any(stop.unconfirmed for stop in rik.stops(world))
+    found = rik.plan(world)
+    assert rik.verify(found).ok
+    assert found.motion.joints[:, 0].max() < 0.22
+
+
+def test_where_no_height_of_a_lift_is_clear_no_area_is() -> None:
+    """A slab over a part of the room stands where the torso is at its lowest."""
+    world, part = under_a_ceiling(), shapely.box(-1, -2, 1.3, 2)
+    slab = Box("slab", np.array([2.3, 4.0, 0.1]), np.array([0.15, 0.0, 0.75]))
+    open_, narrow = (
+        rik.admissible_area(replace(world, obstacles=solids), world.task[0]).inner
+        for solids in (world.obstacles, (*world.obstacles, slab))
+    )
+    assert shapely.area(open_ & part) > 0.05
+    assert narrow.area > 0.05
+    assert shapely.area(narrow & part) == 0.0
+
+
+def test_parts_of_a_lift_keep_the_margin_of_its_limits() -> None:
+    world = under_a_ceiling()
+    scene = scene_of(replace(world, rules=replace(world.rules, criteria=Criteria(joint_margin=0.2))))
+    parts = scene.lifted.parts(0.7)
+    limited = [scene.model_with_lift(world.task[0], part).chain.joints[0] for part in parts]
+    assert np.allclose([(joint.lower, joint.upper) for joint in limited], parts)
+    assert (limited[0].lower, limited[-1].upper) == pytest.approx((0.06, 0.24))
+
+
+def test_a_base_that_stands_where_one_of_its_sides_is_along_a_wall_alone_is_seen_to() -> None:
+    """The second opinion goes round by whole degrees; at 78.75 degrees alone the base has 0.2 mm to spare."""
+    world = furnished_world(1028)
+    body = Body(world_to_document(world), machine_of(world))
+    assert body.stands_over(np.array([2.053681, 1.150501]))
+    assert not body.stands_over(np.array([2.053681, 1.1495]))
 
 
 def board(name: str, x: float, y: float, z: float, wide: float, deep: float) -> Box:

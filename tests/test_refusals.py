@@ -17,10 +17,15 @@ from regionik.reachability.unreached import first_unreached
 from regionik.scene import Scene, scene_of
 from regionik.view.page import to_html
 from regionik.view.world_picture import picture_of_explanation
+from regionik.worlds.chain import Chain
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
+from regionik.worlds.joints import Joint
+from regionik.worlds.links import capsules_along
 from regionik.worlds.obstacles import Box
-from regionik.worlds.scene import Start, Target, World
+from regionik.worlds.robot import Robot
+from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from tests import MINUTES
+from tests.maths import translation
 from tests.test_random_worlds import random_world
 from tests.test_skipping import SPOTS, hall
 
@@ -115,6 +120,33 @@ def test_too_little_room_to_park_is_mended_by_a_smaller_circle() -> None:
     ]
     assert found.repairs[0].amount < 0.5
     assert stops(repaired(scene_of(world), found.repairs[0]).world)
+
+
+def test_an_arm_that_cannot_keep_its_posture_round_the_circle_is_mended_by_a_smaller_one() -> None:
+    """Its base turned one way, a crane has its tool in one vertical plane, and none beside it."""
+    world = craned(stop_tolerance=0.01)
+    found = refused(world)
+    assert found.verdict == "no-posture"
+    assert "kept all round the circle of 0.01 m to park in" in found.reason
+    assert "stop-tolerance" in {repair.kind for repair in found.repairs}
+    for repair in found.repairs:
+        assert plan(repaired(scene_of(world), repair).world)
+
+
+def craned(stop_tolerance: float) -> World:
+    """One target for a lift, a hinge and a slide, set off to the side, on a base that turns on the spot."""
+    joints = (
+        Joint("lift", "prismatic", 0.0, 0.4, np.eye(4), np.array([0.0, 0.0, 1.0])),
+        Joint("hinge", "revolute", -2.0, 2.5, translation(0.0, 0.02, 0.0), np.array([0.0, 1.0, 0.0])),
+        Joint("slide", "prismatic", 0.0, 0.2, translation(0.0, 0.0, 0.28), np.array([1.0, 0.0, 0.0])),
+    )
+    chain = Chain(joints, translation(0.29, 0.0, 0.1))
+    mount, links = np.array([0.0, 0.0, 0.34, 0.0]), capsules_along(chain, 0.03)
+    robot = Robot("crane", "omni", np.zeros((1, 2)), mount, chain, links, 0.3)
+    tool = robot.tool(np.array([0.3, 0.2, 0.5]), np.array([0.3, 1.4, 0.1]))
+    target = Target(tool[:3, 3], direction=tool[:3, 2], cone=0.3)
+    rules = Rules(mode="stops", stop_tolerance=stop_tolerance)
+    return World("crane", robot, Floor([[-2, -2], [2, -2], [2, 2], [-2, 2]]), (), (target,), rules)
 
 
 @pytest.mark.parametrize(

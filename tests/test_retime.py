@@ -310,20 +310,6 @@ def test_a_world_of_one_set_point_that_the_soak_found_is_timed() -> None:
     assert verify(retime(search(scene_of(soaked_world("overhead", 591))))).ok
 
 
-def test_a_path_goes_through_its_states_without_jumps_of_direction_or_curvature() -> None:
-    rng = np.random.default_rng(1)
-    base = np.cumsum(rng.normal(size=(30, 3)) * [0.1, 0.1, 0.0], axis=0)
-    joints = np.repeat(rng.uniform(-1, 1, (10, 2)), 3, axis=0)
-    path = smooth_path(OmnidirectionalDrive(), base, joints)
-    assert path.runs == [(0, 29)]
-    k, states = np.arange(29), np.concatenate([base, joints], axis=1)
-    begin, end = path.evaluate(path.position[:-1], k), path.evaluate(path.position[1:], k)
-    assert begin[0] == pytest.approx(states[:-1], abs=1e-12)
-    for before, after in zip(end, begin, strict=True):
-        assert before[:-1] == pytest.approx(after[1:], abs=1e-9)
-    assert np.abs([begin[2][0], end[2][-1]]).max() < 1e-9  # straight from rest and to it
-
-
 @pytest.mark.slow
 def test_a_path_on_which_the_engine_stumbles_is_timed() -> None:
     """In metres its linear programs end without an answer at one state, by rounding."""

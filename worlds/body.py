@@ -17,6 +17,7 @@ import shapely
 from shapely.geometry import Polygon
 
 from regionik.worlds.arrays import Array, transform_points
+from regionik.worlds.chain import Chain
 from regionik.worlds.links import LinkCapsule, LinkSolid
 from regionik.worlds.prepared import made_once
 from regionik.worlds.robot import Robot
@@ -108,6 +109,19 @@ def lift_for(robot: Robot, height: float, reach: float = 0.0) -> tuple[float, fl
     (low, high), (down, up) = lift_range(robot), _rise(robot)
     low, high = max(low, float(height - reach - up)), min(high, float(height + reach - down))
     return (low, high) if low <= high else None
+
+
+def with_lift(robot: Robot, lift: tuple[float, float]) -> Robot:
+    """Return the robot with its lifts limited to a part of their range, in which each has its share [m]."""
+    least, most = lift_range(robot)
+    low, high = ((end - least) / (most - least) for end in lift)
+    joints = list(robot.chain.joints)
+    for k, (T, _) in enumerate(_lifts(robot)):
+        joint, is_up = joints[k], (T[:3, :3] @ joints[k].axis)[2] > 0
+        ends = (low, high) if is_up else (1 - high, 1 - low)
+        lower, upper = (joint.lower + end * (joint.upper - joint.lower) for end in ends)
+        joints[k] = replace(joint, lower=lower, upper=upper)
+    return replace(robot, chain=Chain(tuple(joints), robot.chain.T_last_tool))
 
 
 def without_body(robot: Robot) -> Robot:

@@ -1,7 +1,8 @@
 """Rejection by what lifts carry: torsos and heads that turn with the base, at heights that a target allows.
 
 A lift that brings the tool to a target stands somewhere in a range (`regionik.worlds.body.lift_for`). Inner
-areas keep all of that range clear, outer ones are cut by what is taken at each height of it.
+areas keep all of that range clear, or, where that leaves no place, a part of it; outer ones are cut by what
+is taken at each height of it.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -19,9 +21,11 @@ from regionik.areas.ground import EVERY
 from regionik.areas.layers import GUARD, BodyLayer, all_taken, layers_of
 from regionik.planners.driving.heading_slabs import ConvexScene, free_at_all, free_at_some, outline_scene
 from regionik.worlds.body import lift_for, lift_range, lifted_prisms
+from regionik.worlds.robot import Robot, with_joint_margin
 from regionik.worlds.scene import World
 
 STEP = 0.05  # to which ranges of lifts are widened, so that heights share their rejection [m]
+TINY = 1e-9  # of a step, that rounding may add
 
 Lift = tuple[float, float]  # lowest and highest [m]
 
@@ -51,10 +55,30 @@ class LiftedBody:
         lift = self._allowed(height)
         if lift is None:
             return Polygon()
+        return self.rejection_of(lift, span, inner=inner)
+
+    def rejection_of(self, lift: Lift, span: tuple[float, float], *, inner: bool) -> BaseGeometry:
+        """Return the places rejected where lifts raise the arm within a range, as `rejection` does."""
         key = lift, span, inner
         if key not in self._rejections:
             self._rejections[key] = self._rejection(*key)
         return self._rejections[key]
+
+    def parts(self, height: float) -> list[Lift]:
+        """Return the range of lifts for a tool at a height, within the limits that criteria leave, in parts.
+
+        None where there is but one.
+        """
+        ends, limits = self._allowed(height), lift_range(self._within_criteria)
+        if ends is None or not math.isfinite(limits[1] - limits[0]):
+            return []
+        low, high = max(ends[0], limits[0]), min(ends[1], limits[1])
+        count = math.ceil((high - low) / STEP - TINY)
+        return list(pairwise(np.linspace(low, high, count + 1).tolist())) if count > 1 else []
+
+    @property
+    def _within_criteria(self) -> Robot:
+        return with_joint_margin(self.world.robot, self.world.rules.criteria)
 
     def rejections(self, height: float) -> list[tuple[str, str, BaseGeometry]]:
         """Return what `rejection` is made of at every heading: solid, part of the robot, and places."""

@@ -16,6 +16,7 @@ from regionik.explain.changes import (
     move_target,
     one_lift_off,
     repaired,
+    smaller_circle,
     smallest_first,
 )
 from regionik.explain.constraints import ARM_CLEARANCE, CLEARANCE, mended
@@ -29,7 +30,7 @@ from regionik.worlds.scene import Start
 
 Asked = Callable[[Scene], bool]
 
-SHARES = (0.5, 1.0)  # of a clearance that is given up
+SHARES = (0.5, 1.0)  # of a clearance, or of the radius of the circle to park in, that is given up
 LENGTHS = (0.1, 0.3)  # of moves [m]
 SPARE_TRIES = 100  # of searches for repairs, beside as many as half of those of the search that failed
 ASKED = 2  # of the smallest repairs, whether the whole path is planned with them
@@ -78,6 +79,9 @@ def _groups(scene: Scene, i: int, quick: Explanation) -> Iterator[Iterator[Repai
     """Changes of one kind after the other, each from less to more."""
     if scene.rules.max_lift_offs is not None and i > 0:
         yield iter([one_lift_off(scene, i)])
+    wide = scene.rules.stop_tolerance
+    if scene.rules.mode == "stops" and wide:
+        yield (smaller_circle(scene, (1 - share) * wide) for share in SHARES)
     for name in (CLEARANCE, ARM_CLEARANCE):
         lower = lower_clearance(scene, name)
         if lower is not None and scene.world.arm_solids:

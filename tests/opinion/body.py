@@ -46,10 +46,18 @@ class Body:
         x, y = self.machine.mount[:2, 3]
         fixed = self.world["rules"]["heading"] == "fixed"
         start = self.world.get("start") or {"base": [0.0, 0.0, 0.0]}
-        turns = [float(start["base"][2])] if fixed else (2 * np.pi * np.arange(TURNS) / TURNS).tolist()
-        for yaw in turns:
+        for yaw in [float(start["base"][2])] if fixed else self._headings():
             c, s = np.cos(yaw), np.sin(yaw)
             yield np.array([axis[0] - (c * x - s * y), axis[1] - (s * x + c * y), yaw])
+
+    def _headings(self) -> list[float]:
+        """Headings all round, and those at which a side of the footprint is along one of a box."""
+        corners = np.reshape(self.machine.facts.footprint, (-1, 2))
+        sides = np.arctan2(*(np.roll(corners, -1, axis=0) - corners).T[::-1]) if len(corners) > 2 else []
+        walls = {float(one["box"].get("yaw", 0.0)) for one in self.world["obstacles"] if "box" in one}
+        along = [wall - side + k * np.pi / 2 for wall in sorted(walls) for side in sides for k in range(4)]
+        exact = np.unique(np.round(np.mod(along, 2 * np.pi), 9))
+        return [*(2 * np.pi * np.arange(TURNS) / TURNS).tolist(), *exact.tolist()]
 
     def _postures(self) -> Iterator[Array]:
         """Postures with the lifts at several heights, the other joints wherever they are."""
