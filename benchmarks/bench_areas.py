@@ -17,7 +17,7 @@ from shapely import STRtree
 
 from regionik.areas.layers import Geometries
 from regionik.postures.families import FRONT
-from regionik.reach_rows import reach_rows
+from regionik.reach_table import reach_table
 from regionik.regions import path_areas
 from regionik.scene import scene_of
 from regionik.worlds.bundled import robot_named
@@ -51,7 +51,7 @@ def loop(world: World) -> Geometries:
     ground = scene_of(world).ground
     grown = ground.inner.parts
     tree = STRtree(grown)
-    _, _, rings = reach_rows(scene_of(world), world.task, (FRONT,), inner=True)
+    _, _, rings = reach_table(scene_of(world), world.task, (FRONT,), inner=True)
     areas = []
     for ring in rings:
         near = tree.query(ring, predicate="intersects")

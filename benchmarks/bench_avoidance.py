@@ -22,7 +22,7 @@ from regionik.planners.avoidance.clear_posture import clear_posture
 from regionik.planners.collision.distances import Obstacles, obstacles_from
 from regionik.planners.collision.robot_bodies import Bodies, bodies_from
 from regionik.planners.search.box_search import Verdict
-from regionik.planners.search.fixed_base import WORDS, PostureTask, search_fixed_base
+from regionik.planners.search.fixed_base import VERDICT_NAMES, PostureTask, search_fixed_base
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, translation
 from regionik.worlds.joints import Joint
@@ -160,14 +160,14 @@ def with_search(number: int, scenes: int, feasible: list[bool]) -> int:
         place = np.array([target, target, 0.0])
         task = PostureTask(bodies, np.zeros(3), place, tolerance=TOLERANCE)
         answer = clear_posture(task, UPRIGHT, seed=seed, most_boxes=MOST_BOXES)
-        kinds.append(WORDS[answer.verdict])
+        kinds.append(VERDICT_NAMES[answer.verdict])
         stages.append(answer.steps[-1])
-        right = WORDS[answer.verdict] == ("found" if feasible[seed] else "none")
+        right = VERDICT_NAMES[answer.verdict] == ("found" if feasible[seed] else "none")
         if answer.joints is not None:
             right &= free(answer.joints, target, middles, radii)
         if not right:
             wrong += 1
-            print(f"  scene {seed}: {WORDS[answer.verdict]} by {answer.steps[-1]}: not confirmed")
+            print(f"  scene {seed}: {VERDICT_NAMES[answer.verdict]} by {answer.steps[-1]}: not confirmed")
     found = [stage for kind, stage in zip(kinds, stages, strict=True) if kind == "found"]
     told = ", ".join(f"{found.count(stage)} by {stage}" for stage in ("passes", "avoidance", "search"))
     print(f"  with the search behind them: found {len(found)} ({told}), none {kinds.count('none')}")
@@ -186,7 +186,7 @@ def main(scenes: int) -> int:
             start = time.perf_counter()
             searched = search_fixed_base(chain, solids, obstacles, [target, target, 0.0], TOLERANCE)
             seconds.append(time.perf_counter() - start)
-            kinds.append(WORDS[searched.verdict])
+            kinds.append(VERDICT_NAMES[searched.verdict])
             boxes.append(searched.boxes)
             if searched.joints is not None:
                 right = free(searched.joints, target, middles, radii)
@@ -196,7 +196,7 @@ def main(scenes: int) -> int:
                 right = searched.verdict == Verdict.RULED_OUT and room < THIN
             if not right:
                 wrong += 1
-                print(f"  scene {seed}: {WORDS[searched.verdict]}: not confirmed")
+                print(f"  scene {seed}: {VERDICT_NAMES[searched.verdict]}: not confirmed")
         counts = ", ".join(f"{kind} {kinds.count(kind)}" for kind in ("found", "none", "undecided"))
         print(
             f"test {number}: {counts}; boxes median {statistics.median(boxes):.0f}, most {max(boxes)}; "

@@ -27,7 +27,7 @@ from regionik.planners.geometry.angles import fit, wrap
 from regionik.planners.kernels import compiled
 from regionik.planners.reach.planar_cells import ArmMount
 from regionik.planners.solvers.planar_kinematics import two_link_angles
-from regionik.postures.arm_guard import contact_for
+from regionik.postures.collision_checker import contact_for
 from regionik.reachability.any_base import prepared, writable
 from regionik.reachability.reach import reach
 from regionik.scene import scene_of
@@ -169,12 +169,12 @@ def _climbs(
 
 def _room(world: World, asked: Question, base: Array, q: Array) -> float:
     """By how much the arm keeps its distance [m]."""
-    guard = scene_of(world).guard
-    if not guard.on:
+    collision = scene_of(world).collision
+    if not collision.enabled:
         return 0.0
     contact = contact_for(world, [Target(asked.target)])
-    touch = nearest(guard.bodies, base, q, contact=contact)
-    return guard.room(touch)
+    touch = nearest(collision.bodies, base, q, contact=contact)
+    return collision.room(touch)
 
 
 def world_of(seed: int) -> World:

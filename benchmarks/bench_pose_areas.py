@@ -25,7 +25,7 @@ from regionik.planners.solvers.damped_least_squares import Aim, polish
 from regionik.planners.solvers.rigid_bodies import span
 from regionik.planners.solvers.serial_chain import serial_arm
 from regionik.postures.arm import aim_of
-from regionik.reach_rows import reach_rows
+from regionik.reach_table import reach_table
 from regionik.regions import admissible_area
 from regionik.scene import scene_of
 from regionik.worlds.arms import with_pivot, with_pivot_limits
@@ -85,7 +85,7 @@ def main(files: list[str], poses: int, points: int, starts: int) -> int:
                 began = time.process_time()
                 area = admissible_area(world, target)
                 took = time.process_time() - began
-                sampled = shapely.union_all(reach_rows(scene_of(world), [target], (1,), inner=True)[2])
+                sampled = shapely.union_all(reach_table(scene_of(world), [target], (1,), inner=True)[2])
                 rim = area.gap / area.outer.length if area.outer.length else 0.0
                 rows.append((area.inner.area, area.outer.area, 100 * rim, sampled.area, took))
                 inner = points_in(area.inner, rng, points)

@@ -19,7 +19,7 @@ from benchmarks.sweeps import SWEEPS
 from regionik.planners.avoidance.clear_posture import ClearPosture, clear_posture
 from regionik.planners.collision.robot_bodies import bodies_from
 from regionik.planners.search.box_search import Verdict
-from regionik.planners.search.fixed_base import WORDS, PostureTask
+from regionik.planners.search.fixed_base import VERDICT_NAMES, PostureTask
 
 TOLERANCE = 1e-3
 EVERY = 100  # scenes between two lines of progress
@@ -41,9 +41,9 @@ def main(scenes: int, sample: int, first: int) -> int:
     for done, number in enumerate(range(first, first + scenes), 1):
         one, began = scene(number), time.perf_counter()
         answer = solved(number)
-        spent[f"{WORDS[answer.verdict]} by {answer.steps[-1]}"] += time.perf_counter() - began
-        kinds[one.arm, WORDS[answer.verdict]] += 1
-        stages[WORDS[answer.verdict], answer.steps[-1]] += 1
+        spent[f"{VERDICT_NAMES[answer.verdict]} by {answer.steps[-1]}"] += time.perf_counter() - began
+        kinds[one.arm, VERDICT_NAMES[answer.verdict]] += 1
+        stages[VERDICT_NAMES[answer.verdict], answer.steps[-1]] += 1
         if answer.joints is not None:
             refuted = faults(one, answer.joints, TOLERANCE)
             wrong += bool(refuted)

@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.standing import PathAreas
+from regionik.areas.free_space import PathAreas
 from regionik.mfabrik import solver_for
 from regionik.planners.solvers.damped_least_squares import DIRECTION, POSITION, Aim, polish
 from regionik.planners.solvers.serial_chain import serial_arm

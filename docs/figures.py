@@ -25,7 +25,7 @@ import regionik as rik
 from regionik import pipeline
 from regionik.postures.families import BACK, FRONT
 from regionik.pruning import Pruned, whole_path
-from regionik.reach_rows import reach_rows
+from regionik.reach_table import reach_table
 from regionik.scene import scene_of
 from regionik.timing.limits import tool_velocity
 from regionik.view.film import opened
@@ -84,7 +84,7 @@ def area() -> Any:
     world = rik.load_world("pillar")
     target = world.task[8]
     side = scene_of(world).free_floor.anywhere.sides[0]
-    _, _, rings = reach_rows(scene_of(world), [target], (FRONT, BACK), inner=True, span=side.span)
+    _, _, rings = reach_table(scene_of(world), [target], (FRONT, BACK), inner=True, span=side.span)
     reach = shapely.union_all(rings)
     solids = shadows(world)
     figure, panels = plt.subplots(1, 3, figsize=(9.6, 3.4), sharex=True, sharey=True)

@@ -200,7 +200,7 @@ def _check_digest(data: bytes) -> None:
         raise UnpicklingError("damaged")
 
 
-class _Kept(FunctionCache):
+class _KernelCache(FunctionCache):
     """Machine code on disk; where it cannot be written or read, each process compiles for itself.
 
     It is that of a kernel and of all kernels inside, for which numba itself would look at one file alone.
@@ -263,7 +263,7 @@ class Kernel(_Dispatcher):  # type: ignore[misc]
             return super()._compile_for_args(*args, **kws)
         if not _at_once and self._work < self._worth_compiling:
             return self._run_plainly
-        if not isinstance(self._cache, _Kept):
+        if not isinstance(self._cache, _KernelCache):
             _warn_uncached()
         for listener in _listeners:
             listener(self.__name__)
@@ -298,7 +298,7 @@ class Kernel(_Dispatcher):  # type: ignore[misc]
 
     def _is_stored(self, arguments: tuple[Any, ...]) -> bool:
         self._open()
-        return isinstance(self._cache, _Kept) and self._cache.holds(self, arguments)
+        return isinstance(self._cache, _KernelCache) and self._cache.holds(self, arguments)
 
     def _open(self) -> None:
         """Find the place on disk on first use: to look for one that can be written takes time."""
@@ -306,7 +306,7 @@ class Kernel(_Dispatcher):  # type: ignore[misc]
             self._opened = True
             self._work += _work_before().get(self._full_name, 0)
             with suppress(RuntimeError):  # there is no folder that can be written
-                self._cache = _Kept(self.py_func)
+                self._cache = _KernelCache(self.py_func)
 
 
 def compiled(function: Function, error_model: Literal["python", "numpy"] = "python") -> Function:
@@ -349,7 +349,7 @@ def plain_work() -> float:
 def cache_folder() -> str | None:
     """Return the folder in which machine code is kept; None where no folder can be written."""
     try:
-        return str(_Kept(_as_compiled).cache_path)
+        return str(_KernelCache(_as_compiled).cache_path)
     except RuntimeError:
         return None
 

@@ -12,10 +12,10 @@ from regionik.pipeline import areas_follow_motion, check_world
 from regionik.planners.geometry.offsets import shrunk
 from regionik.postures.poses import axis_of
 from regionik.pruning import whole_path
-from regionik.reachability.reach import reached
+from regionik.reachability.reach import answers_for
 from regionik.regions import outer_areas, planned_areas
 from regionik.scene import Scene, scene_of
-from regionik.storage.plan_document import PARTS, kept_areas
+from regionik.storage.plan_document import PARTS, stored_areas
 from regionik.values import Plan, PlannedArea, Report, Violation
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import NoPlanFound
@@ -62,7 +62,7 @@ def _reachable(plan: Plan) -> Iterator[Violation]:
         room = outer_areas(alone, alone.task)[0]
         if alone.rules.mode == "stops":
             room = shrunk(room, alone.rules.stop_tolerance, outside=True)
-        if not room.is_empty and reached(alone, alone.task).reachable[0]:
+        if not room.is_empty and answers_for(alone, alone.task).reachable[0]:
             text = f"set-point {one.setpoint + 1} as given is left out as unreachable, and can be reached"
             yield Violation("areas", None, None, 0.0, text)
 
@@ -78,11 +78,11 @@ def _differences_in(plan: Plan, scene: Scene) -> Iterator[Violation]:
     """Parts of areas that are not as a scene gives them, the plan's or what of it is near."""
     try:
         check_world(scene)
-        standing, areas, pruned = whole_path(scene)
+        free_space, areas, pruned = whole_path(scene)
     except NoPlanFound as no:
         yield Violation("areas", None, no.explanation.setpoint, 0.0, no.explanation.reason)
         return
-    expected = planned_areas(scene, areas, standing, pruned.left)[: len(plan.areas)]
+    expected = planned_areas(scene, areas, free_space, pruned.left)[: len(plan.areas)]
     off = np.column_stack([_off(plan.areas[: len(expected)], expected, part) for part in PARTS])
     for i, k in np.argwhere(off > ROUNDING).tolist():
         text = f"{PARTS[k]} area differs by {off[i, k]:.4g} m2 from its world's"
@@ -92,7 +92,7 @@ def _differences_in(plan: Plan, scene: Scene) -> Iterator[Violation]:
 def _off(areas: Sequence[PlannedArea], expected: Sequence[PlannedArea], part: str) -> Array:
     """How much of a part of areas, as files keep them, differs from what is expected, (n,) [m2]."""
     found, wanted = (
-        shapely.normalize(kept_areas(getattr(area, part) for area in some)) for some in (areas, expected)
+        shapely.normalize(stored_areas(getattr(area, part) for area in some)) for some in (areas, expected)
     )
     other = ~shapely.equals_exact(found, wanted)
     off = np.zeros(len(found))

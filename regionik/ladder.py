@@ -16,13 +16,13 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from regionik.areas.free_space import MIN_AREA, FreeSpace, PathAreas, component_labels
 from regionik.areas.layers import Geometries
-from regionik.areas.standing import LEAST_AREA, PathAreas, Standing, component_labels
 from regionik.planners.geometry.polygons import FlatPolygon
 from regionik.postures.families import Family
 
-FLATS = 512  # components that are kept flattened
-SURE = 1e-4  # half the side of a square that two areas share beyond doubt [m]
+MAX_FLAT_COMPONENTS = 512  # components that are kept flattened
+SURE_OVERLAP = 1e-4  # half the side of a square that two areas share beyond doubt [m]
 
 Mask = NDArray[np.bool_]
 Index = NDArray[np.intp]
@@ -52,7 +52,7 @@ class Ladder:
         """Set-points without any component."""
         return np.flatnonzero(np.diff(self.rungs) == 0).tolist()
 
-    def kept(self, keep: Mask, i: int) -> list[int]:
+    def components_at(self, keep: Mask, i: int) -> list[int]:
         """Components of set-point i that a mask (m,) keeps."""
         return [k for k in range(self.rungs[i], self.rungs[i + 1]) if keep[k]]
 
@@ -64,7 +64,7 @@ class Ladder:
     def flat(self, k: int) -> FlatPolygon:
         """Return a component for kernels; a few are cached."""
         if k not in self._flats:
-            if len(self._flats) >= FLATS:
+            if len(self._flats) >= MAX_FLAT_COMPONENTS:
                 self._flats.clear()
             self._flats[k] = FlatPolygon.from_shapely(self.component[k])
         return self._flats[k]
@@ -88,29 +88,29 @@ class Ladder:
         return [table[group] for group in self.group.tolist()]
 
 
-def build_ladder(areas: PathAreas, count: int, standing: Standing) -> Ladder:
+def build_ladder(areas: PathAreas, count: int, free_space: FreeSpace) -> Ladder:
     """Split areas of ``count`` set-points into components, and join those of neighbours that overlap."""
     parts, row = shapely.get_parts(areas.inner, return_index=True)
     whole = shapely.get_type_id(areas.inner)[row] == shapely.GeometryType.POLYGON
     parts[whole] = areas.inner[row[whole]]  # not its copy: for very long paths, memory is mostly areas
-    real = (shapely.get_type_id(parts) == 3) & (shapely.area(parts) > LEAST_AREA)
+    real = (shapely.get_type_id(parts) == 3) & (shapely.area(parts) > MIN_AREA)
     parts, row = parts[real], row[real]
     target = areas.target[row]
     shapely.prepare(parts)
     kinds, side = tuple(areas.family[k] for k in row), areas.side[row]
     spots = shapely.point_on_surface(parts)
     about = _spots_of(parts, spots)
-    forward = _overlaps(standing, parts, about, target, side, kinds, count, ahead=1)
-    turns = _overlaps(standing, parts, about, target, side, kinds, count, ahead=0)
-    floor = _pieces(spots, side, standing)
+    forward = _overlaps(free_space, parts, about, target, side, kinds, count, ahead=1)
+    turns = _overlaps(free_space, parts, about, target, side, kinds, count, ahead=0)
+    floor = _pieces(spots, side, free_space)
     shapely.destroy_prepared(parts)  # as much memory again as the components themselves
     return Ladder(count, parts, target, kinds, side, floor, forward, component_labels(len(parts), turns))
 
 
-def _pieces(spots: Geometries, side: Index, standing: Standing) -> Index:
+def _pieces(spots: Geometries, side: Index, free_space: FreeSpace) -> Index:
     """Label of the piece of free floor around each spot, -1 for none."""
     piece = np.full(len(spots), -1, dtype=np.intp)
-    polygons, sides, label = standing.pieces
+    polygons, sides, label = free_space.pieces
     which, found = shapely.STRtree(polygons).query(spots)
     own = side[which] == sides[found]
     which, found = which[own], found[own]
@@ -120,7 +120,7 @@ def _pieces(spots: Geometries, side: Index, standing: Standing) -> Index:
 
 
 def _overlaps(
-    standing: Standing,
+    free_space: FreeSpace,
     parts: Geometries,
     spots: _Spots,
     target: Index,
@@ -130,7 +130,7 @@ def _overlaps(
     ahead: int,
 ) -> Index:
     """Pairs of overlapping components of like posture, ``ahead`` set-points apart."""
-    if len(standing.sides) == 1 and not ahead:  # components of one area are apart
+    if len(free_space.sides) == 1 and not ahead:  # components of one area are apart
         return np.empty((0, 2), dtype=np.intp)
     facing = np.array([kind.facing for kind in kinds])
     pitch = np.array([kind.pitch for kind in kinds])
@@ -140,7 +140,7 @@ def _overlaps(
     there = np.repeat(rungs[target + ahead] - np.cumsum(repeat) + repeat, repeat) + np.arange(len(here))
     turn = np.abs(np.nan_to_num(pitch[here] - pitch[there], nan=0.0))
     alike = (facing[here] == facing[there]) & (np.isnan(pitch[here]) == np.isnan(pitch[there]))
-    alike &= (turn < np.pi / 2) & standing.beside(side[here], side[there])
+    alike &= (turn < np.pi / 2) & free_space.beside(side[here], side[there])
     here, there = here[alike], there[alike]
     shared = _shared(parts, spots, here, there)
     return np.column_stack([here[shared], there[shared]])
@@ -155,7 +155,7 @@ class _Spots(NamedTuple):
 
 def _spots_of(parts: Geometries, spots: Geometries) -> _Spots:
     x, y = shapely.get_x(spots), shapely.get_y(spots)
-    squares = shapely.box(x - SURE, y - SURE, x + SURE, y + SURE)
+    squares = shapely.box(x - SURE_OVERLAP, y - SURE_OVERLAP, x + SURE_OVERLAP, y + SURE_OVERLAP)
     return _Spots(squares, shapely.contains_properly(parts, squares))
 
 
@@ -168,5 +168,5 @@ def _shared(parts: Geometries, spots: _Spots, here: Index, there: Index) -> Mask
     rest = np.flatnonzero(~shared)
     a, b = parts[here[rest]], parts[there[rest]]
     meet = shapely.intersects(a, b)
-    shared[rest[meet]] = shapely.area(shapely.intersection(a[meet], b[meet])) > LEAST_AREA
+    shared[rest[meet]] = shapely.area(shapely.intersection(a[meet], b[meet])) > MIN_AREA
     return shared

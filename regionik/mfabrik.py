@@ -29,7 +29,7 @@ from regionik.planners.solvers.mfabrik_planar import (
     solve_planar_along,
     solve_planar_many,
 )
-from regionik.postures.arm import ANGLE_SLACK, Arm, Reached, goal_of
+from regionik.postures.arm import ANGLE_SLACK, Arm, ArmSolution, goal_of
 from regionik.postures.families import FRONT, Family
 from regionik.postures.planar_solver import PlanarSolver
 from regionik.postures.poses import axis_of, pose_of
@@ -43,7 +43,7 @@ from regionik.worlds.robot import Robot, with_joint_margin
 from regionik.worlds.scene import Heading, Target
 
 NOWHERE = FlatPolygon(np.empty((0, 2)), np.zeros(1, dtype=np.int64))
-LED = np.pi / 2  # a joint that changes by more is not led on from where it was [rad]
+MAX_CONTINUED_CHANGE = np.pi / 2  # a joint that changes by more is not led on from where it was [rad]
 HEADINGS: dict[Heading, int] = {"free": FREE, "face_target": FACE_TARGET, "fixed": FIXED}
 
 
@@ -98,7 +98,7 @@ class Solver:
             raise InputError(f"solver: tolerance must be above 0, got {self.tolerance}")
         if self.heading not in HEADINGS:
             raise InputError(f"solver: heading must be one of {', '.join(HEADINGS)}, got {self.heading}")
-        model, turns = reach_model(self._kept, "point"), self._turns
+        model, turns = reach_model(self._limited_robot, "point"), self._turns
         arm = model.solver(self.family, self.tolerance, turns=turns, criteria=self.criteria)
         object.__setattr__(self, "_model", model)
         object.__setattr__(self, "_arm", arm)
@@ -133,7 +133,7 @@ class Solver:
         here, now = _numbers(base, 3, "base"), self._within(_numbers(joints, self.robot.chain.dof, "joints"))
         directed = isinstance(target, Target) and target.direction is not None
         if self._setup is None or directed:
-            return self._general(_asked(target), here, now, mobile=mobile)
+            return self._general(_as_target(target), here, now, mobile=mobile)
         point = target.position if isinstance(target, Target) else target
         point = _numbers(point, 3, "target: position")
         area = BaseArea(self._flat.vertices, self._flat.starts, mobile)
@@ -142,10 +142,10 @@ class Solver:
 
     def least_change(self, target: Target | ArrayLike, base: Array, joints: Array) -> Configuration | None:
         """Return the posture on target that changes least, the arm axis held, if there is one."""
-        asked = _asked(target)
+        asked = _as_target(target)
         axis, yaw = axis_of(self.robot, base), self._yaw(base)
-        reached = self._arm_for(asked).least_change(asked, axis, yaw, self._behind(joints))
-        found = None if reached is None else self._headed(reached, base, joints)
+        solution = self._arm_for(asked).least_change(asked, axis, yaw, self._behind(joints))
+        found = None if solution is None else self._headed(solution, base, joints)
         return found if found is not None and found.converged else None
 
     def inside(self, area: BaseGeometry | FlatPolygon) -> Solver:
@@ -180,10 +180,10 @@ class Solver:
 
         Those that stand at a limit come last.
         """
-        axis, asked = axis_of(self.robot, base), _asked(target)
+        axis, asked = axis_of(self.robot, base), _as_target(target)
         q = self._behind(joints)
-        reached = self._arm_for(asked).self_motion(asked, axis, self._yaw(base), q, tries)
-        found = [self._headed(one, base, joints) for one in reached]
+        solution = self._arm_for(asked).self_motion(asked, axis, self._yaw(base), q, tries)
+        found = [self._headed(one, base, joints) for one in solution]
         found.sort(key=lambda one: (self._at_limits(one.joints), float(np.abs(one.joints - joints).max())))
         return [one for one in found if one.converged]
 
@@ -213,13 +213,17 @@ class Solver:
     def _setup(self) -> PlanarSetup | None:
         """Setup of the compiled solver; None where arm or criteria are beyond it."""
         arm = self._arm
-        if not isinstance(arm, PlanarSolver) or arm.asked or self._kept.chain is not self.robot.chain:
+        if (
+            not isinstance(arm, PlanarSolver)
+            or arm.thresholds
+            or self._limited_robot.chain is not self.robot.chain
+        ):
             return None
         return arm.setup(self.robot.mount, self._turning)
 
     @cached_property
     def _turning(self) -> Turning:
-        chain = with_pivot(self._kept.chain)
+        chain = with_pivot(self._limited_robot.chain)
         pivot = chain.active_joints[pivot_index(chain)]
         low, high = (float(end) for end in self.span)
         return Turning(float(pivot.lower), float(pivot.upper), HEADINGS[self.heading], low, high)
@@ -227,12 +231,12 @@ class Solver:
     def _general(self, target: Target, base: Array, joints: Array, *, mobile: bool) -> Configuration:
         """Solve by the arm's own solver, for any arm and target."""
         axis, q = axis_of(self.robot, base), self._behind(joints)
-        reached = self._arm_for(target).reach(target, axis, self._yaw(base), q, self._flat, mobile)
-        return self._headed(reached, base, joints)
+        solution = self._arm_for(target).reach(target, axis, self._yaw(base), q, self._flat, mobile)
+        return self._headed(solution, base, joints)
 
     def _arm_for(self, target: Target) -> Arm:
         """Solver of the arm for a goal: that of a point, unless the goal takes another model of reach."""
-        model = reach_model(self._kept, goal_of(target))
+        model = reach_model(self._limited_robot, goal_of(target))
         if model is self._model:
             return self._arm
         return model.solver(self.family, self.tolerance, turns=self._turns, criteria=self.criteria)
@@ -252,39 +256,39 @@ class Solver:
         return self.heading != "fixed" and not self._bound
 
     @property
-    def _kept(self) -> Robot:
+    def _limited_robot(self) -> Robot:
         """The robot with the limits that its criteria leave."""
         return with_joint_margin(self.robot, self.criteria)
 
     def _within(self, joints: Array) -> Array:
         """Postures (..., dof), what is beyond a limit put at it: one on target is taken as it is."""
-        return np.clip(joints, self._kept.chain.lower, self._kept.chain.upper)
+        return np.clip(joints, self._limited_robot.chain.lower, self._limited_robot.chain.upper)
 
     def _behind(self, joints: Array) -> Array:
         """Joints of the chain from its pivot on, within the limits that are kept."""
-        return pivot_joints(self._kept.chain, self._within(joints))
+        return pivot_joints(self._limited_robot.chain, self._within(joints))
 
     def _at_limits(self, joints: Array) -> bool:
         """True where a joint stands at one of its limits, or nearly so."""
-        chain = self._kept.chain
+        chain = self._limited_robot.chain
         return bool((np.minimum(joints - chain.lower, chain.upper - joints) < chain.spare).any())
 
-    def _headed(self, reached: Reached, base: Array, joints: Array) -> Configuration:
+    def _headed(self, solution: ArmSolution, base: Array, joints: Array) -> Configuration:
         """SetBaseOrientation of Algorithm 1: the pivot's turn shared between joint and base.
 
         Of joints that turn more than once those that are not led on take the turn nearest to their middle.
         """
-        chain, joints = with_pivot(self._kept.chain), pivot_joints(self.robot.chain, joints)
+        chain, joints = with_pivot(self._limited_robot.chain), pivot_joints(self.robot.chain, joints)
         k = pivot_index(chain)
-        q = np.array(reached.joints)
+        q = np.array(solution.joints)
         plane = self._yaw(base) - float(self.robot.mount[3]) + float(q[k])  # as the arm was asked
         q[k], yaw, fits = share_turn(plane, float(base[2]), float(joints[k]), self._turning)
-        pose = pose_of(self.robot, reached.axis, float(yaw))
-        good = reached.error <= self.tolerance and reached.angle <= ANGLE_SLACK and fits and reached.meets
-        wound = chain.winding & (np.abs(q - joints) > LED) & (np.arange(chain.dof) != k)
+        pose = pose_of(self.robot, solution.axis, float(yaw))
+        good = solution.error <= self.tolerance and solution.angle <= ANGLE_SLACK and fits and solution.meets
+        wound = chain.winding & (np.abs(q - joints) > MAX_CONTINUED_CHANGE) & (np.arange(chain.dof) != k)
         q = np.where(wound, chain.unwound(q), q) if wound.any() else q
         q = q[chain.dof - self.robot.chain.dof :]
-        return Configuration(pose, q, reached.error, reached.iterations, bool(good))
+        return Configuration(pose, q, solution.error, solution.iterations, bool(good))
 
 
 @dataclass(frozen=True, eq=False)
@@ -314,7 +318,7 @@ def _flat(area: BaseGeometry | FlatPolygon | None) -> FlatPolygon:
     return area if isinstance(area, FlatPolygon) else FlatPolygon.from_shapely(area)
 
 
-def _asked(target: Target | ArrayLike) -> Target:
+def _as_target(target: Target | ArrayLike) -> Target:
     return target if isinstance(target, Target) else Target(np.asarray(target, dtype=np.float64))
 
 

@@ -17,33 +17,39 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from regionik.areas.standing import Standing
+from regionik.areas.free_space import FreeSpace
 from regionik.explain import arm_failures
 from regionik.mfabrik import configurations
 from regionik.moving.base_motion import Candidate
 from regionik.moving.grown_runs import GrownRun, RunGrowth
 from regionik.moving.layered_search import LayeredSearch
-from regionik.moving.path_search import PATIENCE, JoinedMotion, PathSearch, SearchStep, path_search
-from regionik.moving.standing_bases import StandingBase, component_around, standing_bases
+from regionik.moving.path_search import (
+    MAX_STALLED_CANDIDATES,
+    JoinedMotion,
+    PathSearch,
+    SearchStep,
+    path_search,
+)
+from regionik.moving.stationary_bases import StationaryBase, component_around, stationary_bases
 from regionik.planners.progress import tell, track
-from regionik.postures.poses import Pose, Row
+from regionik.postures.poses import MotionState, Pose
 from regionik.pruning import Pruned, choose_chain, solvers_along, start_place, start_pose
 from regionik.scene import Scene
 from regionik.worlds.errors import Explanation, NoPlanFound
 
-TRIES = 16  # candidates tried at the next set-point, or to begin a run from
-STILL = 0, 1, 2  # coordinates of a base that stands
-SOON = 24  # candidates tried without getting farther before base and joints go on together
+MAX_CANDIDATES = 16  # candidates tried at the next set-point, or to begin a run from
+BASE_COORDINATES = 0, 1, 2  # coordinates of a base that stands
+MAX_TRIES_BASE_FIRST = 24  # candidates tried without getting farther before base and joints go on together
 
 
 class JoinedRun(NamedTuple):
     """A run of set-points, and the way to the first of them with the tool lifted."""
 
-    way: list[Row]
+    way: list[MotionState]
     steps: list[SearchStep]
 
 
-def connect_setpoints(scene: Scene, pruned: Pruned, standing: Standing, seed: int) -> JoinedMotion:
+def connect_setpoints(scene: Scene, pruned: Pruned, free_space: FreeSpace, seed: int) -> JoinedMotion:
     """Join the set-points of a world to one motion.
 
     Raises NoPlanFound where the arm touches something in every posture that was looked at, or cannot get
@@ -51,9 +57,9 @@ def connect_setpoints(scene: Scene, pruned: Pruned, standing: Standing, seed: in
     """
     layers = None
     if scene.robot.drive.rolls:
-        layers = LayeredSearch(scene, pruned.ladder, pruned.keep, pruned.breaks, standing)
-    search = path_search(scene, pruned.ladder, standing, seed, layers)
-    return _Connection(pruned, standing, search, RunGrowth(search)).made()
+        layers = LayeredSearch(scene, pruned.ladder, pruned.keep, pruned.breaks, free_space)
+    search = path_search(scene, pruned.ladder, free_space, seed, layers)
+    return _Connection(pruned, free_space, search, RunGrowth(search)).made()
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +67,7 @@ class _Connection:
     """Runs through the ladder, within the components that pruning left."""
 
     pruned: Pruned
-    standing: Standing
+    free_space: FreeSpace
     search: PathSearch
     growth: RunGrowth
 
@@ -79,9 +85,9 @@ class _Connection:
 
         Raises NoPlanFound where it does not converge and no search for other postures is allowed.
         """
-        scene, pruned, standing = self.scene, self.pruned, self.standing
-        chain = choose_chain(pruned, standing, start_place(scene))
-        solvers = solvers_along(scene, pruned.ladder, standing, chain)
+        scene, pruned, free_space = self.scene, self.pruned, self.free_space
+        chain = choose_chain(pruned, free_space, start_place(scene))
+        solvers = solvers_along(scene, pruned.ladder, free_space, chain)
         task = track("configurations", scene.task)
         goals = configurations(task, solvers, start_pose(scene, pruned, chain[0]))
         left = [i for i, goal in enumerate(goals) if not goal.converged]
@@ -91,17 +97,17 @@ class _Connection:
 
     def made(self) -> JoinedMotion:
         """Join run after run until the path is complete."""
-        rows, done, lifts = self.search.start(), list[Candidate](), 0
+        states, done, lifts = self.search.start(), list[Candidate](), 0
         most, count = self.scene.rules.max_lift_offs, len(self.scene.task)
         while True:
-            way, steps = self._run(len(done), rows[-1].pose if rows else None)
-            rows += way
+            way, steps = self._run(len(done), states[-1].pose if states else None)
+            states += way
             for step in steps:
-                rows += [*step.rows, Row(step.candidate.pose, "setpoint", len(done))]
+                states += [*step.states, MotionState(step.candidate.pose, "setpoint", len(done))]
                 done.append(step.candidate)
                 tell("motion", len(done), count)
             if len(done) == count:
-                return self.search.joined(rows, done)
+                return self.search.joined(states, done)
             lifts += 1
             if most is not None and lifts > most:
                 raise NoPlanFound(self._one_lift_too_many(len(done)))
@@ -114,29 +120,29 @@ class _Connection:
         Elsewhere they are searched first, those of M-FABRIK before others.
         """
         end = min((k for k in self.pruned.breaks if k > i), default=len(self.scene.task))
-        standing = self._stood(i, end, here)
-        if standing is not None:
-            return standing
+        stationary = self._stationary_run(i, end, here)
+        if stationary is not None:
+            return stationary
         if not self._rolls and all(one.direction is None for one in self.scene.task[i:end]):
-            return self._searched(i, end, here, SOON)
+            return self._searched(i, end, here, MAX_TRIES_BASE_FIRST)
         known = self._together(i, end, here)
         if known is None:
             return self._searched(i, end, here)
         return known if len(known.steps) == end - i else self._resumed(i, end, known)
 
-    def _stood(self, i: int, end: int, here: Pose | None) -> JoinedRun | None:
+    def _stationary_run(self, i: int, end: int, here: Pose | None) -> JoinedRun | None:
         """A whole run with the base in one place that the areas share; None for none."""
         if not self.scene.rules.avoidance:
             return None
         ladder, keep = self.pruned.ladder, self.pruned.keep
-        for base in standing_bases(self.scene, ladder, keep, self.standing, i, end):
-            runs = RunGrowth(self.search, STILL).runs_from(i, end, partial(self._postures, base))
+        for base in stationary_bases(self.scene, ladder, keep, self.free_space, i, end):
+            runs = RunGrowth(self.search, BASE_COORDINATES).runs_from(i, end, partial(self._postures, base))
             found = self._arrived(i, end, here, (run for run in runs if run.end >= end))
             if found is not None:
                 return found
         return None
 
-    def _postures(self, base: StandingBase, at: int) -> Iterator[Candidate]:
+    def _postures(self, base: StationaryBase, at: int) -> Iterator[Candidate]:
         """Clear postures at a set-point with the base in a place."""
         component = component_around(self.scene, self.pruned.ladder, self.pruned.keep, at, base)
         return self.search.sampler.other_postures(at, base.pose, component)
@@ -164,11 +170,11 @@ class _Connection:
         """A run that is gone on with by search where it is stuck."""
         return JoinedRun(known.way, self.search.resumed(i, end - i, known.steps, self._ahead).longest())
 
-    def _searched(self, i: int, end: int, here: Pose | None, soon: int = PATIENCE) -> JoinedRun:
+    def _searched(self, i: int, end: int, here: Pose | None, soon: int = MAX_STALLED_CANDIDATES) -> JoinedRun:
         """The longest run that a search finds; base and joints go on together where it does not end soon."""
         way, first = self._arrive(i, here)
         run = self.search.run(i, end - i, first, self._ahead)
-        if len(run.longest(soon)) < end - i and soon < PATIENCE:
+        if len(run.longest(soon)) < end - i and soon < MAX_STALLED_CANDIDATES:
             whole = self._together(i, end, here)
             if whole is not None and len(whole.steps) == end - i:
                 return whole
@@ -180,14 +186,14 @@ class _Connection:
         The least motion from here, where M-FABRIK has it, far from joint limits, and where else it is clear.
         """
         sampler, goal = self.search.sampler, self._goal(at)
-        kept, start = self._kept(at, goal), here or goal.pose
+        kept, start = self._components_at(at, goal), here or goal.pose
         if here is not None and at == i:
             yield from sampler.nearest(at, kept, here)
         yield from sampler.nominal(at, kept, start, goal)
-        yield from sampler.roomy(at, kept, goal.pose)
-        yield from islice(sampler.arrivals(at, kept, start, goal), TRIES)
+        yield from sampler.far_from_limits(at, kept, goal.pose)
+        yield from islice(sampler.arrivals(at, kept, start, goal), MAX_CANDIDATES)
 
-    def _unfolded(self, i: int, here: Pose | None, first: Candidate) -> list[Row] | None:
+    def _unfolded(self, i: int, here: Pose | None, first: Candidate) -> list[MotionState] | None:
         """The way to where a run begins with the tool lifted, the arm folded on it; None without one."""
         search = self.search
         arrived = search.arrive(i, here, [first], search.transits.folded, hard=0)
@@ -198,18 +204,18 @@ class _Connection:
         if i > 0 or self._rolls:
             return self.nominal[i]
         ladder, scene = self.pruned.ladder, self.scene
-        kept = self.pruned.kept(0)
+        kept = self.pruned.components_at(0)
         k = kept[int(np.argmax(shapely.area(ladder.component[kept])))]
-        (solver,) = solvers_along(scene, ladder, self.standing, [k])
+        (solver,) = solvers_along(scene, ladder, self.free_space, [k])
         return Candidate(solver(scene.task[0], *start_pose(scene, self.pruned, k)), k)
 
-    def _arrive(self, i: int, here: Pose | None) -> tuple[list[Row], Candidate]:
+    def _arrive(self, i: int, here: Pose | None) -> tuple[list[MotionState], Candidate]:
         """Move to a first candidate at set-point i with the tool lifted, from the start or the last run."""
         search, goal = self.search, self.nominal[i]
         start = here or goal.pose
-        for components in (self._kept(i, goal), self._cut(i)):
+        for components in (self._components_at(i, goal), self._cut(i)):
             found = search.sampler.arrivals(i, components, start, goal)
-            arrived = search.arrive(i, here, islice(found, TRIES), search.transits.folded)
+            arrived = search.arrive(i, here, islice(found, MAX_CANDIDATES), search.transits.folded)
             if arrived is not None:
                 return arrived
         raise NoPlanFound(search.why_not(i, here, goal))
@@ -221,20 +227,20 @@ class _Connection:
         ladder = self.pruned.ladder  # a base may turn into another component where it has come to
         after = set(ladder.group[ladder.ahead[here.component]].tolist())
         goal, sampler = self.nominal[i + 1], self.search.sampler
-        components = [k for k in self._kept(i + 1, goal) if int(ladder.group[k]) in after]
+        components = [k for k in self._components_at(i + 1, goal) if int(ladder.group[k]) in after]
         found = sampler.options(i + 1, components, here.pose, goal, together=bool(here.way))
-        return islice(found, TRIES)
+        return islice(found, MAX_CANDIDATES)
 
-    def _kept(self, i: int, goal: Candidate) -> list[int]:
+    def _components_at(self, i: int, goal: Candidate) -> list[int]:
         """Components of a set-point that the pruning left, that of what M-FABRIK found first."""
-        return sorted(self.pruned.kept(i), key=lambda k: (k != goal.component, k))
+        return sorted(self.pruned.components_at(i), key=lambda k: (k != goal.component, k))
 
     def _cut(self, i: int) -> list[int]:
         """Components of a set-point that the pruning cut, as ways are known that no areas show."""
-        return self.pruned.ladder.kept(~self.pruned.keep, i)
+        return self.pruned.ladder.components_at(~self.pruned.keep, i)
 
     def _one_lift_too_many(self, i: int) -> Explanation:
-        scene, guard, touch = self.scene, self.search.guard, self.search.follower.stops.get(i - 1)
-        if touch is None:
+        scene, collision, proximity = self.scene, self.search.collision, self.search.follower.stops.get(i - 1)
+        if proximity is None:
             return arm_failures.arm_must_lift(scene, i, "the arm would have to jump", None)
-        return arm_failures.arm_must_lift(scene, i, guard.words(touch), guard.cause(touch))
+        return arm_failures.arm_must_lift(scene, i, collision.words(proximity), collision.cause(proximity))

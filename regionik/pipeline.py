@@ -15,7 +15,7 @@ from regionik.explain.changes import repaired
 from regionik.explain.questions import ArmQuestion, Oracles, PathQuestion
 from regionik.explain.several import failures_of, in_order, naming_all, naming_as_given, numbered
 from regionik.explain.skipping import Explained, leaving_out, naming_each, with_skipped
-from regionik.explain.steps import near_setpoint
+from regionik.explain.steps import scene_of_setpoint
 from regionik.explain.tried_changes import mended_motion, mended_start, tries_for
 from regionik.explain.why import Say, explained, explained_target, target_name, unsaid
 from regionik.motion import connect_setpoints
@@ -31,14 +31,14 @@ from regionik.planners.tries import TooManyTriesError, at_most, count_tries, cou
 from regionik.postures.poses import lift_offs, motion_stats
 from regionik.pruning import spans, whole_path
 from regionik.reachability.any_base import can_search, search_any_base
-from regionik.reachability.reach import reached
+from regionik.reachability.reach import answers_for
 from regionik.reachability.target_search import TargetSearch
 from regionik.reachability.unreached import first_unreached
 from regionik.regions import has_no_known_place, planned_areas
 from regionik.scene import Scene, scene_of
 from regionik.smoothing.smooth_motion import smooth_motion
 from regionik.values import Plan, PlannedArea, Stop
-from regionik.verification.stops import within_reached_circles
+from regionik.verification.stops import within_reachable_circles
 from regionik.verification.verifier import verify
 from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import frozen
@@ -53,9 +53,9 @@ from regionik.worlds.scene import Target, World
 
 # Set-points that `reach` is asked for where one lacks a clear posture, and those not reached after which
 # it is asked no more: each of these takes seconds
-ASKED, CLOSELY = 60, 40
+MAX_REACH_CHECKS, MAX_CLOSE_CHECKS = 60, 40
 ORACLES = Oracles(
-    reach=lambda scene: reached(scene, scene.task),
+    reach=lambda scene: answers_for(scene, scene.task),
     seen=lambda scene: TargetSearch(scene, scene.task[0]).in_areas() is not None,
     look=lambda scene, cells: search_any_base(scene, scene.task[0], cells).verdict,
 )
@@ -102,7 +102,7 @@ def _planned(scene: Scene, seed: int, explained: Explained) -> Plan:
     """Return a plan of all set-points, or of those that can be done where the rules leave others out."""
 
     def attempt(left: Scene) -> Plan:
-        return _verified(_timed_where_asked(_staged(left, seed)))
+        return _verified(_timed_if_limited(_staged(left, seed)))
 
     if scene.rules.skip_unreachable:
         found, skipped = leaving_out(scene, attempt, explained)
@@ -121,17 +121,17 @@ def _naming_all(scene: Scene, first: Explanation) -> Explanation:
     return naming_all(every, len(scene.task))
 
 
-def _naming_unreached(scene: Scene, found: Explanation) -> Explanation:
+def _naming_unreached(scene: Scene, explanation: Explanation) -> Explanation:
     """A refusal that also names set-points that `reach` does not reach, of those the plan did not get to.
 
     It says which were not looked at.
     """
-    known, buried = {one.setpoint for one in failures_of(found)}, arm_failures.target_in_solid(scene)
+    known, buried = {one.setpoint for one in failures_of(explanation)}, arm_failures.target_in_solid(scene)
     if buried is None and scene.rules.order == "given":
-        known |= set(range(found.setpoint or 0))
+        known |= set(range(explanation.setpoint or 0))
     rest = [i for i in range(len(scene.task)) if i not in known]
-    failures, left = first_unreached(scene, rest, ASKED, CLOSELY)
-    every = replace(found, failures=in_order([*failures_of(found), *failures]))
+    failures, left = first_unreached(scene, rest, MAX_REACH_CHECKS, MAX_CLOSE_CHECKS)
+    every = replace(explanation, failures=in_order([*failures_of(explanation), *failures]))
     told, count = naming_all(every, len(scene.task)), len(scene.task)
     if not left:
         return told
@@ -148,17 +148,17 @@ def _check_areas(scene: Scene) -> None:
         whole_path(scene)
 
 
-def _timed_where_asked(found: Plan) -> Plan:
+def _timed_if_limited(planned: Plan) -> Plan:
     """Return the plan, timed where its world has speeds or its robot limits of them."""
-    world = found.world
+    world = planned.world
     if world.speeds is None and not world.robot.chain.has_speed_limits:
-        return found
+        return planned
     from regionik.timing.retime import retime  # takes long to load
 
     try:
-        return retime(found)
+        return retime(planned)
     except InputError:
-        _verified(found)  # of a plan that does not hold its violations are told
+        _verified(planned)  # of a plan that does not hold its violations are told
         raise
 
 
@@ -215,9 +215,9 @@ def why(
 def _why_target(scene: Scene, target: Target | ArrayLike, say: Say) -> Explanation | None:
     if not isinstance(target, Target):
         target = Target(frozen(target, (3,), "target"))
-    asked = near_setpoint(scene.changed(task=(target,)), 0)
+    asked = scene_of_setpoint(scene.changed(task=(target,)), 0)
     buried = arm_failures.target_in_solid(asked)
-    if buried is None and (answer := reached(asked, asked.task)).reachable[0]:
+    if buried is None and (answer := answers_for(asked, asked.task)).reachable[0]:
         return None
     if has_no_known_place(asked):
         return explained_target(asked, 0, failures.no_place(asked, 0), ORACLES, say)
@@ -250,27 +250,27 @@ def _explained(scene: Scene, quick: Explanation, seed: int, say: Say) -> Explana
     if can_track(scene):
         return quick
     if quick.verdict == "start-blocked" and failures.blocked_start(scene) is not None:
-        return _said(
+        return _reported(
             mended_start(scene, quick, lambda left: failures.blocked_start(left) is not None, plans), say
         )
     if quick.verdict == "ladder-broken" and i is not None and not spans(scene):
         return explained(PathQuestion(scene, i, spans, partial(_soon_planned, seed=seed)), quick, say)
     if quick.verdict in ("unreachable", "undecided") and i is not None:
-        if has_no_known_place(near_setpoint(scene, i)):
+        if has_no_known_place(scene_of_setpoint(scene, i)):
             return explained_target(scene, i, quick, ORACLES, say)
-        return _said(_with_what_helps(scene, quick, i), say)  # there is no room to park
+        return _reported(_with_what_helps(scene, quick, i), say)  # there is no room to park
     if quick.verdict == "no-posture" and i is not None:
         found = _explained_arm(scene, i, quick, say)
         if found is not quick:
             return found
     with counted() as tries:
-        return _said(mended_motion(scene, quick, plans, tries.made), say)
+        return _reported(mended_motion(scene, quick, plans, tries.made), say)
 
 
-def _said(found: Explanation, say: Say) -> Explanation:
+def _reported(explanation: Explanation, say: Say) -> Explanation:
     """Say an explanation, and return it."""
-    say(found.reason)
-    return found
+    say(explanation.reason)
+    return explanation
 
 
 def _with_what_helps(scene: Scene, quick: Explanation, i: int) -> Explanation:
@@ -288,7 +288,7 @@ def _with_what_helps(scene: Scene, quick: Explanation, i: int) -> Explanation:
 
 def _explained_arm(scene: Scene, i: int, quick: Explanation, say: Say) -> Explanation:
     """Return an explanation with causes and repairs, where no posture from any place is proven clear."""
-    asked = near_setpoint(scene, i)
+    asked = scene_of_setpoint(scene, i)
     question = ArmQuestion(asked, target_name(scene, i), ORACLES, (scene.about_path(), i))
     if not (can_search(scene) and question.closed(asked)):
         return quick
@@ -349,11 +349,11 @@ def _staged_within(scene: Scene, seed: int) -> Plan:
 
 def _plan_path(scene: Scene, seed: int) -> Plan:
     """A plan with the tool on its path wherever the base can move with it."""
-    standing, areas, pruned = whole_path(scene)
-    joined = connect_setpoints(scene, pruned, standing, seed)
-    shown = planned_areas(scene, areas, standing, pruned.left)
+    free_space, areas, pruned = whole_path(scene)
+    joined = connect_setpoints(scene, pruned, free_space, seed)
+    shown = planned_areas(scene, areas, free_space, pruned.left)
     found = _verified(_finished(scene, seed, joined, shown))
-    return smooth_motion(scene, found, standing)
+    return smooth_motion(scene, found, free_space)
 
 
 def _plan_stops(scene: Scene, seed: int) -> Plan:
@@ -363,22 +363,22 @@ def _plan_stops(scene: Scene, seed: int) -> Plan:
     with naming_as_given(work.order):
         done = connect_stops(work, seed)
     parked = work.parking_areas
-    shown = planned_areas(work.scene, parked.areas, parked.standing, lambda i: done.places[i])
+    shown = planned_areas(work.scene, parked.areas, parked.free_space, lambda i: done.places[i])
     stops = {**parking.stats(len(done.stops)), "split_before": list(done.split)}
     stats: dict[str, Any] = {"stops": stops}
     if scene.rules.order == "any":
         stats |= {"order": list(work.order), "tour": dict(work.tours)}
-    return within_reached_circles(_finished(work.scene, seed, done.joined, shown, done.stops, stats))
+    return within_reachable_circles(_finished(work.scene, seed, done.joined, shown, done.stops, stats))
 
 
-def _verified(found: Plan) -> Plan:
+def _verified(planned: Plan) -> Plan:
     """Return the plan with its margins, if it holds."""
-    if "margins" in found.stats:  # the stage that made it has verified it
-        return found
-    report = verify(found)
+    if "margins" in planned.stats:  # the stage that made it has verified it
+        return planned
+    report = verify(planned)
     if not report.ok:
-        raise NoPlanFound(failures.invalid_plan(found.world, report.violations))
-    return replace(found, stats={**found.stats, "margins": report.margins})
+        raise NoPlanFound(failures.invalid_plan(planned.world, report.violations))
+    return replace(planned, stats={**planned.stats, "margins": report.margins})
 
 
 def _refuse(failure: Explanation | None) -> None:

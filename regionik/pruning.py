@@ -15,8 +15,8 @@ import shapely
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
+from regionik.areas.free_space import FreeSpace, PathAreas, into_span, into_spans
 from regionik.areas.ground import united
-from regionik.areas.standing import PathAreas, Standing, into_span, into_spans
 from regionik.explain.cut_off import beyond, cut_off, poses_in
 from regionik.explain.failures import no_place, too_many_lifts
 from regionik.explain.several import together
@@ -25,7 +25,7 @@ from regionik.mfabrik import Solver, solver_for
 from regionik.planners.geometry.polygons import FlatPolygon, clamp_each
 from regionik.planners.progress import track
 from regionik.postures.poses import axis_of
-from regionik.regions import distinct_ways_to_stand, path_areas
+from regionik.regions import distinct_free_spaces, path_areas
 from regionik.scene import Scene
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
@@ -43,9 +43,9 @@ class Pruned:
     keep: Mask  # (m,) components that some traversal of their run uses
     breaks: tuple[int, ...]  # set-points before which the tool must be lifted
 
-    def kept(self, i: int) -> list[int]:
+    def components_at(self, i: int) -> list[int]:
         """Components of a set-point that are left."""
-        return self.ladder.kept(self.keep, i)
+        return self.ladder.components_at(self.keep, i)
 
     def area(self, i: int) -> BaseGeometry:
         """Return what is left of the area of set-point i."""
@@ -66,18 +66,18 @@ class Pruned:
         return None if all(left) else left.index(False)
 
 
-def whole_path(scene: Scene) -> tuple[Standing, PathAreas, Pruned]:
+def whole_path(scene: Scene) -> tuple[FreeSpace, PathAreas, Pruned]:
     """Return the free floor of the base, the areas of the whole path, and their pruned ladder.
 
     The arm faces its targets and the base turns freely where that suffices. Postures over the arm's back, and
     places for some headings only, are used where they save a lift-off or a target. Raises NoPlanFound where
     none of them spans the path.
     """
-    found: list[tuple[Standing, PathAreas, Pruned]] = []
-    for standing, facings in distinct_ways_to_stand(scene):
-        areas, pruned = prune_path(scene, standing, facings)
+    found: list[tuple[FreeSpace, PathAreas, Pruned]] = []
+    for free_space, facings in distinct_free_spaces(scene):
+        areas, pruned = prune_path(scene, free_space, facings)
         if isinstance(pruned, Pruned):
-            found.append((standing, areas, pruned))
+            found.append((free_space, areas, pruned))
             if not pruned.breaks:
                 break
     if not found and not isinstance(pruned, Pruned):
@@ -87,29 +87,29 @@ def whole_path(scene: Scene) -> tuple[Standing, PathAreas, Pruned]:
 
 def spans(scene: Scene) -> bool:
     """Return True where `whole_path` succeeds, without an explanation where it does not."""
-    every = (prune_path(scene, standing, facings)[1] for standing, facings in distinct_ways_to_stand(scene))
+    every = (prune_path(scene, free_space, facings)[1] for free_space, facings in distinct_free_spaces(scene))
     return any(isinstance(pruned, Pruned) for pruned in every)
 
 
 def prune_path(
-    scene: Scene, standing: Standing, facings: tuple[int, ...]
+    scene: Scene, free_space: FreeSpace, facings: tuple[int, ...]
 ) -> tuple[PathAreas, Pruned | Refusal]:
     """Areas of all set-points for some facings, and their ladder pruned from the floor the base stands on.
 
     Where a set-point has no area, or none that the base can get to, or there are too many lift-offs, what
     explains it, which may take longer than all else.
     """
-    areas = path_areas(scene, facings=facings, standing=standing)
-    return areas, _cut(scene, standing, build_ladder(areas, len(scene.task), standing))
+    areas = path_areas(scene, facings=facings, free_space=free_space)
+    return areas, _cut(scene, free_space, build_ladder(areas, len(scene.task), free_space))
 
 
-def _cut(scene: Scene, standing: Standing, ladder: Ladder) -> Pruned | Refusal:
+def _cut(scene: Scene, free_space: FreeSpace, ladder: Ladder) -> Pruned | Refusal:
     if ladder.empty:
-        return partial(_unserved, scene, standing, ladder)
-    every = (prune(ladder, ladder.floor == piece) for piece in _start_pieces(scene, standing, ladder))
+        return partial(_unserved, scene, free_space, ladder)
+    every = (prune(ladder, ladder.floor == piece) for piece in _start_pieces(scene, free_space, ladder))
     pruned = min(every, key=lambda found: (found.gap is not None, len(found.breaks)))
     if pruned.gap is not None:
-        return partial(_unserved, scene, standing, ladder)
+        return partial(_unserved, scene, free_space, ladder)
     allowed = scene.rules.max_lift_offs
     if allowed is not None and len(pruned.breaks) > allowed:
         return partial(_too_many_lifts, scene, pruned)
@@ -121,35 +121,35 @@ def _too_many_lifts(scene: Scene, pruned: Pruned) -> Explanation:
     return too_many_lifts(scene, pruned.breaks, bridges)
 
 
-def _unserved(scene: Scene, standing: Standing, ladder: Ladder) -> Explanation:
+def _unserved(scene: Scene, free_space: FreeSpace, ladder: Ladder) -> Explanation:
     """Explain all set-points without a place for the base, or with none that it gets to."""
     found = [no_place(scene, i) for i in track("reasons", ladder.empty)]
-    piece = _widest_piece(scene, standing, ladder)
+    piece = _widest_piece(scene, free_space, ladder)
     for i in ladder.off(piece):
         if piece is None or found:
-            here = Polygon() if piece is None else shapely.union_all(standing.whole(piece))
+            here = Polygon() if piece is None else shapely.union_all(free_space.whole(piece))
             failure = beyond(scene, i, here, shapely.union_all(ladder.component[_rung(ladder, i)]))
             cause = Cause("base", scene.robot.name)
             found.append(Explanation("ladder-broken", i, failure.reason, (cause,), failures=(failure,)))
         else:
-            found.append(cut_off_from(scene, i, piece, ladder, standing))
+            found.append(cut_off_from(scene, i, piece, ladder, free_space))
     return together(found)
 
 
-def _widest_piece(scene: Scene, standing: Standing, ladder: Ladder) -> int | None:
+def _widest_piece(scene: Scene, free_space: FreeSpace, ladder: Ladder) -> int | None:
     """The piece of free floor that the base starts on, else the one from which most set-points are done."""
     if scene.start is not None:
-        return next(iter(_start_pieces(scene, standing, ladder)), None)
+        return next(iter(_start_pieces(scene, free_space, ladder)), None)
     pieces = sorted(set(ladder.floor.tolist()) - {-1})
     return min(pieces, key=lambda piece: len(ladder.off(piece)), default=None)
 
 
-def cut_off_from(scene: Scene, i: int, piece: int, ladder: Ladder, standing: Standing) -> Explanation:
+def cut_off_from(scene: Scene, i: int, piece: int, ladder: Ladder, free_space: FreeSpace) -> Explanation:
     """Explain why the base does not get from the floor it works on to any component of set-point i."""
     span, own = _rung(ladder, i), ladder.floor == piece
     start, areas = start_place(scene), ladder.component[span]
-    here = poses_in(standing, ladder.component[own], ladder.side[own])[0] if start is None else start
-    there, floor = poses_in(standing, areas, ladder.side[span]), shapely.union_all(standing.whole(piece))
+    here = poses_in(free_space, ladder.component[own], ladder.side[own])[0] if start is None else start
+    there, floor = poses_in(free_space, areas, ladder.side[span]), shapely.union_all(free_space.whole(piece))
     return cut_off(scene, i, here, there, floor, shapely.union_all(areas))
 
 
@@ -158,12 +158,12 @@ def _rung(ladder: Ladder, i: int) -> slice:
     return slice(*ladder.rungs[i : i + 2].tolist())
 
 
-def _start_pieces(scene: Scene, standing: Standing, ladder: Ladder) -> list[int]:
+def _start_pieces(scene: Scene, free_space: FreeSpace, ladder: Ladder) -> list[int]:
     """Pieces of free floor for the base: the one it starts on, or any of the first set-point."""
     start = start_place(scene)
     if start is None:
         return sorted(set(ladder.floor[: ladder.rungs[1]].tolist()))
-    piece = standing.piece_at(start[:2], float(start[2]))
+    piece = free_space.piece_at(start[:2], float(start[2]))
     return [] if piece is None else [piece]
 
 
@@ -204,10 +204,12 @@ def start_place(scene: Scene) -> Array | None:
     return np.array([*axis_of(scene.robot, scene.start.base), scene.start.base[2]])
 
 
-def solvers_along(scene: Scene, ladder: Ladder, standing: Standing, chain: Sequence[int]) -> Iterator[Solver]:
+def solvers_along(
+    scene: Scene, ladder: Ladder, free_space: FreeSpace, chain: Sequence[int]
+) -> Iterator[Solver]:
     """Solver of each set-point, for its component of the chain and that component's headings."""
     for k in chain:
-        yield solver_for(scene, ladder.family[k], ladder.flat(k), standing.sides[ladder.side[k]].span)
+        yield solver_for(scene, ladder.family[k], ladder.flat(k), free_space.sides[ladder.side[k]].span)
 
 
 def start_pose(scene: Scene, pruned: Pruned, component: int) -> tuple[Array, Array]:
@@ -218,7 +220,7 @@ def start_pose(scene: Scene, pruned: Pruned, component: int) -> tuple[Array, Arr
     return np.array([spot.x, spot.y, 0.0]), scene.robot.carry
 
 
-def choose_chain(pruned: Pruned, standing: Standing, start: Array | None) -> list[int]:
+def choose_chain(pruned: Pruned, free_space: FreeSpace, start: Array | None) -> list[int]:
     """One kept component for each set-point, connected within every run, with the least base travel.
 
     Travel is that of a base that moves to the nearest point of the next component, as in M-FABRIK, and turns
@@ -229,10 +231,10 @@ def choose_chain(pruned: Pruned, standing: Standing, start: Array | None) -> lis
     # Of the cheapest way to each component: the one before, cost, place and heading there.
     before, cost, spot, yaw = [-1] * size, np.zeros(size), np.zeros((size, 2)), np.zeros(size)
     for i in range(ladder.count):
-        for k in pruned.kept(i):
-            component, span = ladder.flat(k), standing.sides[ladder.side[k]].span
+        for k in pruned.components_at(i):
+            component, span = ladder.flat(k), free_space.sides[ladder.side[k]].span
             if i > 0:
-                every = pruned.kept(i - 1)
+                every = pruned.components_at(i - 1)
                 last = every if i in pruned.breaks else [j for j in ladder.back[k] if pruned.keep[j]]
                 n, cost[k], spot[k], yaw[k] = _cheapest(component, span, cost[last], spot[last], yaw[last])
                 before[k] = last[n]
@@ -242,7 +244,7 @@ def choose_chain(pruned: Pruned, standing: Standing, start: Array | None) -> lis
             else:
                 middle = ladder.component[k].representative_point()
                 spot[k], yaw[k] = (middle.x, middle.y), into_span(0.0, span)
-    chain = [min(pruned.kept(ladder.count - 1), key=cost.__getitem__)]
+    chain = [min(pruned.components_at(ladder.count - 1), key=cost.__getitem__)]
     while before[chain[-1]] >= 0:
         chain.append(before[chain[-1]])
     return chain[::-1]

@@ -17,14 +17,14 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import Side, united
-from regionik.areas.standing import (
-    LEAST_AREA,
+from regionik.areas.free_space import (
+    MIN_AREA,
+    FreeSpace,
     PathAreas,
-    Standing,
 )
+from regionik.areas.ground import Side, united
 from regionik.postures.families import BACK, FRONT
-from regionik.reach_rows import inner_rows, reach_rows
+from regionik.reach_table import inner_reach_tables, reach_table
 from regionik.scene import Scene, scene_of
 from regionik.values import PlannedArea
 from regionik.worlds.arms import reach_bound
@@ -136,7 +136,9 @@ def _whole_areas(
     """Area of each target at any heading, from within or from outside."""
     which, parts = [np.empty(0, dtype=np.intp)], [np.empty(0, dtype=object)]
     for side in (scene.free_floor.turning if inner else scene.free_floor.outer).sides:
-        rows, _, rings = reach_rows(scene, targets, (FRONT, BACK), inner=inner, span=side.span, proven=proven)
+        rows, _, rings = reach_table(
+            scene, targets, (FRONT, BACK), inner=inner, span=side.span, proven=proven
+        )
         which.append(rows)
         parts.append(side.subtract(rings))
     owner, areas = np.concatenate(which), np.concatenate(parts)
@@ -147,7 +149,7 @@ def path_areas(
     scene: Scene,
     targets: Sequence[Target] | None = None,
     facings: Sequence[int] = (FRONT, BACK),
-    standing: Standing | None = None,
+    free_space: FreeSpace | None = None,
     *,
     coarse: bool = False,
 ) -> PathAreas:
@@ -157,8 +159,8 @@ def path_areas(
     `ReachQuery`.
     """
     asked = scene.task if targets is None else targets
-    sides = (standing or scene.free_floor.anywhere).sides
-    found = inner_rows(scene, asked, facings, [side.span for side in sides], coarse=coarse)
+    sides = (free_space or scene.free_floor.anywhere).sides
+    found = inner_reach_tables(scene, asked, facings, [side.span for side in sides], coarse=coarse)
     areas = [side.subtract(rings) for side, (_, _, rings) in zip(sides, found, strict=True)]
     by_side = PathAreas(
         np.concatenate([rows for rows, _, _ in found]),
@@ -169,7 +171,7 @@ def path_areas(
     return by_side.sorted_by(by_side.target)
 
 
-def ways_to_stand(scene: Scene) -> Iterator[tuple[Standing, tuple[int, ...]]]:
+def free_spaces_for(scene: Scene) -> Iterator[tuple[FreeSpace, tuple[int, ...]]]:
     """Free floors of the base and facings of the arm, the simplest first."""
     free = scene.free_floor
     yield from ((free.anywhere, (FRONT,)), (free.anywhere, (FRONT, BACK)))
@@ -177,12 +179,12 @@ def ways_to_stand(scene: Scene) -> Iterator[tuple[Standing, tuple[int, ...]]]:
         yield from ((free.turning, (FRONT,)), (free.turning, (FRONT, BACK)))
 
 
-def distinct_ways_to_stand(scene: Scene) -> Iterator[tuple[Standing, tuple[int, ...]]]:
-    """`ways_to_stand` without those that differ in facings alone, where no target is met over the back."""
+def distinct_free_spaces(scene: Scene) -> Iterator[tuple[FreeSpace, tuple[int, ...]]]:
+    """`free_spaces_for` without those that differ in facings alone, where no target is met over the back."""
     facings = (FRONT, BACK)
     families = (scene.model(target).families(target, facings, inner=True) for target in scene.task)
     over_back = any(family.facing == BACK for some in families for family in some)
-    return (way for way in ways_to_stand(scene) if over_back or BACK not in way[1])
+    return (way for way in free_spaces_for(scene) if over_back or BACK not in way[1])
 
 
 def outer_areas(scene: Scene, targets: Sequence[Target]) -> list[BaseGeometry]:
@@ -202,7 +204,7 @@ def outer_areas(scene: Scene, targets: Sequence[Target]) -> list[BaseGeometry]:
 def round_outer_areas(scene: Scene, targets: Sequence[Target], *, coarse: bool = False) -> list[BaseGeometry]:
     """Outer area of each target for the circle inside the footprint; see `ReachQuery` for ``coarse``."""
     span, side = scene.free_floor.headings, scene.ground.outer
-    rows, _, rings = reach_rows(scene, targets, (FRONT, BACK), inner=False, span=span, coarse=coarse)
+    rows, _, rings = reach_table(scene, targets, (FRONT, BACK), inner=False, span=span, coarse=coarse)
     left, bounds = side.subtract(rings), np.searchsorted(rows, np.arange(len(targets) + 1))
     return [united(left[a:b]) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
 
@@ -210,7 +212,7 @@ def round_outer_areas(scene: Scene, targets: Sequence[Target], *, coarse: bool =
 def reach_of(scene: Scene, target: Target, *, coarse: bool = False) -> BaseGeometry:
     """Outer reach of a target: places of the arm axis if nothing were in the way."""
     span = scene.free_floor.headings
-    _, _, rings = reach_rows(scene, [target], (FRONT, BACK), inner=False, span=span, coarse=coarse)
+    _, _, rings = reach_table(scene, [target], (FRONT, BACK), inner=False, span=span, coarse=coarse)
     return shapely.union_all(rings) if len(rings) else Polygon()
 
 
@@ -253,7 +255,7 @@ def rejected_by_obstacles(
 def largest_clearance(scene: Scene, target: Target) -> float | None:
     """Largest clearance at which a target's inner area is not empty, by bisection to 1 micrometre [m]."""
     ground = scene.ground
-    _, _, rings = reach_rows(scene, [target], (FRONT, BACK), inner=True, span=scene.free_floor.headings)
+    _, _, rings = reach_table(scene, [target], (FRONT, BACK), inner=True, span=scene.free_floor.headings)
     rings = Side(ground.inner.floor, np.empty(0, dtype=object)).subtract(rings)
     reach = shapely.union_all(rings) if len(rings) else Polygon()
     if reach.area <= 0:
@@ -301,7 +303,7 @@ def has_no_known_place(scene: Scene) -> bool:
         if scene.free_floor.turns_matter
         else [scene.free_floor.anywhere]
     )
-    every = (path_areas(scene, scene.task[:1], (FRONT, BACK), standing) for standing in standings)
+    every = (path_areas(scene, scene.task[:1], (FRONT, BACK), free_space) for free_space in standings)
     return not any(area.area > 0 for areas in every for area in areas.inner)
 
 
@@ -309,25 +311,25 @@ def have_known_places(scene: Scene, targets: Sequence[Target]) -> NDArray[np.boo
     """Mask of the targets that have an inner area at every heading, or at the one the rules fix, (n,)."""
     areas = path_areas(scene, targets)
     found = np.zeros(len(targets), dtype=bool)
-    found[areas.target[shapely.area(areas.inner) > LEAST_AREA]] = True
+    found[areas.target[shapely.area(areas.inner) > MIN_AREA]] = True
     return found
 
 
 def planned_areas(
-    scene: Scene, areas: PathAreas, standing: Standing, pruned: Callable[[int], BaseGeometry | None]
+    scene: Scene, areas: PathAreas, free_space: FreeSpace, pruned: Callable[[int], BaseGeometry | None]
 ) -> tuple[PlannedArea, ...]:
     """Admissible, pruned and rejected parts of every set-point, as a plan carries them.
 
     ``pruned`` tells what is left of the area of a set-point, None where that is all of it.
     """
     facings = sorted({family.facing for family in areas.family})
-    rows, _, rings = reach_rows(scene, scene.task, facings, inner=True, span=scene.free_floor.headings)
+    rows, _, rings = reach_table(scene, scene.task, facings, inner=True, span=scene.free_floor.headings)
     reach = _by_target(scene, rows, rings)
-    by_side = inner_rows(scene, scene.task, facings, [side.span for side in standing.sides])
+    by_side = inner_reach_tables(scene, scene.task, facings, [side.span for side in free_space.sides])
     if all(one is by_side[0] for one in by_side) and len(by_side) > 1:
         # What one reach has on the floor of each side, united, is what it has on all of them united.
         which, _, whole = by_side[0]
-        admissible = _by_target(scene, which, standing.somewhere.subtract(whole))
+        admissible = _by_target(scene, which, free_space.somewhere.subtract(whole))
     else:
         admissible = _by_target(scene, areas.target, areas.inner)
     rejected = shapely.difference(reach, admissible)

@@ -10,18 +10,18 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from regionik.areas.free_space import FreeFloor, footprint_on, headings_of
 from regionik.areas.ground import Ground, ground_from
 from regionik.areas.lifted import LiftedBody
 from regionik.areas.reach_model import ReachModel
 from regionik.areas.reachable import reach_model
-from regionik.areas.standing import FreeFloor, footprint_on, headings_of
-from regionik.areas.surroundings import DRIVEN, cut_to, is_large, reached_about
-from regionik.areas.touching import without_guard
+from regionik.areas.surroundings import MAX_DRIVEN, cut_to, is_large, region_in_reach
+from regionik.areas.touching import without_rounding_margin
 from regionik.planners.collision.robot_bodies import Bodies
 from regionik.planners.driving.footprint import fits
 from regionik.planners.driving.footprint_scene import FootprintScene
 from regionik.postures.arm import goal_of
-from regionik.postures.arm_guard import Guard, bodies_in, guard_at, guard_from
+from regionik.postures.collision_checker import CollisionChecker, bodies_in, checker_at, checker_from
 from regionik.worlds.arrays import Array
 from regionik.worlds.body import with_lift
 from regionik.worlds.prepared import Prepared
@@ -38,8 +38,8 @@ DEPENDS_ON = {  # fields of the world that each part is made of
     "footprint": _BODY,
     "lifted": _BODY,
     "bodies": _BODY,
-    "_ground_without_guard": _BODY,
-    "_footprint_without_guard": _BODY,
+    "_ground_without_margin": _BODY,
+    "_footprint_without_margin": _BODY,
     "_model_robot": frozenset({"robot", "rules"}),
 }
 
@@ -106,13 +106,13 @@ class Scene(Prepared):
         return bodies_in(self.world)
 
     @cached_property
-    def guard(self) -> Guard:
+    def collision(self) -> CollisionChecker:
         """Collision checks with the tool at any set-point."""
-        return guard_from(self.world, self.bodies)
+        return checker_from(self.world, self.bodies)
 
-    def guard_at(self, target: Target) -> Guard:
+    def collision_at(self, target: Target) -> CollisionChecker:
         """Return the collision checks with the tool at one target."""
-        return guard_at(self.world, self.bodies, target)
+        return checker_at(self.world, self.bodies, target)
 
     def model(self, target: Target) -> ReachModel:
         """Return the model of reach for a target, with the limits that the rules' criteria leave."""
@@ -127,39 +127,39 @@ class Scene(Prepared):
         return with_joint_margin(self.robot, self.rules.criteria)
 
     @cached_property
-    def _ground_without_guard(self) -> Ground:
-        return without_guard(self.ground)
+    def _ground_without_margin(self) -> Ground:
+        return without_rounding_margin(self.ground)
 
     @cached_property
-    def _footprint_without_guard(self) -> FootprintScene:
-        return footprint_on(self._ground_without_guard, self.robot)
+    def _footprint_without_margin(self) -> FootprintScene:
+        return footprint_on(self._ground_without_margin, self.robot)
 
     def ground_between(self, *bases: Array) -> Ground:
-        """Return the ground for a drive between base poses (3,): without guard where one touches a bound."""
-        return self._ground_without_guard if self._leaves_a_bound(bases) else self.ground
+        """Return the ground for a drive between base poses (3,): without margin where one touches a bound."""
+        return self._ground_without_margin if self._leaves_a_bound(bases) else self.ground
 
     def footprint_between(self, *bases: Array) -> FootprintScene:
         """Return the footprint and what it keeps clear of on such a drive, as `ground_between`."""
-        return self._footprint_without_guard if self._leaves_a_bound(bases) else self.footprint
+        return self._footprint_without_margin if self._leaves_a_bound(bases) else self.footprint
 
     def _leaves_a_bound(self, bases: tuple[Array, ...]) -> bool:
-        """True where some base touches a bound, and all of them stand without the guard."""
+        """True where some base touches a bound, and all of them stand without the margin."""
         if all(fits(self.footprint, *base) for base in bases):
             return False
-        return all(fits(self._footprint_without_guard, *base) for base in bases)
+        return all(fits(self._footprint_without_margin, *base) for base in bases)
 
     def within_reach(self, places: Array, moved: float = 0.0) -> Scene:
         """Return the scene for a tool at places (n, 2 or more) that move so far [m]: few of many solids."""
         if not is_large(self.world) or not len(places):
             return self
-        return self._cut(reached_about(self.world, places, moved), floor=False)
+        return self._cut(region_in_reach(self.world, places, moved), floor=False)
 
     def about_path(self) -> Scene:
         """Return the scene about the whole path: of many solids those near it, and the floor among them."""
         if not is_large(self.world) or not self.task:
             return self
         places = np.array([target.position[:2] for target in self.task])
-        return self._cut(shapely.envelope(reached_about(self.world, places, DRIVEN)), floor=True)
+        return self._cut(shapely.envelope(region_in_reach(self.world, places, MAX_DRIVEN)), floor=True)
 
     def _cut(self, region: BaseGeometry, *, floor: bool) -> Scene:
         key = shapely.to_wkb(region), floor

@@ -12,7 +12,7 @@ from scipy.optimize import nnls
 from scipy.spatial import ConvexHull
 from shapely.geometry import box
 
-from regionik.planners.collision.proximity import Touch
+from regionik.planners.collision.proximity import Proximity
 from regionik.postures.poses import Pose
 from regionik.scene import scene_of
 from regionik.values import Motion
@@ -125,16 +125,16 @@ class Guarded:
         task = tuple(Target(np.array(spot)) for spot in spots)
         self.scene = scene_of(World("guarded", robot, Floor(box(-99, -99, 99, 99)), solids, task, asked))
 
-    def nearest(self, base: ArrayLike, joints: ArrayLike, within: float = 1e6) -> Touch:
+    def nearest(self, base: ArrayLike, joints: ArrayLike, within: float = 1e6) -> Proximity:
         """Return the nearest thing to the robot's solids, of kind "none" where nothing is within that."""
-        return replace(self.scene.guard, spare=within).touch(_pose(base, joints))
+        return replace(self.scene.collision, spare=within).touch(_pose(base, joints))
 
     def stop(
         self, here: ArrayLike, joints: ArrayLike, there: ArrayLike, bent: ArrayLike, margin: float = 0.0
-    ) -> Touch | None:
+    ) -> Proximity | None:
         """Return None when the motion between two states is proven clear, otherwise what stops it."""
-        guard = replace(self.scene.guard, spare=margin)
-        return guard.stop([_pose(here, joints), _pose(there, bent)])
+        collision = replace(self.scene.collision, spare=margin)
+        return collision.first_obstruction([_pose(here, joints), _pose(there, bent)])
 
 
 def _pose(base: ArrayLike, joints: ArrayLike) -> Pose:

@@ -29,7 +29,7 @@ FACES = frozenset(
         "verification.motion": "MotionSegments",
         # engines
         "planners.collision.distances": "hull_separation nearest_distance obstacles_from",
-        "planners.collision.proximity": "Touch",
+        "planners.collision.proximity": "Proximity",
         "planners.solvers.multistart_ik": "ArmSolver",
         # what comes out
         "cli.app": "run",

@@ -49,7 +49,7 @@ FAULTS = (
     Fault(
         "areas: a pivot that cannot turn leaves no outer area",
         "regionik/areas/planar_reach.py",
-        "else half + GUARD",
+        "else half + ROUNDING_MARGIN",
         "else half",
         ("tests/test_false_answers.py",),
     ),
@@ -70,7 +70,7 @@ FAULTS = (
     Fault(
         "stops: a circle to park in is advised that is not found",
         "regionik/parking/fewest_stops.py",
-        "rounded_down(SURE * widest, 4)",
+        "rounded_down(SURE_CIRCLE_SHARE * widest, 4)",
         "widest",
         ("tests/test_false_answers.py",),
     ),
@@ -259,7 +259,7 @@ FAULTS = (
     Fault(
         "verify: the file of a plan keeps figures that nothing checks",
         "regionik/storage/plan_document.py",
-        "json_values(kept_figures(plan.stats))",
+        "json_values(stored_figures(plan.stats))",
         "json_values(plan.stats)",
         ("tests/test_altered_plans.py",),
     ),
@@ -329,8 +329,8 @@ FAULTS = (
     Fault(
         "areas: clearance halved",
         "regionik/areas/layers.py",
-        "by = self.clearance + (GUARD + self.far if inner else self.near)",
-        "by = self.clearance / 2 + (GUARD + self.far if inner else self.near)",
+        "by = self.clearance + (ROUNDING_MARGIN + self.far if inner else self.near)",
+        "by = self.clearance / 2 + (ROUNDING_MARGIN + self.far if inner else self.near)",
         ("tests/test_regions.py",),
     ),
     Fault(
@@ -602,7 +602,7 @@ FAULTS = (
     Fault(
         "motion on the path: the arm is not proven clear",
         "regionik/moving/path_following.py",
-        "return guard.proven(bases[: count + 1], joints[: count + 1])",
+        "return collision.proven(bases[: count + 1], joints[: count + 1])",
         "return count, None",
         ("tests/test_path_following.py",),
     ),
@@ -623,7 +623,7 @@ FAULTS = (
     Fault(
         "resolved motion: the way on from where no area shows is not proven free",
         "regionik/moving/path_search.py",
-        "if rows is None or resolved is None or self._in_area(here):",
+        "if states is None or resolved is None or self._in_area(here):",
         "if True:",
         ("tests/test_pose_reach.py",),
     ),
@@ -665,8 +665,8 @@ FAULTS = (
     Fault(
         "mfabrik: a start on target beyond a limit is an answer",
         "regionik/mfabrik.py",
-        "pivot_joints(self._kept.chain, self._within(joints))",
-        "pivot_joints(self._kept.chain, joints)",
+        "pivot_joints(self._limited_robot.chain, self._within(joints))",
+        "pivot_joints(self._limited_robot.chain, joints)",
         ("tests/test_mfabrik.py",),
     ),
     Fault(
@@ -686,13 +686,13 @@ FAULTS = (
     Fault(
         "smoothing: half-spaces that a step can leave are left out",
         "planners/smoothing/path_smoothing.py",
-        "np.where(kept.normal > 0, lower[kept.state], upper[kept.state])",
-        "np.where(kept.normal > 0, upper[kept.state], lower[kept.state])",
+        "np.where(half_spaces.normal > 0, lower[half_spaces.state], upper[half_spaces.state])",
+        "np.where(half_spaces.normal > 0, upper[half_spaces.state], lower[half_spaces.state])",
         ("tests/test_smoothing.py",),
     ),
     Fault(
         "footprint: of two corners before a wall one is looked after",
-        "regionik/moving/state_keeper.py",
+        "regionik/moving/state_constraints.py",
         "for way in (unit, lever)]",
         "for way in (unit,)]",
         ("tests/test_smoothing.py",),
@@ -735,14 +735,14 @@ FAULTS = (
     Fault(
         "transits: ways of the arm alone are not looked at between states",
         "regionik/moving/transit.py",
-        "return self.guard.passes([a, *arm_states(a, b), b])",
-        "return self.guard.clear(b)",
+        "return self.collision.passes([a, *arm_states(a, b), b])",
+        "return self.collision.clear(b)",
         ("tests/test_transit.py",),
     ),
     Fault(
         "shortcuts: base and arm at once are not looked at",
         "regionik/moving/shortcuts.py",
-        " or not self.guard.passes(part):",
+        " or not self.collision.passes(part):",
         ":",
         ("tests/test_shortcuts.py",),
     ),
@@ -798,8 +798,8 @@ FAULTS = (
     Fault(
         "outer reach of poses: the cone moves no point of the tool",
         "planners/reach/level_reach.py",
-        "stray = lever * 2.0 * np.sin(cone / 2) + GUARD",
-        "stray = GUARD",
+        "stray = lever * 2.0 * np.sin(cone / 2) + ROUNDING_MARGIN",
+        "stray = ROUNDING_MARGIN",
         ("tests/test_fixed_points.py",),
     ),
     Fault(
@@ -812,16 +812,17 @@ FAULTS = (
     Fault(
         "tours of the arm: postures are taken as they come",
         "regionik/parking/arm_tour.py",
-        "if not carrier.keeps(int(branches.owner[n]), self.held.base, joints):\n            return False",
+        "if not carrier.serves(int(branches.owner[n]), self.postures.base, joints):\n"
+        "            return False",
         "if joints is None:\n            return False",
         ("tests/test_sampled_poses.py",),
     ),
     Fault(
-        "the guard: a start with nothing to spare makes all motion touch",
-        "regionik/postures/arm_guard.py",
-        "spare = SPARE if room < LEAST_SPARE else min(SPARE, max(LEAST_SPARE, room / 2))",
-        "spare = SPARE if room < LEAST_SPARE else -1.0",
-        ("tests/test_arm_guard.py",),
+        "the collision checker: a start with nothing to spare makes all motion touch",
+        "regionik/postures/collision_checker.py",
+        "spare = MAX_SPARE if room < MIN_SPARE else min(MAX_SPARE, max(MIN_SPARE, room / 2))",
+        "spare = MAX_SPARE if room < MIN_SPARE else -1.0",
+        ("tests/test_collision_checker.py",),
     ),
     Fault(
         "motion: runs begin at joint limits",

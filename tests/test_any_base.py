@@ -13,7 +13,7 @@ from regionik.planners.reach.any_base import bound_cell
 from regionik.planners.reach.planar_cells import AWAY, PITCH, TURN, YAW
 from regionik.planners.search.box_search import Verdict
 from regionik.planners.solvers.planar_kinematics import two_link_angles
-from regionik.postures.arm_guard import contact_for
+from regionik.postures.collision_checker import contact_for
 from regionik.reachability.any_base import any_base_of, prepared, search_any_base
 from regionik.reachability.reach import reach
 from regionik.scene import scene_of
@@ -59,8 +59,10 @@ def is_answer(world: World, target: Target, base: Array, q: Array) -> bool:
     assert np.linalg.norm(tool[:3, 3] - target.position) < 1e-9
     if target.direction is not None and tool[:3, 2] @ target.direction < np.cos(target.cone):
         return False
-    touch = nearest(scene_of(world).guard.bodies, base, q, contact=contact_for(world, [target]), within=0.0)
-    return touch.kind == "none" and bool(fits(scene_of(world).footprint, *base.tolist()))
+    proximity = nearest(
+        scene_of(world).collision.bodies, base, q, contact=contact_for(world, [target]), within=0.0
+    )
+    return proximity.kind == "none" and bool(fits(scene_of(world).footprint, *base.tolist()))
 
 
 @pytest.mark.parametrize("robot", ["youbot", pytest.param("youbot-real", marks=pytest.mark.slow)])

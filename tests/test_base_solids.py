@@ -76,10 +76,10 @@ def test_the_arm_keeps_off_the_mast(turned: float) -> None:
     alone = Guarded(robot)
     open_, folded = np.array([-turned, 0.0]), np.array([-turned, 3.0])
     assert alone.nearest([1, 2, 0.3], open_, 0.02).kind == "none"
-    touch = alone.nearest([1, 2, 0.3], np.array([np.pi - turned, 0.0]))
-    assert (touch.kind, touch.solid, touch.other) == ("self", 1, 2)
-    assert touch.distance < 0
-    assert "rod 1 overlaps mast" in alone.scene.guard.words(touch)
+    proximity = alone.nearest([1, 2, 0.3], np.array([np.pi - turned, 0.0]))
+    assert (proximity.kind, proximity.solid, proximity.other) == ("self", 1, 2)
+    assert proximity.distance < 0
+    assert "rod 1 overlaps mast" in alone.scene.collision.words(proximity)
     assert alone.nearest([1, 2, 0.3], folded).distance > 0
     swing = alone.stop([0, 0, 0], open_, [0, 0, 0], open_ + [3.0, 0])
     assert swing is not None
@@ -98,9 +98,9 @@ def test_the_distance_from_the_mast_is_that_of_the_solids() -> None:
         )
         off = np.abs(line - MAST.T_link_box[:3, 3]) - MAST.size / 2
         outside = np.linalg.norm(np.maximum(off, 0), axis=1).min() - 0.02
-        touch = alone.nearest(rng.uniform(-2, 2, 3), joints)
-        if touch.kind == "self" and outside > 0:
-            assert touch.distance == pytest.approx(outside, abs=1e-4)
+        proximity = alone.nearest(rng.uniform(-2, 2, 3), joints)
+        if proximity.kind == "self" and outside > 0:
+            assert proximity.distance == pytest.approx(outside, abs=1e-4)
             met += 1
     assert met > 20
 
@@ -109,9 +109,9 @@ def test_the_mast_keeps_off_what_the_base_drives_under() -> None:
     robot = boom()
     beam = Guarded(robot, BEAM)
     joints = np.array([0.0, 0.0])
-    touch = beam.nearest([1.2, 0, 0], joints)
-    assert (touch.kind, touch.solid, touch.other) == ("obstacle", 2, 0)
-    assert touch.distance == pytest.approx(-0.1)
+    proximity = beam.nearest([1.2, 0, 0], joints)
+    assert (proximity.kind, proximity.solid, proximity.other) == ("obstacle", 2, 0)
+    assert proximity.distance == pytest.approx(-0.1)
     assert beam.nearest([1.05, 0, 0], joints).distance == pytest.approx(0.05)
     blocked = beam.stop([0, 0, 0], joints, [2, 0, 0], joints)
     assert blocked is not None

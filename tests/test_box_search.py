@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from regionik.planners.kernels import compiled
 from regionik.planners.search.box_search import (
     JUDGED,
-    WHOLE,
+    NO_SIDE,
     Boxes,
     Verdict,
     begin,
@@ -53,10 +53,10 @@ def judge(ring: Ring, low: Array, high: Array) -> tuple[Verdict, float, int]:
     side = int(np.argmax(width))
     key = width[0] * width[1]
     if least > ring.far**2 or most < ring.near**2:
-        return Verdict.RULED_OUT, key, WHOLE
+        return Verdict.RULED_OUT, key, NO_SIDE
     if least >= ring.near**2 and most <= ring.far**2:
         return Verdict.PROVEN, key, side
-    return Verdict.OPEN, key, side if width[side] > FINEST else WHOLE
+    return Verdict.OPEN, key, side if width[side] > FINEST else NO_SIDE
 
 
 @compiled

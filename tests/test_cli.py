@@ -21,7 +21,7 @@ import pytest
 from regionik import __version__
 from regionik.cli import console
 from regionik.cli.app import run as run_command
-from regionik.storage.plan_document import kept_figures
+from regionik.storage.plan_document import stored_figures
 from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
 from regionik.worlds.errors import EngineError
 from tests.nasty import NASTY, Nasty
@@ -294,7 +294,7 @@ def test_plan_as_json_and_files(run: Run, tmp_path: Path) -> None:
     document = json.loads(done.out)
     plan = json.loads(path.read_bytes())
     assert document["ok"] is True
-    assert kept_figures(document["stats"]) == plan["stats"]
+    assert stored_figures(document["stats"]) == plan["stats"]
     assert document["setpoints"] == len(plan["setpoints"]) == 21
     assert document["files"] == [str(path), str(page)]
     assert page.read_text().lstrip().lower().startswith("<!doctype html>")

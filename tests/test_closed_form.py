@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from regionik.planners.solvers.closed_form import EXACTLY, decomposition, postures_at
+from regionik.planners.solvers.closed_form import EXACT_POLISH, decomposition, postures_at
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
 from tests import examples
@@ -66,7 +66,7 @@ def test_a_posture_is_among_those_of_its_pose(name: str, seed: int) -> None:
     tool = chain.forward(q)
     found, which = postures_at(chain, tool[None])
     assert (which == 0).all()
-    assert off(chain, found, tool) <= 20 * EXACTLY.error
+    assert off(chain, found, tool) <= 20 * EXACT_POLISH.error
     assert ((found >= chain.lower) & (found <= chain.upper)).all()
     apart = np.abs(np.remainder(found - q + np.pi, 2 * np.pi) - np.pi).max(axis=1)
     assert apart.min() <= 1e-5
@@ -80,7 +80,7 @@ def test_seven_joints_have_postures_all_along_the_sweep(seed: int) -> None:
     tool = chain.forward(q)
     found, _ = postures_at(chain, tool[None])
     assert len(found) > 0
-    assert off(chain, found, tool) <= 20 * EXACTLY.error
+    assert off(chain, found, tool) <= 20 * EXACT_POLISH.error
     assert ((found >= chain.lower) & (found <= chain.upper)).all()
 
 
@@ -99,7 +99,7 @@ def test_rounded_axes_are_met_to_the_last_digit(name: str) -> None:
     chain = rounded(ARMS[name], 4)
     tools = chain.forward(np.array([posture(chain, seed) for seed in range(20)]))
     found, which = postures_at(chain, tools)
-    assert off(chain, found, tools[which]) <= 20 * EXACTLY.error
+    assert off(chain, found, tools[which]) <= 20 * EXACT_POLISH.error
     assert np.isin(np.arange(20), which).all()
 
 
@@ -126,4 +126,4 @@ def test_a_stretched_wrist_is_no_gap(name: str) -> None:
         tool = chain.forward(q)
         found, _ = postures_at(chain, tool[None])
         assert len(found) > 0
-        assert off(chain, found, tool) <= 20 * EXACTLY.error
+        assert off(chain, found, tool) <= 20 * EXACT_POLISH.error

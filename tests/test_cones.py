@@ -15,7 +15,7 @@ from regionik.mfabrik import Solver
 from regionik.pipeline import plan
 from regionik.planners.geometry.cones import pitches_within, swings_about, swings_within
 from regionik.postures.families import BACK, FRONT
-from regionik.reach_rows import rows_of
+from regionik.reach_table import reach_table_of
 from regionik.regions import admissible_area
 from regionik.scene import scene_of
 from regionik.verification.verifier import verify
@@ -91,11 +91,11 @@ def test_areas_hold_places_that_work_and_outer_ones_all_of_them(goal: Goal) -> N
         turn = _turned(tilt / np.linalg.norm(tilt), 0.98 * cone * rng.random()) @ tool[:3, :3]
         asked = {"direction": turn[:, 2]} if goal == "direction" else {"orientation": turn}
         target = Target(tool[:3, 3], cone=cone, **asked)
-        outer = rows_of(scene_of(_world(target)), [target], ReachQuery(Rules(), None, EVERY))[2]
+        outer = reach_table_of(scene_of(_world(target)), [target], ReachQuery(Rules(), None, EVERY))[2]
         mount = YOUBOT.mount[:2]
         assert shapely.distance(shapely.union_all(outer), shapely.Point(mount)) < 1e-9
         query = ReachQuery(Rules(), 1e-4, EVERY)
-        inner = rows_of(scene_of(_world(target)), [target], query)
+        inner = reach_table_of(scene_of(_world(target)), [target], query)
         wider += shapely.union_all(inner[2]).distance(shapely.Point(mount)) < 0.03
         seen += 1
         for family, shape in zip(inner[1], inner[2], strict=True):

@@ -12,7 +12,7 @@ import shapely
 
 from regionik.mfabrik import configurations
 from regionik.moving.base_motion import Candidate
-from regionik.moving.configuration_sampling import HEADINGS, ConfigurationSampler
+from regionik.moving.configuration_sampling import MAX_HEADINGS, ConfigurationSampler
 from regionik.moving.path_following import ResolvedMotion
 from regionik.pruning import Pruned, choose_chain, solvers_along, start_place, start_pose, whole_path
 from regionik.scene import scene_of
@@ -25,9 +25,9 @@ from tests.measures import axis_of
 @cache
 def prepared(name: str) -> tuple[World, Pruned, tuple[Candidate, ...]]:
     world = load_world(name)
-    standing, _, pruned = whole_path(scene_of(world))
-    chain = choose_chain(pruned, standing, start_place(scene_of(world)))
-    solvers = solvers_along(scene_of(world), pruned.ladder, standing, chain)
+    free_space, _, pruned = whole_path(scene_of(world))
+    chain = choose_chain(pruned, free_space, start_place(scene_of(world)))
+    solvers = solvers_along(scene_of(world), pruned.ladder, free_space, chain)
     goals = configurations(world.task, solvers, start_pose(scene_of(world), pruned, chain[0]))
     return world, pruned, tuple(Candidate(goal, k) for goal, k in zip(goals, chain, strict=True))
 
@@ -35,7 +35,7 @@ def prepared(name: str) -> tuple[World, Pruned, tuple[Candidate, ...]]:
 def sampler(name: str) -> ConfigurationSampler:
     world, pruned, _ = prepared(name)
     return ConfigurationSampler(
-        scene_of(world), scene_of(world).guard, pruned.ladder, scene_of(world).free_floor.anywhere, 0
+        scene_of(world), scene_of(world).collision, pruned.ladder, scene_of(world).free_floor.anywhere, 0
     )
 
 
@@ -50,7 +50,7 @@ def test_every_option_is_clear_and_on_target(name: str, i: int) -> None:
         at = spot.pose
         tool = robot.tool(at.base, at.joints)[:3, 3]
         axis = shapely.Point(axis_of(robot, at.base))
-        assert scene_of(world).guard.clear(at)
+        assert scene_of(world).collision.clear(at)
         assert np.linalg.norm(tool - world.task[i].position) <= world.rules.tolerance * (1 + 1e-9)
         assert pruned.ladder.component[spot.component].distance(axis) < 1e-9
         assert (at.joints >= robot.chain.lower - 1e-9).all()
@@ -61,18 +61,18 @@ def test_every_option_is_clear_and_on_target(name: str, i: int) -> None:
 def test_a_run_may_begin_at_headings_all_round_far_from_limits_first(name: str, i: int) -> None:
     world, pruned, nominal = prepared(name)
     looking, robot = (
-        replace(sampler(name), resolved=ResolvedMotion(scene_of(world), scene_of(world).guard)),
+        replace(sampler(name), resolved=ResolvedMotion(scene_of(world), scene_of(world).collision)),
         world.robot,
     )
-    found = list(looking.roomy(i, pruned.kept(i), nominal[i].pose))
+    found = list(looking.far_from_limits(i, pruned.components_at(i), nominal[i].pose))
     turned = [wrap(float(one.pose.base[2] - nominal[i].pose.base[2])) for one in found]
-    heading = [int(np.rint(turn / (2 * np.pi / HEADINGS))) % HEADINGS for turn in turned]
+    heading = [int(np.rint(turn / (2 * np.pi / MAX_HEADINGS))) % MAX_HEADINGS for turn in turned]
     room = [float(robot.chain.room_to_limits(one.pose.joints)) for one in found]
-    assert len(set(heading)) > HEADINGS / 2
+    assert len(set(heading)) > MAX_HEADINGS / 2
     for n, one in enumerate(found):
         axis = shapely.Point(axis_of(robot, one.pose.base))
         tool = robot.tool(one.pose.base, one.pose.joints)[:3, 3]
-        assert scene_of(world).guard.clear(one.pose)
+        assert scene_of(world).collision.clear(one.pose)
         assert np.linalg.norm(tool - world.task[i].position) <= world.rules.tolerance * (1 + 1e-9)
         assert pruned.ladder.component[one.component].distance(axis) < 1e-9
         assert all(room[k] >= room[n] for k in range(n) if heading[k] == heading[n])

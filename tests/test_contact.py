@@ -222,8 +222,13 @@ def test_the_planner_keeps_to_what_the_proof_asks() -> None:
             (np.array([*rng.uniform(-0.03, 0.004, 2), rng.normal() * 0.02]), Q, "transit", -1),
         ])  # fmt: skip
         world = world_of(motion, facing(), robot=robot, rules=rules)
-        guard = scene_of(world).guard
-        free = guard.stop([Pose(*state) for state in zip(motion.base, motion.joints, strict=True)]) is None
+        collision = scene_of(world).collision
+        free = (
+            collision.first_obstruction(
+                [Pose(*state) for state in zip(motion.base, motion.joints, strict=True)]
+            )
+            is None
+        )
         holds = not of_kinds(verify(plan_of(world, motion, 1)), "arm", "contact")
         assert holds or not free
         agreed.append(free == holds)

@@ -12,8 +12,8 @@ from benchmarks.tables.goals import aim_at, solve_goal
 from regionik.planners.solvers.fabrikr import (
     backward_pass,
     backward_step,
+    clamped_turn,
     forward_pass,
-    held,
     posture_of,
 )
 from regionik.planners.solvers.multistart_ik import ArmSolver
@@ -202,7 +202,7 @@ def test_joints_that_do_not_move_the_tool_point_are_left_out() -> None:
     ],
 )
 def test_held(wanted: float, now: float, lower: float, upper: float, expected: float) -> None:
-    assert held(wanted, now, lower, upper) == pytest.approx(expected, abs=1e-12)
+    assert clamped_turn(wanted, now, lower, upper) == pytest.approx(expected, abs=1e-12)
 
 
 def test_arms_of_the_paper() -> None:

@@ -249,7 +249,7 @@ def test_kernels_work_where_no_folder_can_be_written(monkeypatch: pytest.MonkeyP
     def nowhere(self: object, function: object) -> None:
         raise RuntimeError("cannot cache function: no locator available")
 
-    monkeypatch.setattr(kernels._Kept, "__init__", nowhere)
+    monkeypatch.setattr(kernels._KernelCache, "__init__", nowhere)
     monkeypatch.setattr(kernels, "_at_once", False)
     kernels._warn_uncached.cache_clear()
     doubles = [kernels.compiled(_double) for _ in range(2)]

@@ -151,7 +151,7 @@ def test_what_a_posture_does_is_found(name: str) -> None:
     while len(asked) < 12:
         q = rng.uniform(low, high)
         tool = world.robot.tool(HERE, q)
-        if tool[2, 3] > 0.1 and scene_of(world).guard.clear(Pose(np.array(HERE), q)):
+        if tool[2, 3] > 0.1 and scene_of(world).collision.clear(Pose(np.array(HERE), q)):
             spot, axis = tool[:3, 3], tool[:3, 2]
             asked += [Target(spot, axis, 0.05), Target(spot, axis, 2.0)]
             asked += [Target(spot), Target(spot, orientation=tool[:3, :3], cone=0.1)]

@@ -10,7 +10,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from regionik.mfabrik import LED, Solver
+from regionik.mfabrik import MAX_CONTINUED_CHANGE, Solver
 from regionik.pipeline import plan
 from regionik.planners.solvers.serial_chain import rotation_about
 from regionik.verification.verifier import verify
@@ -69,7 +69,7 @@ def test_postures_that_are_not_led_on_are_near_the_middle(kind: str) -> None:
             met += 1
             away, change = np.abs(found.joints - MIDDLE), np.abs(found.joints - given_joints)
             left = UR.winding & (np.arange(UR.dof) > 0)  # the base shares the pivot's turn
-            assert ((away <= np.pi + 1e-9) | (change <= LED + 1e-9))[left].all()
+            assert ((away <= np.pi + 1e-9) | (change <= MAX_CONTINUED_CHANGE + 1e-9))[left].all()
     assert met > 12
 
 

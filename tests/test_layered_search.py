@@ -11,7 +11,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from regionik.moving import layered_search
-from regionik.moving.layered_search import EDGE, LIFT, Layer, LayeredSearch
+from regionik.moving.layered_search import EDGE_COST, LIFT_COST, Layer, LayeredSearch
 from regionik.planners.driving.pose_lattice import spin_moves
 from regionik.pruning import whole_path
 from regionik.scene import scene_of
@@ -34,14 +34,14 @@ def search(seed: int) -> LayeredSearch:
         Box(f"box {k}", np.array([0.3, 0.3, 1.0]), np.array([*rng.uniform(-1, 1, 2), 0.5])) for k in range(3)
     )
     world = World("random", robot, Floor(shapely.box(-2, -2, 2, 2)), boxes, task, Rules(avoidance=False))
-    standing, _, pruned = whole_path(scene_of(world))
-    return LayeredSearch(scene_of(world), pruned.ladder, pruned.keep, pruned.breaks, standing)
+    free_space, _, pruned = whole_path(scene_of(world))
+    return LayeredSearch(scene_of(world), pruned.ladder, pruned.keep, pruned.breaks, free_space)
 
 
 @pytest.fixture(autouse=True)
 def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(layered_search, "ACROSS", 5)
-    monkeypatch.setattr(layered_search, "CELL", (0.01, 0.3))
+    monkeypatch.setattr(layered_search, "CELLS_ACROSS", 5)
+    monkeypatch.setattr(layered_search, "CELL_SIZES", (0.01, 0.3))
 
 
 def nodes(layer: Layer) -> list[tuple[int, int, int, int]]:
@@ -80,7 +80,7 @@ def costs_of_graph(graph: LayeredSearch) -> list[Array]:
             continue
         if (i + 1, f, h, x, y) in number and i + 1 not in graph.breaks:
             edge(k, number[(i + 1, f, h, x, y)], rim)
-        edge(k, hub + i + 1, LIFT + rim)
+        edge(k, hub + i + 1, LIFT_COST + rim)
     pairs = np.array(list(edges)).T
     weights = np.array(list(edges.values())) + 1e-12  # no edge may vanish
     table = csr_array((weights, (pairs[0], pairs[1])), shape=(sink + 1, sink + 1))
@@ -93,7 +93,7 @@ def step_cost(
 ) -> float:
     """What standing near the edge of a layer costs: cells of its own heading, one at a time."""
     f, h, x, y = node
-    depth = max(1, round(layered_search.DEPTH / graph.cell))
+    depth = max(1, round(layered_search.MAX_EDGE_DEPTH / graph.cell))
     inside = 0
     while inside < depth and all(
         (f, h, x + dx, y + dy) in held
@@ -103,7 +103,7 @@ def step_cost(
         inside += 1
     spots = [target.position for target in graph.scene.task]
     stride = 0.0 if i == COUNT - 1 else float(np.linalg.norm(spots[i + 1] - spots[i]))
-    return EDGE * stride * (1 - inside / depth)
+    return EDGE_COST * stride * (1 - inside / depth)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -113,7 +113,7 @@ def test_values_are_the_least_costs_of_the_whole_graph(seed: int) -> None:
         layer = graph.layer(i)
         found = [value_at(layer, node) for node in nodes(layer)]
         np.testing.assert_allclose(found, wanted, atol=1e-6)
-        assert graph.lift_offs(i) == int(min(wanted) // LIFT)
+        assert graph.lift_offs(i) == int(min(wanted) // LIFT_COST)
 
 
 @pytest.mark.parametrize("seed", range(2))

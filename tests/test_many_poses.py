@@ -16,10 +16,10 @@ from regionik.area_verification import verify_areas
 from regionik.areas.reachable import PosedReach
 from regionik.output.plan_file import load_plan
 from regionik.pruning import prune_path, whole_path
-from regionik.reach_rows import inner_rows, reach_rows
+from regionik.reach_table import inner_reach_tables, reach_table
 from regionik.regions import path_areas, planned_areas
 from regionik.scene import scene_of
-from regionik.storage.plan_document import PARTS, kept_areas, plan_to_text
+from regionik.storage.plan_document import PARTS, plan_to_text, stored_areas
 from regionik.values import Configuration, Motion, Plan
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
@@ -66,11 +66,11 @@ def pivoted_points(count: int) -> World:
 
 def with_areas(world: World) -> Plan:
     """A plan of the areas of a world, its base at rest."""
-    standing, areas, pruned = whole_path(scene_of(world))
+    free_space, areas, pruned = whole_path(scene_of(world))
     still = np.zeros(world.robot.chain.dof)
     one = Configuration(np.zeros(3), still, 0.0, 0, True)
     motion = Motion(np.zeros((1, 3)), still[None], np.array(["step"]), np.array([-1]), np.array([np.nan]))
-    shown = planned_areas(scene_of(world), areas, standing, pruned.left)
+    shown = planned_areas(scene_of(world), areas, free_space, pruned.left)
     return Plan(world, 0, (one,) * len(world.task), motion, shown, 0)
 
 
@@ -103,8 +103,8 @@ def test_reach_is_asked_once_where_headings_make_no_difference(monkeypatch: pyte
     world = raster(4)
     spans = [side.span for side in scene_of(world).free_floor.turning.sides]
     assert len(spans) > 24
-    work = partial(inner_rows, scene_of(world), world.task, (1,), spans)
-    assert calls(monkeypatch, PosedReach, "rows", work) == 1
+    work = partial(inner_reach_tables, scene_of(world), world.task, (1,), spans)
+    assert calls(monkeypatch, PosedReach, "table", work) == 1
 
 
 @pytest.mark.parametrize("make", [raster, points, pytest.param(pivoted_points, marks=pytest.mark.slow)])
@@ -117,8 +117,10 @@ def test_reach_is_that_of_each_span(make: Callable[[int], World]) -> None:
             chain = Chain((replace(first, lower=-1.0, upper=1.0), *others), chain.T_last_tool)
         one = replace(world, robot=replace(world.robot, chain=chain))
         spans = [side.span for side in scene_of(one).free_floor.by_heading.sides][:6]
-        for span, found in zip(spans, inner_rows(scene_of(one), one.task, (1, -1), spans), strict=True):
-            alone = reach_rows(scene_of(one), one.task, (1, -1), inner=True, span=span)
+        for span, found in zip(
+            spans, inner_reach_tables(scene_of(one), one.task, (1, -1), spans), strict=True
+        ):
+            alone = reach_table(scene_of(one), one.task, (1, -1), inner=True, span=span)
             assert found[0].tolist() == alone[0].tolist()
             assert found[1] == alone[1]
             assert shapely.equals_exact(found[2], alone[2]).all()
@@ -127,12 +129,12 @@ def test_reach_is_that_of_each_span(make: Callable[[int], World]) -> None:
 @pytest.mark.parametrize("make", [raster, points])
 def test_admissible_areas_are_those_of_all_headings(make: Callable[[int], World]) -> None:
     world = make(5)
-    standing = scene_of(world).free_floor.turning
-    areas, pruned = prune_path(scene_of(world), standing, (1,))
+    free_space = scene_of(world).free_floor.turning
+    areas, pruned = prune_path(scene_of(world), free_space, (1,))
     assert not callable(pruned)
-    for i, shown in enumerate(planned_areas(scene_of(world), areas, standing, pruned.left)):
+    for i, shown in enumerate(planned_areas(scene_of(world), areas, free_space, pruned.left)):
         whole = shapely.union_all(
-            path_areas(scene_of(world), facings=(1,), standing=standing).inner[areas.target == i]
+            path_areas(scene_of(world), facings=(1,), free_space=free_space).inner[areas.target == i]
         )
         assert shapely.symmetric_difference(shown.admissible, whole, grid_size=1e-9).area < 1e-7
         assert shapely.symmetric_difference(shown.pruned, pruned.area(i), grid_size=1e-9).area < 1e-7
@@ -154,10 +156,10 @@ def test_areas_come_back_from_a_file_as_they_are_kept(tmp_path: Any) -> None:
     back = load_plan(tmp_path / "plan.json")
     assert verify_areas(back).ok
     for part in PARTS:
-        kept = kept_areas(getattr(area, part) for area in plan.areas)
+        kept = stored_areas(getattr(area, part) for area in plan.areas)
         read = np.array([getattr(area, part) for area in back.areas], dtype=object)
         assert shapely.equals_exact(shapely.normalize(kept), shapely.normalize(read)).all()
-        assert shapely.equals_exact(kept_areas(read), read).all()
+        assert shapely.equals_exact(stored_areas(read), read).all()
     back.save(tmp_path / "again.json")
     assert (tmp_path / "again.json").read_bytes() == (tmp_path / "plan.json").read_bytes()
 
@@ -177,10 +179,10 @@ OUTLINES = [
 
 @pytest.mark.parametrize("shape", OUTLINES)
 def test_outlines_are_kept_to_a_tenth_of_a_micrometre(shape: shapely.Geometry) -> None:
-    (kept,) = kept_areas([shape])
+    (kept,) = stored_areas([shape])
     assert kept.is_valid
     corners = shapely.get_coordinates(kept)
     assert (np.round(corners, 7) == corners).all()
     off = shapely.symmetric_difference(shape.buffer(0), kept, grid_size=1e-10).area
     assert off <= 1e-7 * (1 + shape.length)
-    assert shapely.equals_exact(kept_areas([kept]), kept).all()
+    assert shapely.equals_exact(stored_areas([kept]), kept).all()

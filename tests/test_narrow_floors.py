@@ -86,12 +86,12 @@ def test_a_strip_narrower_than_the_footprint_is_refused_with_both_widths() -> No
 
 
 def test_a_side_without_floor_has_no_piece_to_start_on() -> None:
-    standing = scene_of(strip(0.5)).free_floor.by_heading
-    assert any(side.free.is_empty for side in standing.sides)
-    assert all(piece.area > 0 for piece in standing.pieces.polygon)
-    label = standing.piece_at(np.array([0.6, 0.25]), 0.0)
+    free_space = scene_of(strip(0.5)).free_floor.by_heading
+    assert any(side.free.is_empty for side in free_space.sides)
+    assert all(piece.area > 0 for piece in free_space.pieces.polygon)
+    label = free_space.piece_at(np.array([0.6, 0.25]), 0.0)
     assert label is not None
-    assert shapely.union_all(standing.whole(label)).area > 0
+    assert shapely.union_all(free_space.whole(label)).area > 0
 
 
 def started(

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from regionik.moving.state_keeper import StateKeeper
+from regionik.moving.state_constraints import StateConstraints
 from regionik.planners.collision.proximity import NearPairs, near_pairs
 from regionik.planners.collision.robot_motion import WORLD
 from regionik.scene import scene_of
@@ -20,8 +20,8 @@ WITHIN = 0.1
 
 
 def pairs_of(among: Guarded, base: Array, joints: Array) -> NearPairs:
-    guard = among.scene.guard
-    return near_pairs(guard.bodies, np.array(base), np.array(joints), guard.contact, WITHIN)
+    collision = among.scene.collision
+    return near_pairs(collision.bodies, np.array(base), np.array(joints), collision.contact, WITHIN)
 
 
 @pytest.mark.parametrize("name", ROBOTS)
@@ -31,12 +31,12 @@ def test_the_nearest_of_all_pairs_is_what_is_nearest(name: str) -> None:
     near, seen = pairs_of(among, base, joints), 0
     assert (near.room < WITHIN).all()
     for k, (b, q) in enumerate(zip(base, joints, strict=True)):
-        touch, room = among.nearest(b, q, WITHIN), near.room[near.state == k]
-        assert len(room) > 0 or touch.kind == "none"
-        if touch.kind != "none":
+        proximity, room = among.nearest(b, q, WITHIN), near.room[near.state == k]
+        assert len(room) > 0 or proximity.kind == "none"
+        if proximity.kind != "none":
             seen += 1
-            if touch.distance > 0:
-                assert room.min() == pytest.approx(touch.distance, abs=1e-6)
+            if proximity.distance > 0:
+                assert room.min() == pytest.approx(proximity.distance, abs=1e-6)
             else:  # of several that a solid overlaps the one it is deepest in is not sought
                 assert room.min() <= 1e-9
     assert seen > 50
@@ -69,13 +69,13 @@ def test_each_solid_is_told_of_the_nearest_obstacle_and_the_nearest_part_of_the_
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_what_the_robot_is_to_itself_hides_no_obstacle(name: str) -> None:
-    among, bodies = prepared(name), prepared(name).scene.guard.bodies
+    among, bodies = prepared(name), prepared(name).scene.collision.bodies
     base, joints = states(among.robot, 150, 34)
     pairs = bodies.links.pairs.copy()
     pairs[:, bodies.hulls.world :] = False
     alone = replace(bodies, links=bodies.links._replace(pairs=pairs))
     whole = pairs_of(among, base, joints)
-    some = near_pairs(alone, base, joints, among.scene.guard.contact, WITHIN)
+    some = near_pairs(alone, base, joints, among.scene.collision.contact, WITHIN)
     assert len(some.room) < len(whole.room)
     for one, other in zip(whole, some, strict=True):
         assert (one[whole.other == WORLD] == other).all()
@@ -87,15 +87,15 @@ def keys(near: NearPairs) -> list[tuple[int, int, int]]:
 
 def test_distances_change_as_the_half_spaces_say() -> None:
     world = load_world("pillar")
-    guard = scene_of(world).guard
+    collision = scene_of(world).collision
     rng, robot, seen = np.random.default_rng(33), world.robot, 0
     base = np.column_stack([rng.uniform(-1.5, 1.5, (300, 2)), rng.uniform(-3, 3, 300)])
     joints = rng.uniform(robot.chain.lower, robot.chain.upper, (300, robot.chain.dof))
     at = np.column_stack([base, joints])
-    keeper = StateKeeper(robot, guard, None, np.empty(0, dtype=object), np.zeros(1))
+    constraints = StateConstraints(robot, collision, None, np.empty(0, dtype=object), np.zeros(1))
     step = 1e-6 * rng.normal(size=at.shape)
-    near, after = keeper.near(at), keeper.near(at + step)
-    change = keeper.approach(near, at)
+    near, after = constraints.near(at), constraints.near(at + step)
+    change = constraints.approach(near, at)
     later = dict(zip(keys(after), after.room.tolist(), strict=True))
     for k, key in enumerate(keys(near)):
         if near.room[k] > 1e-3 and key in later:

@@ -19,7 +19,7 @@ from regionik.parking.stops import stops
 from regionik.pipeline import plan
 from regionik.scene import scene_of
 from regionik.values import Configuration, Plan, Stop
-from regionik.verification.stops import _reached, _rooms
+from regionik.verification.stops import _reachable_poses, _rooms
 from regionik.verification.verifier import verify
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import world_from_document, world_to_document
@@ -57,7 +57,7 @@ def counted(world: World, base: Array, setpoints: tuple[int, ...], count: int) -
     poses = poses[_rooms(world, poses) >= 0]
     carried = Configuration(base, world.robot.carry, 0.0, 0, True)
     held = Plan(world, 0, (carried,) * len(world.task), drilled().motion, (), 0)
-    return float(_reached(held, Stop(base, setpoints, 0.0, "tolerance"), poses).sum()) / count
+    return float(_reachable_poses(held, Stop(base, setpoints, 0.0, "tolerance"), poses).sum()) / count
 
 
 @given(

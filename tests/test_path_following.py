@@ -11,9 +11,9 @@ import shapely
 from regionik.mfabrik import Solver
 from regionik.moving.base_motion import BasePath, Candidate
 from regionik.moving.drivers import driver_for
-from regionik.moving.path_following import PathFollower, PathSegment, SegmentPoint, turned_as_asked
+from regionik.moving.path_following import PathFollower, PathSegment, SegmentPoint, follows_orientation
 from regionik.postures.families import FRONT, Family
-from regionik.postures.poses import Pose, Row
+from regionik.postures.poses import MotionState, Pose
 from regionik.pruning import whole_path
 from regionik.scene import scene_of
 from regionik.worlds.bundled import robot_named
@@ -34,10 +34,10 @@ def world_of(name: str, solids: tuple[Solid, ...] = (), **rules: object) -> Worl
 
 
 def follower(world: World) -> PathFollower:
-    standing, _, pruned = whole_path(scene_of(world))
-    guard, ladder = scene_of(world).guard, pruned.ladder
-    driver = driver_for(scene_of(world), standing, 0)
-    return PathFollower(scene_of(world), ladder, guard, driver.paths(ladder))
+    free_space, _, pruned = whole_path(scene_of(world))
+    collision, ladder = scene_of(world).collision, pruned.ladder
+    driver = driver_for(scene_of(world), free_space, 0)
+    return PathFollower(scene_of(world), ladder, collision, driver.paths(ladder))
 
 
 def spots_at(world: World, i: int, axis: tuple[float, float], near: Pose | None = None) -> list[Candidate]:
@@ -49,7 +49,7 @@ def spots_at(world: World, i: int, axis: tuple[float, float], near: Pose | None 
     return [Candidate(one, i) for one in found]
 
 
-def check(world: World, here: Pose, rows: list[Row], goal: Candidate) -> None:
+def check(world: World, here: Pose, rows: list[MotionState], goal: Candidate) -> None:
     poses = [here, *(row.pose for row in rows)]
     p, q = (target.position for target in world.task)
     assert {(row.kind, row.setpoint) for row in rows} == {("step", 0)}
@@ -62,7 +62,7 @@ def check(world: World, here: Pose, rows: list[Row], goal: Candidate) -> None:
             tool = world.robot.tool(at.base, at.joints)[:3, 3]
             along = np.clip((tool - p) @ (q - p) / ((q - p) @ (q - p)), 0, 1)
             assert np.linalg.norm(tool - p - along * (q - p)) <= world.rules.path_tolerance
-            assert scene_of(world).guard.clear(at)
+            assert scene_of(world).collision.clear(at)
     tool = world.robot.tool(poses[-1].base, poses[-1].joints)[:3, 3]
     assert np.linalg.norm(tool - q) <= world.rules.tolerance
     np.testing.assert_allclose(
@@ -104,14 +104,14 @@ def test_a_board_on_the_way_stops_it_and_is_told() -> None:
     board = Box("board", np.array([0.02, 0.35, 0.4]), np.array([0.55, -0.275, 0.4]))
     world = world_of("youbot", (board,), tool_contact=0.0)
     walk = follower(world)
-    left = [spot for spot in spots_at(world, 0, (0.4, -0.3)) if scene_of(world).guard.clear(spot.pose)]
-    right = [spot for spot in spots_at(world, 1, (0.7, -0.3)) if scene_of(world).guard.clear(spot.pose)]
+    left = [spot for spot in spots_at(world, 0, (0.4, -0.3)) if scene_of(world).collision.clear(spot.pose)]
+    right = [spot for spot in spots_at(world, 1, (0.7, -0.3)) if scene_of(world).collision.clear(spot.pose)]
     assert left
     assert right
     assert all(walk.follow(0, a, b) is None for a in left[:2] for b in right[:2])
-    touch = walk.stops[0]
-    assert touch.kind == "obstacle"
-    assert scene_of(world).guard.other(touch) == "board"
+    proximity = walk.stops[0]
+    assert proximity.kind == "obstacle"
+    assert scene_of(world).collision.other(proximity) == "board"
     free = replace(world, obstacles=())
     followed = [follower(free).follow(0, a, b) for a in left[:2] for b in right[:2]]
     assert any(rows is not None for rows in followed)
@@ -135,4 +135,4 @@ def test_a_tool_that_leans_out_between_two_looks_is_seen() -> None:
     here, there = (Target(np.array([x, 0.0, 0.5]), cone=cone, orientation=np.eye(3)) for x in (0.0, 0.01))
     for shares, good in (((0.7, 0.997, 0.7), False), ((0.99, 0.99, 0.99), True), ((0.5, 0.7, 0.6), True)):
         tools = np.array([rot_x(share * cone) for share in shares])
-        assert turned_as_asked(here, there, tools) is good
+        assert follows_orientation(here, there, tools) is good

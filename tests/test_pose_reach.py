@@ -20,7 +20,7 @@ from regionik.planners.solvers.closed_form import postures_at
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, Aim
 from regionik.planners.solvers.mfabrik_serial import in_arm_frame
 from regionik.postures.arm import aim_of as goal_aim
-from regionik.reach_rows import rows_of
+from regionik.reach_table import reach_table_of
 from regionik.scene import scene_of
 from regionik.verification.verifier import verify
 from regionik.worlds.chain import Chain
@@ -167,4 +167,4 @@ def test_a_reach_too_thin_for_the_margin_is_kept() -> None:
     assert not sampled.is_empty
     assert sampled.buffer(-world.rules.reach_margin, join_style="mitre").is_empty
     query = ReachQuery(world.rules, world.rules.reach_margin, (-np.inf, np.inf))
-    assert shapely.union_all(rows_of(scene_of(world), [target], query)[2]).equals(sampled)
+    assert shapely.union_all(reach_table_of(scene_of(world), [target], query)[2]).equals(sampled)

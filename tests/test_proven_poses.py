@@ -20,7 +20,7 @@ from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATIO
 from regionik.planners.solvers.mfabrik_serial import in_arm_frame
 from regionik.planners.solvers.rigid_bodies import span
 from regionik.planners.solvers.serial_chain import serial_arm
-from regionik.reach_rows import rows_of
+from regionik.reach_table import reach_table_of
 from regionik.regions import admissible_area
 from regionik.scene import scene_of
 from regionik.worlds.arms import pivot_index, with_pivot
@@ -149,7 +149,7 @@ def test_errors_of_the_heading_are_made_up_for_by_the_pivot() -> None:
     first, *others = ARMS["ur"].joints
     chain = Chain((replace(first, lower=-0.4, upper=0.6), *others), ARMS["ur"].T_last_tool)
     aim, _ = aim_of_posture(chain, 3, ORIENTATION, CONE)
-    sure = proven_pose_area(chain, HEIGHT, aim, span=(0.3, 0.3), guard=0.1)
+    sure = proven_pose_area(chain, HEIGHT, aim, span=(0.3, 0.3), spare=0.1)
     assert sure.area > 0
     for heading in (0.21, 0.3, 0.39):
         assert (sure - proven_pose_area(chain, HEIGHT, aim, span=(heading, heading))).area < 1e-9
@@ -197,5 +197,5 @@ def test_areas_that_are_told_are_proven_and_lie_within_the_outer_one(name: str) 
     assert area.inner.area > 0
     assert (area.inner - area.outer).area < 1e-9
     query = ReachQuery(world.rules, world.rules.reach_margin, (-np.inf, np.inf), proven=True)
-    proven = shapely.union_all(rows_of(scene_of(world), [target], query)[2])
+    proven = shapely.union_all(reach_table_of(scene_of(world), [target], query)[2])
     assert (area.inner - proven).area < 1e-9

@@ -180,15 +180,15 @@ def test_nearest_agrees_with_points_of_the_solids(name: str) -> None:
     base, joints = states(among.robot, 100, 1)
     kinds = set()
     for b, q, expected in zip(base, joints, sampled(among, base, joints), strict=True):
-        touch, some = among.nearest(b, q), among.nearest(b, q, 0.05)
-        kinds.add(touch.kind)
+        proximity, some = among.nearest(b, q), among.nearest(b, q, 0.05)
+        kinds.add(proximity.kind)
         if expected < -1e-6:
-            assert touch.distance < 0
+            assert proximity.distance < 0
         else:
-            assert touch.distance <= expected + 1e-6
-            assert touch.distance >= expected - 2 * GRAIN or touch.distance <= 0
-        near = touch.distance < 0.05
-        assert some[:4] == (touch[:4] if near else (np.inf, -1, "none", -1))
+            assert proximity.distance <= expected + 1e-6
+            assert proximity.distance >= expected - 2 * GRAIN or proximity.distance <= 0
+        near = proximity.distance < 0.05
+        assert some[:4] == (proximity[:4] if near else (np.inf, -1, "none", -1))
         assert (among.stop(b, q, b, q, 0.05) is not None) == near
     assert kinds >= ({"obstacle", "self"} if name == "youbot" else {"obstacle", "self", "base"})
 
@@ -198,20 +198,22 @@ def test_witnesses_lie_on_what_they_name(name: str) -> None:
     among = prepared(name)
     robot, body = among.robot, base_of(among.robot)
     for b, q in zip(*states(robot, 80, 2), strict=True):
-        touch = among.nearest(b, q)
-        if touch.distance <= 1e-6:
+        proximity = among.nearest(b, q)
+        if proximity.distance <= 1e-6:
             continue
         frames = robot.frames(b, q)
-        assert np.linalg.norm(touch.on_solid - touch.on_other) == pytest.approx(touch.distance, abs=1e-6)
-        assert distance_of(robot, frames, touch.solid, touch.on_solid) == pytest.approx(0.0, abs=1e-6)
-        if touch.kind == "obstacle":
-            other = among.solids[touch.other].distance(touch.on_other)
-        elif touch.kind == "base":
+        assert np.linalg.norm(proximity.on_solid - proximity.on_other) == pytest.approx(
+            proximity.distance, abs=1e-6
+        )
+        assert distance_of(robot, frames, proximity.solid, proximity.on_solid) == pytest.approx(0.0, abs=1e-6)
+        if proximity.kind == "obstacle":
+            other = among.solids[proximity.other].distance(proximity.on_other)
+        elif proximity.kind == "base":
             assert body is not None
-            other = body.distance((np.linalg.inv(planar_pose(*b)) @ [*touch.on_other, 1.0])[:3])
+            other = body.distance((np.linalg.inv(planar_pose(*b)) @ [*proximity.on_other, 1.0])[:3])
         else:
-            assert touch.kind == "self"
-            other = distance_of(robot, frames, touch.other, touch.on_other)
+            assert proximity.kind == "self"
+            other = distance_of(robot, frames, proximity.other, proximity.on_other)
         assert other == pytest.approx(0.0, abs=1e-6)
 
 
@@ -252,10 +254,10 @@ def test_moving_everything_changes_nothing(name: str) -> None:
 def test_what_is_beyond_the_reach_about_the_tool_touches_nothing(name: str) -> None:
     among = prepared(name)
     for base, joints in zip(*states(among.robot, 20, 7), strict=True):
-        near = among.scene.guard_at(Target(among.robot.tool(base, joints)[:3, 3]))
-        one, other = (guard.touch(Pose(base, joints)) for guard in (among.scene.guard, near))
+        near = among.scene.collision_at(Target(among.robot.tool(base, joints)[:3, 3]))
+        one, other = (collision.nearest(Pose(base, joints)) for collision in (among.scene.collision, near))
         assert (one.kind, one.solid, one.distance) == (other.kind, other.solid, other.distance)
-        assert len(near.bodies.pieces) <= len(among.scene.guard.bodies.pieces)
+        assert len(near.bodies.pieces) <= len(among.scene.collision.bodies.pieces)
 
 
 def moved(solid: Solid, T: Array, yaw: float) -> Solid:
@@ -299,35 +301,35 @@ def test_what_is_proven_clear_is_clear_in_every_sample(name: str) -> None:
     among = prepared(name)
     clear, count = 0, 40
     for a, qa, b, qb in motions(among, count, 8):
-        touch = among.stop(a, qa, b, qb, MARGIN)
+        proximity = among.stop(a, qa, b, qb, MARGIN)
         base, joints = between(among.robot, a, b, qa, qb, 500)
         rows = zip(base[::5], joints[::5], strict=True)
         least = min(among.nearest(*row, MARGIN + 0.002).distance for row in rows)
-        if touch is None:
+        if proximity is None:
             clear += 1
             assert sampled(among, base, joints).min() >= MARGIN - 1e-6
             assert least >= MARGIN - 1e-6
         else:
             assert least < MARGIN + 0.002
-            assert touch.distance < MARGIN + 1e-3 or least >= MARGIN - 1e-6
+            assert proximity.distance < MARGIN + 1e-3 or least >= MARGIN - 1e-6
     assert 0.1 < clear / count < 0.95
 
 
 @pytest.mark.parametrize("name", ["youbot", "lifted", "on wheels"])
 def test_a_way_is_clear_as_far_as_its_hops_are(name: str) -> None:
     among = prepared(name)
-    stopped, ways, guard = 0, motions(among, 40, 6), replace(among.scene.guard, spare=MARGIN)
+    stopped, ways, collision = 0, motions(among, 40, 6), replace(among.scene.collision, spare=MARGIN)
     for a, qa, b, qb in ways:
         base, joints = between(among.robot, a, b, qa, qb, 5)
         rows = list(zip(base, joints, strict=True))
         hops = [among.stop(*rows[k], *rows[k + 1], MARGIN) for k in range(4)]
-        count, touch = guard.proven(base, joints)
+        count, proximity = collision.proven(base, joints)
         stop = next((hop for hop in hops if hop is not None), None)
         assert count == (4 if stop is None else hops.index(stop))
-        assert (touch is None) == (stop is None)
-        if touch is not None and stop is not None:
+        assert (proximity is None) == (stop is None)
+        if proximity is not None and stop is not None:
             stopped += count > 0
-            assert touch[:4] == stop[:4]
+            assert proximity[:4] == stop[:4]
     assert 0 < stopped < len(ways)
 
 
@@ -348,10 +350,10 @@ def test_driving_along_a_wall_a_little_beyond_the_margin() -> None:
     """A long way beside a wall at nearly constant distance costs few steps and raises no alarm."""
     among = Guarded(robot_named("youbot"), wall(ahead() + MARGIN + 1e-4))
     assert among.stop([0, -1, 0], AHEAD, [0, 1, 0], AHEAD, MARGIN) is None
-    touch = among.stop([0, -1, 0], AHEAD, [2e-4, 1, 0], AHEAD, MARGIN)
-    assert touch is not None
-    assert (touch.kind, touch.other, touch.solid) == ("obstacle", 0, 3)
-    assert touch.distance == pytest.approx(MARGIN, abs=1e-5)
+    proximity = among.stop([0, -1, 0], AHEAD, [2e-4, 1, 0], AHEAD, MARGIN)
+    assert proximity is not None
+    assert (proximity.kind, proximity.other, proximity.solid) == ("obstacle", 0, 3)
+    assert proximity.distance == pytest.approx(MARGIN, abs=1e-5)
     touching = Guarded(robot_named("youbot"), wall(ahead()))
     assert touching.stop([0, -1, 0], AHEAD, [0, 1, 0], AHEAD) is not None
 
@@ -372,20 +374,20 @@ def test_a_base_on_wheels_swings_out_on_its_arc() -> None:
     """Half a circle of 0.5 m towards a wall, whose chord runs along that wall, half a metre off."""
     robot = replace(robot_named("youbot"), base="differential")
     for x, clear in ((-0.52, False), (-0.54, True)):
-        touch = Guarded(robot, wall(x - 0.1)).stop([0, 1, -3.1], UP, [0, 0, -0.04], UP, MARGIN)
-        assert (touch is None) == clear, x
+        proximity = Guarded(robot, wall(x - 0.1)).stop([0, 1, -3.1], UP, [0, 0, -0.04], UP, MARGIN)
+        assert (proximity is None) == clear, x
 
 
 def test_the_arm_folds_onto_its_base_and_onto_itself() -> None:
     down = np.radians([180.0, 0.0, -60.0, 90.0, 0.0])
-    touch = Guarded(robot_named("youbot-real")).stop([0, 0, 0], UP, [5, 5, 2], down)
-    assert touch is not None
-    assert touch.kind == "base"
+    proximity = Guarded(robot_named("youbot-real")).stop([0, 0, 0], UP, [5, 5, 2], down)
+    assert proximity is not None
+    assert proximity.kind == "base"
     folded = np.radians([0.0, 90.0, 145.0, 180.0, 0.0])
-    touch = Guarded(robot_named("youbot")).stop([0, 0, 0], UP, [5, 5, 2], folded)
-    assert touch is not None
-    assert touch.kind == "self"
-    assert abs(touch.distance) < 1e-3
+    proximity = Guarded(robot_named("youbot")).stop([0, 0, 0], UP, [5, 5, 2], folded)
+    assert proximity is not None
+    assert proximity.kind == "self"
+    assert abs(proximity.distance) < 1e-3
 
 
 def test_how_the_base_moves_does_not_matter_to_the_robot_itself() -> None:
@@ -414,9 +416,9 @@ def test_the_last_link_may_touch_what_it_works_on(mesh: bool) -> None:
     start = [x - 0.3, 0, 0]
     assert among.stop(start, AHEAD, [x, 0, 0], AHEAD, MARGIN) is None
     assert among.stop([x, 0, 0], AHEAD, start, AHEAD, MARGIN) is None
-    touch = shy.stop(start, AHEAD, [x, 0, 0], AHEAD, MARGIN)
-    assert touch is not None
-    assert (touch.kind, touch.other, touch.solid) == ("obstacle", 1, 3)
+    proximity = shy.stop(start, AHEAD, [x, 0, 0], AHEAD, MARGIN)
+    assert proximity is not None
+    assert (proximity.kind, proximity.other, proximity.solid) == ("obstacle", 1, 3)
     free = among.nearest([x, 0, 0], AHEAD)
     assert free.kind == "self"
     assert free.distance == pytest.approx(0.135 - 0.07)
@@ -468,17 +470,17 @@ def test_only_the_last_link_may_touch() -> None:
     among = Guarded(
         robot, face, spots=[robot.tool([0, 0, 0], bent)[:3, 3]], **SHALLOW | {"tool_contact": 0.2}
     )
-    touch = among.nearest([0, 0, 0], bent)
-    assert touch.distance < 0
-    assert touch.solid < 3
+    proximity = among.nearest([0, 0, 0], bent)
+    assert proximity.distance < 0
+    assert proximity.solid < 3
     assert among.stop([0, 0, 0], bent, [0, 0, 0], bent) is not None
 
 
 def test_inside_a_mesh_without_touching_it() -> None:
     robot, cave = robot_named("youbot"), box_mesh([-5, -5, -5], [5, 5, 5])
-    touch = Guarded(robot, cave).stop([0, 0, 0], UP, [0.1, 0, 0], UP, MARGIN)
-    assert touch is not None
-    assert touch.distance < -4
+    proximity = Guarded(robot, cave).stop([0, 0, 0], UP, [0.1, 0, 0], UP, MARGIN)
+    assert proximity is not None
+    assert proximity.distance < -4
     last = replace(robot, solids=robot.solids[-1:])
     swallowed = Guarded(
         last, cave, spots=[robot.tool([0, 0, 0], UP)[:3, 3]], **SHALLOW | {"contact_depth": 0.1}
@@ -520,7 +522,7 @@ def test_hops_that_jump_or_lead_the_tool_astray_are_told() -> None:
     line = np.array([robot.tool(*state)[:3, 3] for state in zip(bases, joints, strict=True)])
 
     def led(bases: Array, joints: Array, line: Array) -> int:
-        return among.scene.guard.led(bases, joints, line, shares, 1e-3)
+        return among.scene.collision.count_on_line(bases, joints, line, shares, 1e-3)
 
     assert led(bases, joints, line) == 4
     aside, bent, far, turned = line.copy(), joints.copy(), bases.copy(), bases.copy()

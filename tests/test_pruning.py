@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import shapely
 
+from regionik.areas.free_space import FreeSpace
 from regionik.areas.ground import Side
-from regionik.areas.standing import Standing
 from regionik.ladder import Ladder, build_ladder
 from regionik.motion import connect_setpoints
 from regionik.postures.families import FRONT, Family
@@ -40,7 +40,7 @@ def random_ladder(rng: np.random.Generator, *, turning: bool = False) -> Ladder:
     )
 
 
-NO_FLOOR = Standing((Side(shapely.Polygon(), np.empty(0, dtype=object)),))
+NO_FLOOR = FreeSpace((Side(shapely.Polygon(), np.empty(0, dtype=object)),))
 
 
 def traversals(ladder: Ladder) -> list[tuple[int, ...]]:
@@ -99,9 +99,9 @@ def test_pocket_of_l_shape_is_cut_out() -> None:
 def test_l_shape_without_pruning_lifts_off() -> None:
     """The nearest place of every area, one after the other, ends in the pocket."""
     world = load_world("l_shape")
-    standing = scene_of(world).free_floor.anywhere
+    free_space = scene_of(world).free_floor.anywhere
     areas = path_areas(scene_of(world), facings=(FRONT,))
-    ladder = build_ladder(areas, len(world.task), standing)
+    ladder = build_ladder(areas, len(world.task), free_space)
     rungs = ladder.rungs
     start = start_place(scene_of(world))
     assert start is not None
@@ -116,7 +116,7 @@ def test_l_shape_without_pruning_lifts_off() -> None:
     breaks = tuple(i + 1 for i, pair in enumerate(itertools.pairwise(chain)) if pair not in edges)
     keep = np.zeros(len(ladder.component), dtype=bool)
     keep[chain] = True
-    joined = connect_setpoints(scene_of(world), Pruned(ladder, keep, breaks), standing, 0)
+    joined = connect_setpoints(scene_of(world), Pruned(ladder, keep, breaks), free_space, 0)
     assert lift_offs(joined.motion) >= 1
 
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 import shapely
 
-from regionik.areas.standing import spread
+from regionik.areas.free_space import spread
 from regionik.mfabrik import solver_for
 from regionik.pipeline import plan
 from regionik.postures.families import BACK, FRONT, Family
-from regionik.reach_rows import reach_rows
+from regionik.reach_table import reach_table
 from regionik.regions import admissible_area
 from regionik.scene import scene_of
 from regionik.verification.verifier import verify
@@ -53,7 +53,7 @@ def test_inner_reach_lies_within_outer_reach(name: str) -> None:
     world = World("test", robot, FLOOR, task=tuple(targets((0.1, 0.2, 0.1)).values()))
     shapes = {}
     for inner in (True, False):
-        which, families, rows = reach_rows(scene_of(world), world.task, (FRONT, BACK), inner=inner)
+        which, families, rows = reach_table(scene_of(world), world.task, (FRONT, BACK), inner=inner)
         assert len(which) == len(families) == len(rows)
         assert (np.diff(which) >= 0).all()
         shapes[inner] = [shapely.union_all(rows[which == i]) for i in range(len(world.task))]
@@ -68,7 +68,7 @@ def test_rings_lie_at_the_distances_in_reach(name: str) -> None:
     (spans,) = (
         scene_of(world).model(Target(np.array([0.0, 0.0, z]))).distances(None, np.array([z]), inner=True)
     )
-    _, _, rows = reach_rows(scene_of(world), [Target(np.array([0.0, 0.0, z]))], (FRONT, BACK), inner=True)
+    _, _, rows = reach_table(scene_of(world), [Target(np.array([0.0, 0.0, z]))], (FRONT, BACK), inner=True)
     corners = np.hypot(*shapely.get_coordinates(rows).T)
     assert all(((low <= corners) & (corners <= high)).any() for low, high in spans.tolist())
     assert ((spans[:, :1] <= corners) & (corners <= spans[:, 1:])).any(axis=0).all()
@@ -77,9 +77,9 @@ def test_rings_lie_at_the_distances_in_reach(name: str) -> None:
 def test_rows_of_mixed_goals_are_those_of_each() -> None:
     world = World("test", across(robot_named("youbot")), FLOOR)
     asked = [target for spot in ((0.1, 0, 0.3), (0.5, 0.2, 0.2)) for target in targets(spot).values()]
-    which, families, rows = reach_rows(scene_of(world), asked, (FRONT,), inner=True)
+    which, families, rows = reach_table(scene_of(world), asked, (FRONT,), inner=True)
     for i, target in enumerate(asked):
-        _, some, alone = reach_rows(scene_of(world), [target], (FRONT,), inner=True)
+        _, some, alone = reach_table(scene_of(world), [target], (FRONT,), inner=True)
         assert shapely.equals_exact(rows[which == i], alone).all()
         assert tuple(families[k] for k in np.flatnonzero(which == i)) == some
 

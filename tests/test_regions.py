@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from regionik.areas.layers import grow
 from regionik.postures.families import BACK, FRONT
-from regionik.reach_rows import reach_rows
+from regionik.reach_table import reach_table
 from regionik.regions import admissible_area, outer_areas, path_areas
 from regionik.scene import scene_of
 from regionik.worlds.bundled import robot_named
@@ -34,7 +34,7 @@ def box(x: float, y: float, size: float = 0.4, name: str = "box") -> Box:
 def test_inner_points_work_and_points_outside_outer_do_not(z: float) -> None:
     scene = world(box(0.5, 0.1), Cylinder("post", 0.1, 0.5, np.array([-0.2, 0.4, 0.25])))
     area = admissible_area(scene, [0, 0, z])
-    _, _, rings = reach_rows(scene_of(scene), [Target(np.array([0, 0, z]))], (FRONT, BACK), inner=False)
+    _, _, rings = reach_table(scene_of(scene), [Target(np.array([0, 0, z]))], (FRONT, BACK), inner=False)
     rng = np.random.default_rng(0)
     shadows = scene_of(scene).ground.shadows
     for spot in rng.uniform(-0.8, 0.8, (2000, 2)):

@@ -39,7 +39,7 @@ def world_of(base: BaseKind, way: Array, *solids: Sphere, posture: Array = POSTU
 def test_the_tool_is_led_as_the_base_drives(base: BaseKind, bearing: float, far: float) -> None:
     way = far * np.array([np.cos(bearing), np.sin(bearing), 0.1])
     world, here = world_of(base, way)
-    states = ResolvedMotion(scene_of(world), scene_of(world).guard).onward(0, here)
+    states = ResolvedMotion(scene_of(world), scene_of(world).collision).onward(0, here)
     if states is None:  # a car cannot help its arm sideways
         assert base == "car"
         return
@@ -63,7 +63,7 @@ def test_the_tool_turns_within_its_cone(bearing: float, tilt: float, cone: float
     axis = world.robot.tool(here.base, here.joints)[:3, 2]
     wished = Rotation.from_rotvec(tilt * np.array([np.cos(bearing), np.sin(bearing), 0.0])).apply(axis)
     task = tuple(replace(target, direction=wished, cone=2 * (abs(tilt) + cone)) for target in world.task)
-    states = ResolvedMotion(scene_of(replace(world, task=task)), scene_of(world).guard).onward(0, here)
+    states = ResolvedMotion(scene_of(replace(world, task=task)), scene_of(world).collision).onward(0, here)
     assert states is not None
     for pose in states:
         turned = deviation(task[1], world.robot.tool(pose.base, pose.joints)[:3, :3])
@@ -78,8 +78,8 @@ def test_a_joint_next_to_its_limit_stays_within(joint: int, upper: bool, bearing
     near = chain.upper - 1e-3 if upper else chain.lower + 1e-3
     posture = np.where(np.arange(5) == joint, near, POSTURE)
     world, here = world_of("omni", np.array([np.cos(bearing), np.sin(bearing), up]) * 0.05, posture=posture)
-    guard = scene_of(replace(world, rules=Rules(avoidance=False))).guard
-    for pose in ResolvedMotion(scene_of(world), guard).onward(0, here) or ():
+    collision = scene_of(replace(world, rules=Rules(avoidance=False))).collision
+    for pose in ResolvedMotion(scene_of(world), collision).onward(0, here) or ():
         assert (pose.joints >= chain.lower).all()
         assert (pose.joints <= chain.upper).all()
 
@@ -88,7 +88,7 @@ def test_a_fixed_heading_is_kept() -> None:
     world, here = world_of("omni", np.array([0.05, 0.1, 0.0]))
     fixed = replace(world, rules=Rules(heading="fixed"), start=Start(here.base, here.joints))
     turned, kept = (
-        ResolvedMotion(scene_of(one), scene_of(one).guard).onward(0, here) for one in (world, fixed)
+        ResolvedMotion(scene_of(one), scene_of(one).collision).onward(0, here) for one in (world, fixed)
     )
     assert turned is not None
     assert kept is not None
@@ -100,10 +100,10 @@ def test_what_is_in_the_way_is_not_touched() -> None:
     way = np.array([0.12, 0.0, 0.0])
     world, here = world_of("differential", way)
     tool = world.task[0].position
-    assert ResolvedMotion(scene_of(world), scene_of(world).guard).onward(0, here) is not None
+    assert ResolvedMotion(scene_of(world), scene_of(world).collision).onward(0, here) is not None
     ball = Sphere("ball", 0.03, tool + 0.5 * way + [0.0, 0.0, 0.02])
     world = world_of("differential", way, ball)[0]
-    assert ResolvedMotion(scene_of(world), scene_of(world).guard).onward(0, here) is None
+    assert ResolvedMotion(scene_of(world), scene_of(world).collision).onward(0, here) is None
 
 
 @pytest.mark.parametrize("base", ["differential", "omni"])
@@ -111,16 +111,16 @@ def test_links_go_round_what_is_in_their_way(base: BaseKind) -> None:
     """A ball where the least motion would lead a link."""
     way = np.array([0.0, 0.0, -0.1])
     world, here = world_of(base, way)
-    plain = ResolvedMotion(scene_of(world), scene_of(world).guard).onward(0, here)
+    plain = ResolvedMotion(scene_of(world), scene_of(world).collision).onward(0, here)
     assert plain is not None
     elbow, tool = world.robot.frames(plain[-1].base, plain[-1].joints)[[3, -1], :3, 3]
     world = world_of(base, way, Sphere("ball", 0.02, 0.6 * elbow + 0.4 * tool - [0.0, 0.0, 0.03]))[0]
-    guard = scene_of(world).guard
-    assert guard.clear(here)
-    assert not guard.passes([here, *plain])
-    round_it = ResolvedMotion(scene_of(world), guard).onward(0, here)
+    collision = scene_of(world).collision
+    assert collision.clear(here)
+    assert not collision.passes([here, *plain])
+    round_it = ResolvedMotion(scene_of(world), collision).onward(0, here)
     assert round_it is not None
-    assert guard.passes([here, *round_it])
+    assert collision.passes([here, *round_it])
 
 
 def test_what_only_the_next_target_asks_for_is_met_there() -> None:
@@ -129,7 +129,7 @@ def test_what_only_the_next_target_asks_for_is_met_there() -> None:
     tilted = Rotation.from_rotvec([0.0, 0.06, 0.0]).as_matrix() @ frame[:, 2]
     first, then = world.task[0], Target(world.task[1].position, direction=tilted, cone=0.01)
     world = replace(world, task=(first, then))
-    states = ResolvedMotion(scene_of(world), scene_of(world).guard).onward(0, here)
+    states = ResolvedMotion(scene_of(world), scene_of(world).collision).onward(0, here)
     assert states is not None
     tool = world.robot.tool(states[-1].base, states[-1].joints)
     assert deviation(then, tool[:3, :3]) <= then.cone + 1e-6

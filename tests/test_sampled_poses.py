@@ -13,14 +13,14 @@ import shapely
 from regionik.moving.transit import TransitPlanner
 from regionik.parking import arm_tour, sampled_poses
 from regionik.parking.fewest_stops import park
-from regionik.parking.held_postures import PostureCarrier
 from regionik.parking.parking_areas import StopGroup
+from regionik.parking.posture_carrier import PostureCarrier
 from regionik.parking.sampled_poses import PoseCover
 from regionik.parking.stops import in_sequence
 from regionik.pipeline import plan
 from regionik.planners.coverage.set_cover import least_cover, overlay_faces, undominated
 from regionik.planners.coverage.tours import VisitingOrder
-from regionik.postures.arm_roadmap import HeldPostures
+from regionik.postures.arm_roadmap import FixedBasePostures
 from regionik.postures.poses import Pose
 from regionik.scene import Scene, scene_of
 from regionik.verification.verifier import verify
@@ -50,9 +50,9 @@ def holes(columns: int, rows: int) -> World:
 
 @pytest.fixture
 def few_poses(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sampled_poses, "FEWEST", 100)
-    monkeypatch.setattr(sampled_poses, "DENSITY", 10)
-    monkeypatch.setattr(sampled_poses, "ROUNDS", 2)
+    monkeypatch.setattr(sampled_poses, "MIN_POSES", 100)
+    monkeypatch.setattr(sampled_poses, "POSES_PER_SQUARE_METRE", 10)
+    monkeypatch.setattr(sampled_poses, "MAX_ROUNDS", 2)
 
 
 @pytest.mark.slow
@@ -90,9 +90,9 @@ def test_no_cover_by_the_poses_drawn_has_fewer() -> None:
 def test_every_posture_of_a_stop_is_clear_and_joined_to_every_other() -> None:
     world = holes(4, 2)
     sequence, rng = in_sequence(scene_of(world), park(scene_of(world))), np.random.default_rng(0)
-    guard = sequence.scene.guard
+    collision = sequence.scene.collision
     for group in sequence.groups:
-        held = group.held
+        held = group.postures
         assert held is not None
         assert held.roadmap is not None
         for i, joints in zip(group.setpoints, held.joints, strict=True):
@@ -102,9 +102,9 @@ def test_every_posture_of_a_stop_is_clear_and_joined_to_every_other() -> None:
             assert tool[:3, 2] @ target.direction >= np.cos(target.cone) - 1e-9
         for _ in range(6):
             a, b = held.joints[rng.integers(len(held.joints), size=2)]
-            way = held.roadmap.way(guard, a, b)
+            way = held.roadmap.way(collision, a, b)
             assert way is not None
-            assert guard.passes([Pose(held.base, a), *way, Pose(held.base, b)])
+            assert collision.passes([Pose(held.base, a), *way, Pose(held.base, b)])
 
 
 @pytest.mark.usefixtures("few_poses")
@@ -124,10 +124,10 @@ def test_the_arm_goes_by_a_tour_that_no_order_of_its_postures_shortens() -> None
     found, sequence = plan(world), in_sequence(scene_of(world), park(scene_of(world)))
     at, total, best = np.flatnonzero(found.motion.kind == "setpoint"), 0.0, 0.0
     for stop, group in zip(found.stops, sequence.groups, strict=True):
-        assert group.held is not None
-        off = found.motion.joints[at[stop.first : stop.last + 1]] - group.held.joints
+        assert group.postures is not None
+        off = found.motion.joints[at[stop.first : stop.last + 1]] - group.postures.joints
         assert np.allclose(off, 2 * np.pi * np.round(off / (2 * np.pi)), atol=1e-3)  # rounded by the timing
-        far = arm_times(group.held, sequence.scene.world)
+        far = arm_times(group.postures, sequence.scene.world)
         ways = np.array([(0, *way, 0) for way in permutations(range(1, len(far)))])
         lengths = far[ways[:, :-1], ways[:, 1:]].sum(axis=1)
         total, best = total + lengths[0], best + lengths.min()
@@ -140,26 +140,28 @@ def test_the_arm_goes_by_a_tour_that_no_order_of_its_postures_shortens() -> None
 def test_a_tour_takes_no_posture_that_does_not_hold(monkeypatch: pytest.MonkeyPatch) -> None:
     toured, seen = arm_tour._toured, list[bool]()
 
-    def watched(scene: Scene, group: StopGroup, held: HeldPostures) -> tuple[HeldPostures, VisitingOrder]:
+    def watched(
+        scene: Scene, group: StopGroup, held: FixedBasePostures
+    ) -> tuple[FixedBasePostures, VisitingOrder]:
         made, order = toured(scene, group, held)
         seen.append(sorted(made.joints.tolist()) == sorted(held.joints.tolist()))
         return made, order
 
     monkeypatch.setattr(arm_tour, "_toured", watched)
-    monkeypatch.setattr(PostureCarrier, "keeps", lambda *_: False)  # of all but those known to hold
+    monkeypatch.setattr(PostureCarrier, "serves", lambda *_: False)  # of all but those known to hold
     world = holes(3, 2)
     in_sequence(scene_of(world), park(scene_of(world)))
     assert seen == [True] * len(seen) != []
 
 
-def arm_times(held: HeldPostures, world: World) -> np.ndarray:
+def arm_times(held: FixedBasePostures, world: World) -> np.ndarray:
     """Times of the ways between postures, the first that which the arm is driven in, straight from there."""
     assert held.roadmap is not None
     assert world.speeds is not None
-    joints, guard = np.vstack([held.roadmap.joints[:1], held.joints]), scene_of(world).guard
+    joints, collision = np.vstack([held.roadmap.joints[:1], held.joints]), scene_of(world).collision
     far = np.zeros((len(joints), len(joints)))
     for a, b in combinations(range(len(joints)), 2):
-        way = held.roadmap.way(guard, joints[a], joints[b]) if a else []
+        way = held.roadmap.way(collision, joints[a], joints[b]) if a else []
         assert way is not None
         states = np.array([joints[a], *(pose.joints for pose in way), joints[b]])
         times = np.abs(np.diff(states, axis=0)) / np.array(world.speeds.joint_velocity)

@@ -40,8 +40,8 @@ def test_a_changed_scene_has_the_parts_that_its_world_would_make(name: str) -> N
     assert changed.free_floor.headings == anew.free_floor.headings
     assert changed.free_floor.anywhere.somewhere.free.equals(anew.free_floor.anywhere.somewhere.free)
     assert np.array_equal(changed.footprint.corners, anew.footprint.corners)
-    assert changed.guard.contact.owner.tolist() == anew.guard.contact.owner.tolist()
-    assert (changed.guard.rules, changed.guard.spare) == (anew.guard.rules, anew.guard.spare)
+    assert changed.collision.contact.owner.tolist() == anew.collision.contact.owner.tolist()
+    assert (changed.collision.rules, changed.collision.spare) == (anew.collision.rules, anew.collision.spare)
 
 
 @pytest.mark.parametrize("name", CHANGES)

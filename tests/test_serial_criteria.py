@@ -18,7 +18,7 @@ from regionik.pipeline import plan
 from regionik.planners.reach.proven_poses import likely_distances, proven_distances
 from regionik.planners.reach.serial_criteria import PostureDemand, margin_about
 from regionik.planners.solvers.serial_chain import SerialArm, serial_arm
-from regionik.reach_rows import reach_rows
+from regionik.reach_table import reach_table
 from regionik.reachability.field import reach_field
 from regionik.regions import admissible_area, known_area
 from regionik.scene import scene_of
@@ -150,9 +150,9 @@ def test_places_of_inner_areas_have_a_posture_that_meets_all(kind: str, seed: in
     asked, target = some_criteria(robot, seed), target_of(robot, goal, seed)
     plain, world = (World("test", robot, FLOOR, rules=Rules(criteria=one)) for one in (None, asked))
     bare, inner = (
-        united(reach_rows(scene_of(w), [target], (1,), inner=True, proven=True)[2]) for w in (plain, world)
+        united(reach_table(scene_of(w), [target], (1,), inner=True, proven=True)[2]) for w in (plain, world)
     )
-    outer = united(reach_rows(scene_of(world), [target], (1,), inner=False)[2])
+    outer = united(reach_table(scene_of(world), [target], (1,), inner=False)[2])
     assert inner.area <= bare.area + 1e-9
     assert (inner - outer).area < 1e-9
     if not inner.is_empty:

@@ -8,7 +8,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from regionik.moving.shortcuts import DETOUR, PACES, SAVED, Clock, Shortcuts, travel
+from regionik.moving.shortcuts import GOOD_COST_RATIO, MIN_SAVED_LENGTH, PACES, Clock, Shortcuts, travel
 from regionik.moving.transit import TransitPlanner
 from regionik.pipeline import search
 from regionik.postures.poses import Pose, arrays
@@ -32,7 +32,7 @@ def wound(planner: TransitPlanner, corners: list[Pose]) -> list[Pose]:
     poses = corners[:1]
     for there in corners[1:]:
         states = planner.driver.direct(poses[-1], there, 0)
-        if states is not None and planner.guard.passes([poses[-1], *states, there]):
+        if states is not None and planner.collision.passes([poses[-1], *states, there]):
             poses += [*states, there]
     return poses
 
@@ -46,12 +46,12 @@ def test_the_base_goes_no_farther_and_all_stays_clear(seed: int) -> None:
     spans = rng.uniform(-1.0, 1.0, (12, 5)) * [0.9, 0.9, 3.0, 0.5, 0.2]
     first = posed(world, np.array([-0.9, -0.9, 0.0]))
     poses = wound(planner, [first, *(posed(world, row[:3], *row[3:]) for row in spans)])
-    short = Shortcuts(planner.guard, planner.driver, 0).shorter(poses)
+    short = Shortcuts(planner.collision, planner.driver, 0).shorter(poses)
     check(world, short[0], short[1:-1], short[-1])
     assert short[0] is poses[0]
     assert short[-1] is poses[-1]
     assert travel(short) <= travel(poses) + 1e-12
-    again = Shortcuts(planner.guard, planner.driver, 0).shorter(poses)
+    again = Shortcuts(planner.collision, planner.driver, 0).shorter(poses)
     assert [pose.base.tolist() for pose in again] == [pose.base.tolist() for pose in short]
 
 
@@ -63,11 +63,11 @@ def test_a_quicker_motion_keeps_clear_and_its_base_goes_no_farther(seed: int, ba
     planner, clock = carrier(world), Clock(scene_of(world))
     spans = rng.uniform(-1.0, 1.0, (2, 5)) * [0.9, 0.9, 3.0, 0.9, 0.4]
     here, there = (posed(world, row[:3], *row[3:]) for row in spans)
-    way = planner.folded(here, there, 0) if all(map(planner.guard.proves, (here, there))) else None
+    way = planner.folded(here, there, 0) if all(map(planner.collision.proves, (here, there))) else None
     if way is None:
         return
     poses = [here, *way, there]
-    quick = Shortcuts(planner.guard, planner.driver, 0).quicker(poses)
+    quick = Shortcuts(planner.collision, planner.driver, 0).quicker(poses)
     assert clock.whole(quick) <= clock.whole(poses)
     assert travel(quick) <= travel(poses) + 1e-9
     if base == "omni":
@@ -78,7 +78,7 @@ def test_a_quicker_motion_keeps_clear_and_its_base_goes_no_farther(seed: int, ba
     assert drive.travel(new) == pytest.approx(drive.travel(old), abs=1e-9)
     trace = shapely.LineString(drive.trace(old))
     assert shapely.distance(trace, shapely.points(new[:, :2])).max() < 1e-3
-    assert planner.guard.passes(quick)
+    assert planner.collision.passes(quick)
 
 
 @pytest.mark.parametrize("base", ["differential", "car"])
@@ -91,8 +91,8 @@ def test_wheels_roll_on_however_the_arm_moves(base: BaseKind) -> None:
     bends = np.linspace(-0.9, 0.9, 14)  # a zigzag beside the drive, then the drive
     poses = [posed(world, arc[0], bend, 0.2 * (-1) ** k) for k, bend in enumerate(bends)]
     poses += [Pose(place, poses[-1].joints) for place in arc[1:]]
-    assert planner.guard.passes(poses)
-    shortcuts, clock = Shortcuts(planner.guard, planner.driver, 0), Clock(scene_of(world))
+    assert planner.collision.passes(poses)
+    shortcuts, clock = Shortcuts(planner.collision, planner.driver, 0), Clock(scene_of(world))
     quick = shortcuts.quicker(poses)
     assert clock.whole(quick) < 0.8 * clock.whole(poses)
     for other in (quick, *(shortcuts._between(poses, *paces) for paces in PACES)):
@@ -106,7 +106,7 @@ def test_base_and_arm_go_at_once() -> None:
     here, there = posed(world, HERE, 0.9, -0.4), posed(world, THERE, -0.9, 0.4)
     way = planner.folded(here, there, 0)
     assert way is not None
-    quick = Shortcuts(planner.guard, planner.driver, 0).quicker([here, *way, there])
+    quick = Shortcuts(planner.collision, planner.driver, 0).quicker([here, *way, there])
     alone = Pose(there.base, here.joints), Pose(here.base, there.joints)  # of the base, of the arm
     assert clock.whole(quick) <= 1.1 * max(clock.whole([here, one]) for one in alone)
 
@@ -116,8 +116,8 @@ def test_over_open_floor_the_base_goes_straight() -> None:
     planner = carrier(world)
     places = [(0.0, 0.0), (0.6, 0.8), (-0.5, 0.9), (0.3, 0.0)]
     poses = wound(planner, [posed(world, np.array([*place, 0.0])) for place in places])
-    short = Shortcuts(planner.guard, planner.driver, 0).shorter(poses)
-    assert travel(short) <= DETOUR * 0.3 + SAVED
+    short = Shortcuts(planner.collision, planner.driver, 0).shorter(poses)
+    assert travel(short) <= GOOD_COST_RATIO * 0.3 + MIN_SAVED_LENGTH
 
 
 def test_a_base_that_drew_back_to_fold_goes_little_farther_than_it_must() -> None:
@@ -153,6 +153,6 @@ def test_a_merged_motion_has_few_states() -> None:
     )
     rows, shares = np.hstack(arrays(corners)), np.linspace(0, len(corners) - 1, 40 * len(corners))
     dense = np.column_stack([np.interp(shares, np.arange(len(rows)), column) for column in rows.T])
-    quick = Shortcuts(planner.guard, planner.driver, 0).quicker([Pose(row[:3], row[3:]) for row in dense])
+    quick = Shortcuts(planner.collision, planner.driver, 0).quicker([Pose(row[:3], row[3:]) for row in dense])
     assert len(quick) <= 2 * len(corners)
     check(world, quick[0], quick[1:-1], quick[-1])

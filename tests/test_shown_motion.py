@@ -26,7 +26,7 @@ HELD = ("pillar", "slab", "wall", "l_shape", "shelf", "pipe", "circle")
 @cache
 def timed(name: str) -> Plan:
     """The plan with the tool at 0.2 m/s, limits of jerk kept; a speed is held within 2 in 100."""
-    with patch("regionik.timing.timing_figures.HELD", 0.98):
+    with patch("regionik.timing.timing_figures.MIN_SPEED_SHARE", 0.98):
         return retime(planned(name), SMOOTH)
 
 

@@ -15,7 +15,7 @@ from scipy.sparse import csc_array
 from scipy.spatial.transform import Rotation
 from shapely.affinity import rotate, translate
 
-from regionik.moving.state_keeper import AREA_MARGIN, NEAR, StateKeeper
+from regionik.moving.state_constraints import AREA_MARGIN, CHECKED_DISTANCE, StateConstraints
 from regionik.pipeline import search
 from regionik.planners.smoothing.path_smoothing import HalfSpaces, within_reach
 from regionik.planners.smoothing.quadratic_program import minimize_quadratic
@@ -52,9 +52,9 @@ class Stage(NamedTuple):
 def staged(world: World) -> Stage:
     asked = list[tuple[Any, Plan, Any]]()
 
-    def stage(scene: Any, found: Plan, standing: Any) -> Plan:
-        asked.append((scene, found, standing))
-        return smooth_motion(scene, found, standing)
+    def stage(scene: Any, found: Plan, free_space: Any) -> Plan:
+        asked.append((scene, found, free_space))
+        return smooth_motion(scene, found, free_space)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(import_module(search.__module__), "smooth_motion", stage)
@@ -129,7 +129,7 @@ def test_the_same_bytes_again() -> None:
 
 def test_a_long_run_is_smoothed_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     """Parts share the state between them, which the plan has once."""
-    monkeypatch.setattr(runs, "MOST_STATES", 30)
+    monkeypatch.setattr(runs, "MAX_STATES", 30)
     parts = again("free")
     assert parts is not of("free").found
     assert verify(parts).ok
@@ -196,20 +196,20 @@ def test_a_differential_drive_rolls_without_slip_and_sooner() -> None:
 
 def test_a_base_found_off_its_areas_is_not_drawn_into_them() -> None:
     """As where pruning cut the component, or base and joints went on together."""
-    scene, found, standing, _ = of("free")
+    scene, found, free_space, _ = of("free")
     away = tuple(replace(area, pruned=translate(area.pruned, 0.0, 0.9)) for area in found.areas)
-    (run,) = runs.runs_of(scene, replace(found, areas=away), standing, 0.025, loose=False)
-    assert run.problem.keep(run.states).least.max() <= 0.0
+    (run,) = runs.runs_of(scene, replace(found, areas=away), free_space, 0.025, loose=False)
+    assert run.problem.half_spaces_at(run.states).least.max() <= 0.0
 
 
 def test_a_base_found_off_the_floor_of_all_slabs_stays_where_it_was() -> None:
     """As its footprint may have room where no slab of headings shows any; it was drawn back, off its path."""
-    scene, found, standing, _ = of("free")
+    scene, found, free_space, _ = of("free")
     away = tuple(replace(area, pruned=translate(area.pruned, 0.0, 90.0)) for area in found.areas)
-    sides = tuple(replace(side, floor=translate(side.floor, 0.0, 90.0)) for side in standing.sides)
-    standing = replace(standing, sides=sides)
-    (run,) = runs.runs_of(scene, replace(found, areas=away), standing, 0.025, loose=False)
-    assert run.problem.keep(run.states).least.max() <= 0.0
+    sides = tuple(replace(side, floor=translate(side.floor, 0.0, 90.0)) for side in free_space.sides)
+    free_space = replace(free_space, sides=sides)
+    (run,) = runs.runs_of(scene, replace(found, areas=away), free_space, 0.025, loose=False)
+    assert run.problem.half_spaces_at(run.states).least.max() <= 0.0
     still = np.zeros(len(run.states))
     assert run.mended(run.states, [0], still, still) == pytest.approx(run.states)
 
@@ -223,9 +223,10 @@ def test_a_distance_that_is_demanded_is_not_given_up() -> None:
     x, y = axis_of(world.robot, states[:, :3])[0]
     area = np.array([shapely.box(x - 0.001, y - 1, x + 1, y + 1)])
     asked = [
-        StateKeeper(world.robot, scene_of(world).guard, None, area, np.array([mm / 1000])) for mm in (0, 5)
+        StateConstraints(world.robot, scene_of(world).collision, None, area, np.array([mm / 1000]))
+        for mm in (0, 5)
     ]
-    easy, strict = (keeper.half_spaces(states) for keeper in asked)
+    easy, strict = (constraints.half_spaces(states) for constraints in asked)
     assert easy.least[0] <= 0.0
     assert strict.least[0] == pytest.approx(0.004)
     assert strict.normal[0, :2] == pytest.approx([1.0, 0.0])
@@ -268,13 +269,13 @@ def test_half_spaces_of_the_footprint_are_its_distance_and_how_it_changes() -> N
         placed = translate(placed, state[0], state[1])
         return min(placed.distance(one) - least for one, least in kept.items())
 
-    keeper = StateKeeper(
-        cart, scene_of(world).guard, scene_of(world).footprint, np.full(2000, floor), np.zeros(2000)
+    constraints = StateConstraints(
+        cart, scene_of(world).collision, scene_of(world).footprint, np.full(2000, floor), np.zeros(2000)
     )
-    spaces, seen = keeper.on_floor(states), 0
+    spaces, seen = constraints.on_floor(states), 0
     for k, state in enumerate(states):
         before = room(state)
-        if AREA_MARGIN < before < NEAR:  # nearer, only what it may not lose is asked
+        if AREA_MARGIN < before < CHECKED_DISTANCE:  # nearer, only what it may not lose is asked
             mine = spaces.state == k
             tight = np.argmax(spaces.least[mine])
             assert AREA_MARGIN - spaces.least[mine][tight] == pytest.approx(before, abs=2e-6)
@@ -298,8 +299,8 @@ def test_both_sides_of_a_front_keep_their_distance(yaw: float) -> None:
     world = World("posts", cart, Floor(floor), posts, (Target(np.array([0, 0, 0.3])),), Rules(clearance=0.0))
     state = np.zeros((1, 3 + cart.chain.dof))
     state[0, 2] = yaw
-    spaces = StateKeeper(
-        cart, scene_of(world).guard, scene_of(world).footprint, np.array([floor]), np.zeros(1)
+    spaces = StateConstraints(
+        cart, scene_of(world).collision, scene_of(world).footprint, np.array([floor]), np.zeros(1)
     ).on_floor(state)
     held = spaces.normal[spaces.least >= 0.0, 2]
     assert sorted(held) == pytest.approx([-0.2, 0.2], abs=1e-6)

@@ -16,7 +16,7 @@ from regionik.output.urdf import robot_to_urdf
 from regionik.pipeline import plan, why
 from regionik.planners.avoidance.avoiding_fabrik import links_clear
 from regionik.planners.collision.proximity import nearest
-from regionik.postures.arm_guard import SPARE
+from regionik.postures.collision_checker import MAX_SPARE
 from regionik.postures.poses import Pose
 from regionik.reachability.reach import reach
 from regionik.scene import scene_of
@@ -90,13 +90,13 @@ def test_arms_are_not_carried_in_the_floor() -> None:
 def test_all_checks_agree_with_the_height_of_the_lowest_point(seed: int, clearance: float) -> None:
     joints = posture(seed)
     made = at_rest(joints, arm_clearance=clearance, tool_contact=0.0)
-    room, guard = lowest(joints) - clearance, scene_of(made.world).guard
-    if abs(room - SPARE) < 1e-5 or abs(room) < 1e-5:
+    room, collision = lowest(joints) - clearance, scene_of(made.world).collision
+    if abs(room - MAX_SPARE) < 1e-5 or abs(room) < 1e-5:
         return
-    assert guard.clear(Pose(HERE, joints)) == (room > SPARE)
-    touch = nearest(guard.bodies, HERE, joints)
-    assert touch.distance == pytest.approx(room + clearance, abs=1e-6)
-    clear = links_clear(guard.bodies, HERE, np.full(3, 9.0), 0.0)
+    assert collision.clear(Pose(HERE, joints)) == (room > MAX_SPARE)
+    proximity = nearest(collision.bodies, HERE, joints)
+    assert proximity.distance == pytest.approx(room + clearance, abs=1e-6)
+    clear = links_clear(collision.bodies, HERE, np.full(3, 9.0), 0.0)
     frames = ROBOT.chain.frames(joints)
     assert all(clear(k, frames[k]) for k in range(5)) == (room > 0)
     assert verify(made).ok == (room > 0)
@@ -122,11 +122,11 @@ def test_a_dip_between_two_states_is_found() -> None:
     rules = Rules(clearance=0.0, tool_contact=0.0)
     world = world_of(motion, robot=raised, rules=rules)
     ends = [Pose(HERE, ahead), Pose(HERE, back)]
-    assert verify(plan_of(world, motion, 1)).ok == (scene_of(world).guard.stop(ends) is None)
+    assert verify(plan_of(world, motion, 1)).ok == (scene_of(world).collision.first_obstruction(ends) is None)
     low = replace(world, robot=replace(raised, mount=np.zeros(4)))
-    stopped = scene_of(low).guard.stop(ends)
+    stopped = scene_of(low).collision.first_obstruction(ends)
     assert stopped is not None
-    assert scene_of(low).guard.cause(stopped).kind == "floor"
+    assert scene_of(low).collision.cause(stopped).kind == "floor"
 
 
 @pytest.mark.parametrize(("depth", "holds"), [(0.0, False), (0.036, True)])

@@ -24,7 +24,7 @@ from regionik.postures.families import BACK, FRONT
 from regionik.regions import path_areas
 from regionik.scene import scene_of
 from regionik.values import Plan
-from regionik.verification.stops import within_reached_circles
+from regionik.verification.stops import within_reachable_circles
 from regionik.verification.verifier import verify
 from regionik.view.floor_view import floor_view
 from regionik.view.plan_picture import picture_of_plan
@@ -349,10 +349,10 @@ def test_circles_end_where_postures_are_found_all_round() -> None:
     stats = {key: value for key, value in found.stats.items() if key != "margins"}
     broken = replace(found, stops=(replace(first, tolerance=first.tolerance + 0.3), *rest), stats=stats)
     assert not verify(broken).ok
-    mended = within_reached_circles(broken)
+    mended = within_reachable_circles(broken)
     assert verify(mended).ok
     assert TAU <= mended.stops[0].tolerance < broken.stops[0].tolerance
-    again = within_reached_circles(mended)  # what holds is told as it is
+    again = within_reachable_circles(mended)  # what holds is told as it is
     assert [one.tolerance for one in again.stops] == [one.tolerance for one in mended.stops]
 
 

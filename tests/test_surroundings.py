@@ -52,7 +52,7 @@ def test_answers_of_reach_stay_and_far_blobs_are_not_looked_at(monkeypatch: pyte
         patch.setattr(Prism, "shadow", looking)
         found = reach(world, targets)
     assert 0 < len(set(looked)) < 100
-    monkeypatch.setattr(surroundings, "MANY", 10**9)
+    monkeypatch.setattr(surroundings, "MIN_SOLIDS_TO_CUT", 10**9)
     whole = reach(speckled(), targets)
     assert found.verdict.tolist() == whole.verdict.tolist()
     assert found.reason == whole.reason
@@ -72,7 +72,7 @@ def test_from_one_pose_only_what_is_near_is_looked_at(monkeypatch: pytest.Monkey
         patch.setattr(Prism, "distance", asking)
         found = reach(world, targets, base=pose)
     assert len(asked) < 100
-    monkeypatch.setattr(surroundings, "MANY", 10**9)
+    monkeypatch.setattr(surroundings, "MIN_SOLIDS_TO_CUT", 10**9)
     whole = reach(speckled(), targets, base=pose)
     assert found.verdict.tolist() == whole.verdict.tolist()
     assert found.reason == whole.reason
@@ -98,13 +98,13 @@ def test_why_looks_at_what_is_near_alone_and_says_the_same(
         looked.add(self.name)
         return shadow(self, below, above)
 
-    monkeypatch.setattr(surroundings, "MANY", 50)
+    monkeypatch.setattr(surroundings, "MIN_SOLIDS_TO_CUT", 50)
     with monkeypatch.context() as patch:
         patch.setattr(Prism, "shadow", looking)
         near = why(world, target)
     assert len(looked) < 50
     assert looked.issuperset(beside if target[0] < 30 else ())
-    monkeypatch.setattr(surroundings, "MANY", 10**9)
+    monkeypatch.setattr(surroundings, "MIN_SOLIDS_TO_CUT", 10**9)
     whole = why(_with_slabs(), target)
     assert near is not None
     assert near == whole

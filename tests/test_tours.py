@@ -70,7 +70,7 @@ def test_order_and_choice_in_turns_come_near_the_best(seed: int) -> None:
     far, owner, lead, tail = sets_of_points(seed, 10)
     exact = shortest_tour_of_sets(far, owner, lead, tail).length
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(tours, "MOST_EXACT", 7)
+        patch.setattr(tours, "MAX_EXACT", 7)
         found = shortest_tour_of_sets(far, owner, lead, tail)
     assert found.length == pytest.approx(_open_length(found.order, far, lead, tail))
     assert sorted(owner[list(found.order)]) == list(range(10))

@@ -41,7 +41,7 @@ def world_of(name: str, *solids: Solid, heading: Heading = "free") -> World:
 def carrier(world: World) -> TransitPlanner:
     return TransitPlanner(
         scene_of(world),
-        scene_of(world).guard,
+        scene_of(world).collision,
         driver_for(scene_of(world), scene_of(world).free_floor.anywhere, 0),
     )
 
@@ -61,7 +61,7 @@ def check(world: World, here: Pose, way: list[Pose], there: Pose) -> None:
         assert np.abs(b.joints - a.joints).max() <= LARGEST_BEND + 1e-9
         for share in np.linspace(0, 1, 5):
             at = pose_between(a, b, float(share), world.robot)
-            assert scene_of(world).guard.clear(at)
+            assert scene_of(world).collision.clear(at)
             assert free.distance(shapely.Point(axis_of(robot, at.base))) < 1e-3
             assert (at.joints >= robot.chain.lower - 1e-9).all()
             assert (at.joints <= robot.chain.upper + 1e-9).all()
@@ -126,7 +126,7 @@ def test_the_arm_draws_back_where_it_cannot_fold() -> None:
     flat = np.array([0.0, 0.3, 0.0, 1.2, 0.0])
     here = Pose(np.array([0.25, 0.0, 0.0]), flat)
     there = posed(world, np.array([-0.8, 0.5, 0.0]))
-    assert scene_of(world).guard.clear(here)
+    assert scene_of(world).collision.clear(here)
     bare = replace(world, obstacles=())
     way = carrier(world).folded(here, there, 0)
     straight = carrier(bare).folded(here, there, 0)
@@ -161,7 +161,7 @@ def test_ways_of_the_arm_alone_lead_round_things() -> None:
     out = np.array([0.0, 0.4, 0.0, 1.2, 0.0])
     left, right = (Pose(np.zeros(3), out + [turn, 0, 0, 0, 0]) for turn in (0.5, -0.5))
     planner = carrier(world)
-    assert not planner.guard.passes([left, right])
+    assert not planner.collision.passes([left, right])
     way = planner.arm_way(left, right.joints)
     assert way is not None
     assert np.array_equal(way[-1].joints, right.joints)
@@ -187,7 +187,7 @@ def test_the_arm_of_a_base_on_wheels_is_led_round_things(monkeypatch: pytest.Mon
 
 
 def test_no_way_out_of_a_pen(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(transit, "ITERATIONS", 100)
+    monkeypatch.setattr(transit, "MAX_ITERATIONS", 100)
     pen = tuple(
         Box(name, np.array([*size, 1.0]), np.array([*middle, 0.7]))
         for name, size, middle in (
@@ -199,12 +199,12 @@ def test_no_way_out_of_a_pen(monkeypatch: pytest.MonkeyPatch) -> None:
     )
     world = world_of("youbot", *pen)
     inside, outside = posed(world, np.zeros(3)), posed(world, np.array([-1.0, 0.0, 0.0]))
-    assert scene_of(world).guard.clear(inside)
+    assert scene_of(world).collision.clear(inside)
     assert carrier(world).folded(inside, outside, 0) is None
     assert carrier(world).sampled(inside, outside, 0) is None
-    touch = carrier(world).obstruction(inside, outside, 0)
-    assert touch is not None
-    assert scene_of(world).guard.other(touch) == "west"
+    proximity = carrier(world).obstruction(inside, outside, 0)
+    assert proximity is not None
+    assert scene_of(world).collision.other(proximity) == "west"
 
 
 def test_no_way_of_the_arm_axis_ends_where_only_a_heading_has_room() -> None:
@@ -283,7 +283,7 @@ def test_ways_stay_on_the_floor_however_wide_their_berth(spare: float) -> None:
     post = Cylinder("post", 0.4, 0.3, np.array([0.0, 0.0, 0.15]))
     world = world_of("youbot", post)
     driver = carrier(world).driver
-    floor = driver.standing.pieces.polygon[0].buffer(1e-6)
+    floor = driver.free_space.pieces.polygon[0].buffer(1e-6)
     near, far = np.hypot(*np.array(floor.interiors[0].coords).T).max() + 1e-6, floor.bounds[2]
     berth = (np.sqrt(2) * far - near) / (1 + np.sqrt(2)) - spare  # which little more than the corners leave
     for angle in np.radians([20.0, 30.0, 40.0]):

@@ -224,7 +224,7 @@ def _prisms(solid: LinkSolid, T: Array, *, inside: bool) -> tuple[BodyPrism, ...
     points = _points(solid, T, inside=inside)
     low, high = float(points[:, 2].min()), float(points[:, 2].max())
     bands = _bands(points, low, high, _PRISMS.max_halvings, inside=inside)
-    shapes = ((_held(points, *band) if inside else _taken(points, *band), band) for band in bands)
+    shapes = ((_common_section(points, *band) if inside else _outline(points, *band), band) for band in bands)
     return tuple(
         BodyPrism(solid.name, tuple(map(tuple, shapely.get_coordinates(shape.exterior)[:-1].tolist())), *band)
         for shape, band in shapes
@@ -255,9 +255,9 @@ def _ball(*, inside: bool) -> Array:
 
 def _bands(points: Array, low: float, high: float, halvings: int, *, inside: bool) -> list[Band]:
     """Heights between which the outlines of a hull of points (n, 3) differ little."""
-    taken, off = _taken(points, low, high).area, _PRISMS.max_inset_share * (high - low)
+    taken, off = _outline(points, low, high).area, _PRISMS.max_inset_share * (high - low)
     for band in ((low, high), (low + off, high - off)):
-        if _held(points, *band).area >= _PRISMS.min_inner_share * taken:
+        if _common_section(points, *band).area >= _PRISMS.min_inner_share * taken:
             return [band if inside else (low, high)]
     if not halvings or high - low < _PRISMS.min_band:
         return [(low, high)]
@@ -266,7 +266,7 @@ def _bands(points: Array, low: float, high: float, halvings: int, *, inside: boo
     return [band for half in halves for band in _bands(points, *half, halvings - 1, inside=inside)]
 
 
-def _taken(points: Array, low: float, high: float) -> Polygon:
+def _outline(points: Array, low: float, high: float) -> Polygon:
     """Return the outline, from above, of the part of a hull of points (n, 3) between two heights."""
     between = points[(points[:, 2] > low) & (points[:, 2] < high), :2]
     return shapely.convex_hull(
@@ -274,7 +274,7 @@ def _taken(points: Array, low: float, high: float) -> Polygon:
     )
 
 
-def _held(points: Array, low: float, high: float) -> Polygon:
+def _common_section(points: Array, low: float, high: float) -> Polygon:
     """Return an area that every section of a hull of points (n, 3) between two heights contains."""
     return shapely.intersection(
         *(shapely.convex_hull(shapely.multipoints(_section(points, z))) for z in (low, high))

@@ -369,10 +369,10 @@ def _clear(robot: Robot, joints: Array, margin: float) -> Mask:
     return postures_off_floor(robot, joints, margin) & postures_clear(robot, joints, margin)
 
 
-def _better(robot: Robot, found: Array, others: Array, margin: float) -> Array:
+def _better(robot: Robot, candidates: Array, others: Array, margin: float) -> Array:
     """Return the best of a clear posture (dof,) and others (n, dof)."""
-    best = _best(robot, np.concatenate([found[None], others]), margin)
-    return found if best is None else best
+    best = _best(robot, np.concatenate([candidates[None], others]), margin)
+    return candidates if best is None else best
 
 
 def _best(robot: Robot, joints: Array, margin: float) -> Array | None:

@@ -21,7 +21,7 @@ from benchmarks.speed.harness import Row, Rows, Size, Spread, Wanted, Work, agai
 from regionik.mfabrik import configurations
 from regionik.motion import connect_setpoints
 from regionik.moving.drivers import driver_for
-from regionik.moving.transit import ITERATIONS, TransitPlanner, WholeBodyPlanner
+from regionik.moving.transit import MAX_ITERATIONS, TransitPlanner, WholeBodyPlanner
 from regionik.pipeline import search
 from regionik.planners.driving.point_planner import drive_point
 from regionik.postures.families import FRONT
@@ -100,13 +100,13 @@ def _each(spread: Spread | None, count: int) -> Spread:
 def search_stages(world: World) -> dict[str, float]:
     """Areas, pruning, configurations and motion, each with its seconds."""
     marks = [time.perf_counter()]
-    standing, _, pruned = whole_path(scene_of(world))
+    free_space, _, pruned = whole_path(scene_of(world))
     marks.append(time.perf_counter())
-    chain = choose_chain(pruned, standing, start_place(scene_of(world)))
+    chain = choose_chain(pruned, free_space, start_place(scene_of(world)))
     start = start_pose(scene_of(world), pruned, chain[0])
-    configurations(world.task, solvers_along(scene_of(world), pruned.ladder, standing, chain), start)
+    configurations(world.task, solvers_along(scene_of(world), pruned.ladder, free_space, chain), start)
     marks.append(time.perf_counter())
-    connect_setpoints(scene_of(world), pruned, standing, 0)
+    connect_setpoints(scene_of(world), pruned, free_space, 0)
     marks.append(time.perf_counter())
     names = ("areas and pruning", "configurations", "motion")
     return dict(zip(names, np.diff(marks).tolist(), strict=True))
@@ -128,12 +128,12 @@ def _jump(size: Size) -> Iterator[Row]:
     runs = np.split(lifted, np.flatnonzero(np.diff(lifted) > 1) + 1)
     run = max(runs, key=lambda one: world.robot.drive.travel(motion.base[one[0] - 1 : one[-1] + 2]))
     here, there = (Pose(motion.base[k], motion.joints[k]) for k in (run[0] - 1, run[-1] + 1))
-    standing, _, _ = whole_path(scene_of(world))
-    guard = scene_of(world).guard
-    driver = driver_for(scene_of(world), standing, 0)
-    piece = standing.piece_at(here.base[:2], float(here.base[2]))
+    free_space, _, _ = whole_path(scene_of(world))
+    collision = scene_of(world).collision
+    driver = driver_for(scene_of(world), free_space, 0)
+    piece = free_space.piece_at(here.base[:2], float(here.base[2]))
     assert piece is not None
-    transits = TransitPlanner(scene_of(world), guard, driver)
+    transits = TransitPlanner(scene_of(world), collision, driver)
 
     def staged() -> list[Pose]:
         way = transits.folded(here, there, piece)
@@ -146,8 +146,8 @@ def _jump(size: Size) -> Iterator[Row]:
         way = None
         while way is None:  # a run that finds none counts with the one that does
             seeded = replace(driver, seed=next(seeds))
-            way = WholeBodyPlanner(scene_of(world), guard, seeded, piece).way(
-                here, there, seeded.seed, ITERATIONS
+            way = WholeBodyPlanner(scene_of(world), collision, seeded, piece).way(
+                here, there, seeded.seed, MAX_ITERATIONS
             )
         return way
 

@@ -16,8 +16,8 @@ from regionik.planners.solvers.fabrik import (
     forward_reaching,
     knots_at,
 )
-from regionik.planners.solvers.mfabrik_planar import PATIENCE, STALLED, PlanarSetup
-from regionik.postures.arm import MOST_PASSES
+from regionik.planners.solvers.mfabrik_planar import MAX_STALL_SHARE, STALL_WINDOW, PlanarSetup
+from regionik.postures.arm import MAX_PASSES
 from regionik.worlds.arrays import Array
 
 DAMPING = 1e-6  # the best of 1e-2, 1e-4 and 1e-6
@@ -117,9 +117,9 @@ def passes_with_shapely(
     error, passes = math.hypot(*miss), 0
     settled = shapely.intersects_xy(area, x, y)
     mark = math.inf
-    while (error > tolerance or not settled) and passes < MOST_PASSES:
-        if passes % PATIENCE == PATIENCE - 1:
-            if error > STALLED * mark:
+    while (error > tolerance or not settled) and passes < MAX_PASSES:
+        if passes % STALL_WINDOW == STALL_WINDOW - 1:
+            if error > MAX_STALL_SHARE * mark:
                 break
             mark = error
         passes += 1

@@ -145,11 +145,11 @@ def experiment(name: str) -> list[Row]:
     Algorithm 2 is asked wherever the straight way between two bases leaves the free floor.
     """
     world = load_world(name)
-    standing, _, pruned = whole_path(scene_of(world))
-    chain = choose_chain(pruned, standing, start_place(scene_of(world)))
+    free_space, _, pruned = whole_path(scene_of(world))
+    chain = choose_chain(pruned, free_space, start_place(scene_of(world)))
     base, joints = start_pose(scene_of(world), pruned, chain[0])
-    solvers = solvers_along(scene_of(world), pruned.ladder, standing, chain)
-    free = shapely.union_all(standing.pieces.polygon)
+    solvers = solvers_along(scene_of(world), pruned.ladder, free_space, chain)
+    free = shapely.union_all(free_space.pieces.polygon)
     rows = []
     for i, goal in enumerate(configurations(world.task, solvers, (base, joints))):
         here, there = axis_of(world.robot, base), axis_of(world.robot, goal.base)

@@ -26,12 +26,12 @@ from benchmarks.bench_avoidance import (
 from benchmarks.tables.clock import seconds
 from benchmarks.tables.table import Table
 from regionik.planners.avoidance.avoiding_fabrik import (
-    MOST_ITERATIONS,
+    MAX_ITERATIONS,
     AvoidanceResult,
     avoid_obstacles,
     links_clear,
 )
-from regionik.planners.search.fixed_base import WORDS, search_fixed_base
+from regionik.planners.search.fixed_base import VERDICT_NAMES, search_fixed_base
 
 SCENES = 200
 NOTHING = np.zeros((0, 2)), np.zeros(0)  # no circles
@@ -108,7 +108,7 @@ def proven(test: int, seeds: Sequence[int]) -> list[str]:
     found = (
         search_fixed_base(chain, solids, posts(*circles(corner, seed)), goal, TOLERANCE) for seed in seeds
     )
-    return [WORDS[one.verdict] for one in found]
+    return [VERDICT_NAMES[one.verdict] for one in found]
 
 
 def tables() -> list[Table]:
@@ -123,7 +123,7 @@ def _table(test: int) -> Table:
     rows: list[tuple[str, ...]] = []
     for seed, (count, off, time), taken in zip(seeds, printed, times, strict=True):
         one = run(test, None) if seed is None else many.found[seed]
-        theirs = "yes" if count < MOST_ITERATIONS else "no", str(count), f"{off:.4e}"
+        theirs = "yes" if count < MAX_ITERATIONS else "no", str(count), f"{off:.4e}"
         mine = "yes" if one.converged else "no", str(one.iterations), f"{one.error:.4e}"
         ratios = f"{time} ({time / printed[0][2]:.2f})", f"{taken / times[0]:.2f}"
         rows.append((str(len(rows) + 1), *theirs, ratios[0], *mine, ratios[1]))
@@ -146,7 +146,7 @@ def _table(test: int) -> Table:
 
 def _whole(test: int, many: Many) -> tuple[str, ...]:
     """What all scenes come to, beside the paper's runs."""
-    theirs = [count for count, _, _ in PRINTED[test - 1] if count < MOST_ITERATIONS]
+    theirs = [count for count, _, _ in PRINTED[test - 1] if count < MAX_ITERATIONS]
     failed = [seed for seed, one in enumerate(many.found) if not one.converged]
     told = (
         f"Ours in {SCENES} seeded scenes: {len(many.iterations)} met, median of their iterations "
@@ -160,5 +160,5 @@ def _whole(test: int, many: Many) -> tuple[str, ...]:
         told,
         f"Of the {len(failed)} scenes that are not met, {kinds.count('none')} are proven to hold no free "
         f"posture. {kinds.count('found')} hold one, which the passes do not come to in "
-        f"{MOST_ITERATIONS} iterations; the search that `clear_posture` puts behind them does.",
+        f"{MAX_ITERATIONS} iterations; the search that `clear_posture` puts behind them does.",
     )

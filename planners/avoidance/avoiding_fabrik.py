@@ -22,10 +22,10 @@ from regionik.planners.solvers.fabrikr import (
     Posture,
     backward_choice,
     backward_place,
+    clamped_turn,
     forward_choice,
     forward_place,
     forward_start,
-    held,
     place_behind,
     posture_of,
 )
@@ -36,7 +36,7 @@ from regionik.worlds.chain import Chain
 from regionik.worlds.links import LinkHull
 from regionik.worlds.polytopes import Polytope
 
-MOST_ITERATIONS = 100  # as in the paper
+MAX_ITERATIONS = 100  # as in the paper
 _ROTATIONS = 10  # random rotations tried for one link, as in the paper
 ROUNDING = 1e-9  # [rad]
 
@@ -61,7 +61,7 @@ def avoid_obstacles(
     *,
     tolerance: float,
     seed: int,
-    most: int = MOST_ITERATIONS,
+    most: int = MAX_ITERATIONS,
     rotations: int = _ROTATIONS,
 ) -> AvoidanceResult:
     """Bring the tool to a target with every link clear.
@@ -163,7 +163,7 @@ class _AvoidingPasses:
             if not arm.revolute[k]:  # a slide goes over its travel, as far as it has ends
                 travel = float(arm.upper[k] - arm.lower[k])
                 wanted = now + angle / np.pi * (travel if np.isfinite(travel) else 0.0)
-            value = held(wanted, now, arm.lower[k], arm.upper[k]) if arm.revolute[k] else wanted
+            value = clamped_turn(wanted, now, arm.lower[k], arm.upper[k]) if arm.revolute[k] else wanted
             if abs(wrap(value - wanted)) > ROUNDING or not arm.lower[k] <= value <= arm.upper[k]:
                 return False
             place(self.bodies, k, value, self.posture)

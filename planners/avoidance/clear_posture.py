@@ -24,15 +24,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regionik.planners.avoidance.avoiding_fabrik import MOST_ITERATIONS, avoid_obstacles, links_clear
+from regionik.planners.avoidance.avoiding_fabrik import MAX_ITERATIONS, avoid_obstacles, links_clear
 from regionik.planners.collision.collision_checking import is_clear
 from regionik.planners.collision.proximity import nearest, room_of
 from regionik.planners.collision.robot_bodies import Bodies, ContactTargets, RobotScene
 from regionik.planners.kernels import compiled
-from regionik.planners.reach.serial_criteria import SerialThresholds, led_within
+from regionik.planners.reach.serial_criteria import SerialThresholds, moved_within_thresholds
 from regionik.planners.search.box_search import Verdict
 from regionik.planners.search.fixed_base import (
-    MOST_REDUNDANT,
+    MAX_REDUNDANT_JOINTS,
     PostureTask,
     redundant_joints,
     search_postures,
@@ -56,7 +56,7 @@ class NeighboringTargets(NamedTuple):
     scene: RobotScene
     margin: float  # kept from all solids beyond what the scene asks [m]
     base: Array  # (3,) x, y [m], yaw [rad]
-    asked: SerialThresholds  # of the postures
+    thresholds: SerialThresholds  # of the postures
     arm: SerialArm  # it may have more joints than the robot, the first of which do not move
     aims: Aims  # n targets as the arm's base frame has them
     tool_on: Index  # (n,) obstacle that the tool works on at each, -1 for none
@@ -109,7 +109,7 @@ def _meets(targets: NeighboringTargets, i: int, start: Array, postures: Array) -
     error, angle, _ = polish(targets.arm, aim, joints, reach, most, widest, _NEIGHBOR_STEPS)
     if error > most or angle > widest:
         return False
-    if not led_within(targets.arm, targets.asked, aim, joints, reach, most, widest):
+    if not moved_within_thresholds(targets.arm, targets.thresholds, aim, joints, reach, most, widest):
         return False
     more = len(joints) - len(targets.scene.robot.arm.lower)
     if not is_clear(targets.scene, targets.margin, targets.base, joints[more:], targets.tool_on[i]):
@@ -121,11 +121,11 @@ def _meets(targets: NeighboringTargets, i: int, start: Array, postures: Array) -
 SAMPLES = 300  # postures drawn at random for a target
 _POSE_SAMPLES = 60  # postures tried for a pose, every other one drawn at random
 _FEW_BOXES = 500  # boxes of joint values after which a proof is no longer to be had cheaply
-MOST_BOXES = 200_000
+MAX_BOXES = 200_000
 ATTEMPTS = 3  # of FABRIK with obstacle avoidance, each with other random rotations
 _QUICK_PASSES = 12  # of FABRIK with obstacle avoidance; where it succeeds it mostly takes fewer than ten
 STEPS = 60  # of damped least squares that take a posture back to the target
-_LARGEST_CHANGE = 1.0  # of a joint when the best posture so far is varied [rad] or [m]
+_MAX_CHANGE = 1.0  # of a joint when the best posture so far is varied [rad] or [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +140,7 @@ class ClearPosture:
 
 
 def clear_posture(
-    task: PostureTask, joints: ArrayLike, *, seed: int = 0, most_boxes: int = MOST_BOXES
+    task: PostureTask, joints: ArrayLike, *, seed: int = 0, most_boxes: int = MAX_BOXES
 ) -> ClearPosture:
     """Find a posture that brings the tool to a target with every solid clear, or prove that there is none.
 
@@ -233,7 +233,7 @@ class _Search:
         self.steps.append("passes")
         q = self.start.copy()
         self.solver.solve(Aim(self.goal, POSITION, np.eye(3)), q)
-        return self._found() if self._offer(q) else None
+        return self._result() if self._offer(q) else None
 
     def by_proof(self, most: int) -> ClearPosture | None:
         """A proof that is at hand, or a short search for one; postures that it finds are left aside."""
@@ -245,7 +245,7 @@ class _Search:
         self.steps.append("search")
         return self.answer(Verdict.RULED_OUT)
 
-    def by_avoidance(self, attempts: int, most: int = MOST_ITERATIONS) -> ClearPosture | None:
+    def by_avoidance(self, attempts: int, most: int = MAX_ITERATIONS) -> ClearPosture | None:
         """FABRIK with obstacle avoidance, with other random rotations each time; not of mimicking joints."""
         if self.chain.has_mimics:
             return None
@@ -258,7 +258,7 @@ class _Search:
                 self.chain, self.goal, self.start, clear, tolerance=task.tolerance, seed=seed, most=most
             )
             if found.converged and self._offer(found.joints):
-                return self._found()
+                return self._result()
         return None
 
     def by_sampling(self, samples: int = SAMPLES) -> ClearPosture | None:
@@ -277,21 +277,24 @@ class _Search:
                 polish(solver.pointing.arm, aim, near, effort.reach, self.task.tolerance, 1.0, STEPS)
                 q[:n] = near
             if self._offer(q):
-                return self._found()
+                return self._result()
         return None
 
     def by_branch_and_bound(self, most: int) -> ClearPosture:
         """All postures, where the arm is not too mobile for that."""
-        if self.chain.unbounded or redundant_joints(self.chain, self.bodies.robot.solids) > MOST_REDUNDANT:
+        if (
+            self.chain.unbounded
+            or redundant_joints(self.chain, self.bodies.robot.solids) > MAX_REDUNDANT_JOINTS
+        ):
             return self.answer(Verdict.OPEN)
         verdict = search_postures(self.task, self._offer, most).verdict
-        return self._found() if verdict == Verdict.PROVEN else self.answer(verdict)
+        return self._result() if verdict == Verdict.PROVEN else self.answer(verdict)
 
     def answer(self, verdict: Verdict) -> ClearPosture:
         """Return no posture."""
         return ClearPosture(verdict, None, np.inf, tuple(self.steps))
 
-    def _found(self) -> ClearPosture:
+    def _result(self) -> ClearPosture:
         assert self.best is not None
         joints, error, _ = self.best
         joints.flags.writeable = False
@@ -315,6 +318,6 @@ class _Search:
 
 def _varied(chain: Chain, joints: Array, rng: np.random.Generator) -> Array:
     """A posture near another one: all joints changed by normal amounts of a random size."""
-    change = _LARGEST_CHANGE * 10.0 ** rng.uniform(-3, 0) * rng.normal(size=chain.dof)
+    change = _MAX_CHANGE * 10.0 ** rng.uniform(-3, 0) * rng.normal(size=chain.dof)
     varied: Array = np.clip(joints + change, chain.lower, chain.upper)
     return varied

@@ -38,7 +38,7 @@ from regionik.planners.kernels import compiled
 from regionik.planners.solvers.serial_chain import joint_values
 from regionik.worlds.arrays import Array
 
-MOST_STEPS = 1000
+MAX_STEPS = 1000
 _CHORDS = 8  # most parts of a motion whose boxes bound where the links pass
 _CHORD = 0.2  # largest turn of base or joint in one of them, while they are fewer [rad]
 
@@ -57,7 +57,7 @@ def advance(scene: RobotScene, motion: MotionSegment, k: int, m: int, margin: fl
     frames, placed = np.empty((len(robot.arm.axis) + 2, 4, 4)), np.empty_like(A)
     normal, spot = np.zeros(3), np.empty(3)
     s = 0.0
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         link_frames(robot, motion, s, frame, frames)
         transform_into(frames[link], A, placed)
         free = hull_distance(placed, B, hulls.disc[m], normal, spot)[0] - need

@@ -14,7 +14,7 @@ import numpy as np
 from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array
 
-MOST_STEPS = 64  # polytopes take less than ten; only discs need more
+MAX_STEPS = 64  # polytopes take less than ten; only discs need more
 TOUCHING = 1e-12  # a distance that counts as none [m]
 TIGHT = 1e-10  # between lower and upper bound where the walk ends [m]
 _FLAT = 1e-13  # of a simplex against its size, where it has lost a dimension
@@ -47,7 +47,7 @@ def hull_distance(A: Array, B: Array, disc: float, normal: Array, spot: Array) -
         if v[0] == 0.0 and v[1] == 0.0 and v[2] == 0.0:
             v[2] = 1.0
     count, lower, upper = 0, -np.inf, np.inf
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         size = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
         if count > 0:
             if size >= upper:

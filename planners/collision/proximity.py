@@ -42,7 +42,7 @@ from regionik.worlds.self_collision import BODY
 LOOK = 1e-3  # part of a motion between two looks for a link inside a mesh
 
 
-class Touch(NamedTuple):
+class Proximity(NamedTuple):
     """The nearest thing to the robot's solids; points in the world."""
 
     distance: float  # [m], negative where they overlap; infinite where there is nothing
@@ -53,7 +53,7 @@ class Touch(NamedTuple):
     on_other: Array  # (3,) [m]
 
 
-NOTHING = Touch(np.inf, -1, "none", -1, np.full(3, np.nan), np.full(3, np.nan))  # is near
+NOTHING_NEAR = Proximity(np.inf, -1, "none", -1, np.full(3, np.nan), np.full(3, np.nan))  # is near
 
 
 def nearest(
@@ -64,7 +64,7 @@ def nearest(
     contact: ContactTargets | None = None,
     within: float = np.inf,
     enough: float = -np.inf,
-) -> Touch:
+) -> Proximity:
     """The nearest thing to the robot's solids: an obstacle, another of its solids, or its own base.
 
     Parameters
@@ -81,7 +81,7 @@ def nearest(
 
     Returns
     -------
-    Touch
+    Proximity
         Of kind "none" where nothing is within that distance.
 
     Raises
@@ -94,15 +94,15 @@ def nearest(
     rest = at_rest(place, bodies.robot.chain.joint_values(frozen(joints, (dof,), "joints")))
     lower = np.empty((len(bodies.robot.all_solids), len(bodies.pieces)))
     bound = distance_bounds(bodies.scene(contact), rest, within, lower)
-    best, found = within, NOTHING
+    best, found = within, NOTHING_NEAR
     near = np.argwhere(lower <= bound + ROUNDING)
     for k, m in near[np.argsort(lower[near[:, 0], near[:, 1]], kind="stable")].tolist():
         if lower[k, m] >= best:
             break
-        touch = _touch_of(bodies, rest, k, m)
-        room = room_of(bodies, touch)
+        proximity = _proximity_of(bodies, rest, k, m)
+        room = room_of(bodies, proximity)
         if room < best:
-            best, found = room, touch
+            best, found = room, proximity
         if best < enough:
             break
     return found
@@ -124,7 +124,7 @@ def is_path_clear(
 
 def path_clear(
     bodies: Bodies, bases: Array, joints: Array, margin: float, contact: ContactTargets | None
-) -> tuple[int, Touch | None]:
+) -> tuple[int, Proximity | None]:
     """Prove that every link keeps a distance from everything over the motions between states.
 
     The base turns the shorter way, and slides straight or, on wheels, rolls along the arc that its heading
@@ -144,36 +144,36 @@ def path_clear(
     -------
     int
         How many motions are proven clear before the first that is not.
-    Touch or None
+    Proximity or None
         What could not be passed there, where the proof ended; None when all are clear.
     """
     i, k, m, s = _first_unproven(bodies, bases, joints, margin, contact)
     if k < 0:
         return i, None
     motion = motion_between(bodies.mobile, bases[i], joints[i], bases[i + 1], joints[i + 1])
-    return i, _touch_of(bodies, _stopped(motion, s), k, m)
+    return i, _proximity_of(bodies, _stopped(motion, s), k, m)
 
 
-def describe(bodies: Bodies, touch: Touch) -> str:
+def describe(bodies: Bodies, proximity: Proximity) -> str:
     """Text that names the solid of the robot, what comes near to it, and the distance."""
-    if touch.kind == "none":
+    if proximity.kind == "none":
         return "nothing is near"
-    link, what = bodies.robot.all_solids[touch.solid].name, name_of_other(bodies, touch)
-    if touch.distance < 0:
-        return f"{link} overlaps {what} by {-touch.distance:z.4f} m"
-    return f"{link} comes within {touch.distance:z.4f} m of {what}"
+    link, what = bodies.robot.all_solids[proximity.solid].name, name_of_other(bodies, proximity)
+    if proximity.distance < 0:
+        return f"{link} overlaps {what} by {-proximity.distance:z.4f} m"
+    return f"{link} comes within {proximity.distance:z.4f} m of {what}"
 
 
-def name_of_other(bodies: Bodies, touch: Touch) -> str:
+def name_of_other(bodies: Bodies, proximity: Proximity) -> str:
     """Name of what comes near to the robot."""
-    if touch.kind == "obstacle":
-        return bodies.obstacles[touch.other].name
-    return "the base" if touch.kind == "base" else bodies.robot.all_solids[touch.other].name
+    if proximity.kind == "obstacle":
+        return bodies.obstacles[proximity.other].name
+    return "the base" if proximity.kind == "base" else bodies.robot.all_solids[proximity.other].name
 
 
-def room_of(bodies: Bodies, touch: Touch) -> float:
-    """Distance at a touch; from obstacles, beyond the bodies' clearance [m]."""
-    return touch.distance - (bodies.clearance if touch.kind == "obstacle" else 0.0)
+def room_of(bodies: Bodies, proximity: Proximity) -> float:
+    """Distance of the nearest thing; from obstacles, beyond the bodies' clearance [m]."""
+    return proximity.distance - (bodies.clearance if proximity.kind == "obstacle" else 0.0)
 
 
 def _first_unproven(
@@ -190,8 +190,8 @@ def _first_unproven(
     return i, k, m, s
 
 
-def _touch_of(bodies: Bodies, rest: MotionSegment, k: int, m: int) -> Touch:
-    """The touch of a solid and the piece of a row in a state, in the world."""
+def _proximity_of(bodies: Bodies, rest: MotionSegment, k: int, m: int) -> Proximity:
+    """Proximity of a solid to the piece of a row in a state, in the world."""
     solid, frame = bodies.robot.all_solids[k], int(bodies.hulls.frame[m])
     T = _frames(bodies, rest, frame)[solid.link]
     own = solid.polytope.moved(T) if isinstance(solid, LinkHull) else None  # made anew it takes milliseconds
@@ -205,7 +205,7 @@ def _touch_of(bodies: Bodies, rest: MotionSegment, k: int, m: int) -> Touch:
         turn = seen[:3, :3] @ T[:3, :3].T
         on_solid, on_other = (turn @ (p - T[:3, 3]) + seen[:3, 3] for p in (on_solid, on_other))
     other = -1 if kind == "base" else int(bodies.hulls.owner[m])
-    return Touch(gap, k, kind, other, on_solid, on_other)
+    return Proximity(gap, k, kind, other, on_solid, on_other)
 
 
 def _frames(bodies: Bodies, rest: MotionSegment, frame: int) -> Array:
@@ -283,10 +283,10 @@ def near_pairs(
     for k in np.flatnonzero(~normal[found].any(axis=1)).tolist():  # of hulls that overlap nothing is known
         at = state[k], solid[k], found[2][k]
         values = bodies.robot.chain.joint_values(joints[state[k]])
-        touch = _touch_of(bodies, at_rest(bases[state[k]], values), int(solid[k]), int(row[at]))
-        apart = touch.on_solid - touch.on_other
-        away = apart * np.copysign(1.0, touch.distance)
-        room[at], point[at] = room_of(bodies, touch), touch.on_solid
+        proximity = _proximity_of(bodies, at_rest(bases[state[k]], values), int(solid[k]), int(row[at]))
+        apart = proximity.on_solid - proximity.on_other
+        away = apart * np.copysign(1.0, proximity.distance)
+        room[at], point[at] = room_of(bodies, proximity), proximity.on_solid
         normal[at] = away / max(float(np.linalg.norm(apart)), 1e-12)
     other = bodies.hulls.frame[row[found]]
     return NearPairs(state, bodies.links.link[solid], other, room[found], normal[found], point[found])

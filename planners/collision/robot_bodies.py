@@ -133,7 +133,7 @@ class Bodies:
         return RobotScene(self.mobile, self.links, self.hulls, allowed)
 
 
-class _Row(NamedTuple):
+class _HullEntry(NamedTuple):
     """A row of the table of hulls."""
 
     corners: Array
@@ -164,17 +164,17 @@ def bodies_from(
     solids = (*solids, *([] if floor is None else [floor]))
     around = obstacles_from(solids)
     owned = zip(around.pieces, around.owner.tolist(), strict=True)
-    rows = [row for piece, k in owned for row in _rows(piece, WORLD, k)]
+    rows = [row for piece, k in owned for row in _hull_entries(piece, WORLD, k)]
     world = len(rows)
     body = base_body(robot)
     own = obstacles_from([body] if body else []).pieces
-    rows += [row for piece in own for row in _rows(piece, BASE, BODY)]
+    rows += [row for piece in own for row in _hull_entries(piece, BASE, BODY)]
     checked = np.ones((len(robot.all_solids), world), dtype=np.bool_)
     if floor is not None:
         is_floor = np.array([row.owner == len(solids) - 1 for row in rows[:world]])
         checked[:, is_floor] = np.array(off_floor(robot), dtype=np.bool_)[:, None]
     pairs = np.hstack([checked, _self_pairs(robot, len(rows) - world)])
-    rows += [_Row(s.corners, link_piece(s), s.link, k) for k, s in enumerate(robot.all_solids)]
+    rows += [_HullEntry(s.corners, link_piece(s), s.link, k) for k, s in enumerate(robot.all_solids)]
     return Bodies(
         robot,
         solids,
@@ -244,12 +244,12 @@ def _self_pairs(robot: Robot, body: int) -> Mask:
     return pairs
 
 
-def _rows(piece: Piece, frame: int, owner: int) -> list[_Row]:
+def _hull_entries(piece: Piece, frame: int, owner: int) -> list[_HullEntry]:
     if piece.mesh is None:
-        return [_Row(piece.corners, piece, frame, owner)]
+        return [_HullEntry(piece.corners, piece, frame, owner)]
     triangles = piece.mesh.vertices[piece.mesh.faces]
-    parts = [_Row(corners, piece, frame, owner) for corners in triangles]
-    return [_Row(piece.corners, piece, frame, owner, len(parts)), *parts]
+    parts = [_HullEntry(corners, piece, frame, owner) for corners in triangles]
+    return [_HullEntry(piece.corners, piece, frame, owner, len(parts)), *parts]
 
 
 def _link_hulls(robot: Robot, depth: float, pairs: Mask) -> LinkHulls:
@@ -293,7 +293,7 @@ def core_of(solid: LinkSolid, depth: float, tool: Array) -> tuple[Array, float]:
     return middle + ((corners - middle) @ axes.T * left + aside) @ axes, max(0.0, solid.radius - depth)
 
 
-def _hulls(rows: Sequence[_Row], world: int, clearance: float) -> Hulls:
+def _hulls(rows: Sequence[_HullEntry], world: int, clearance: float) -> Hulls:
     disc = np.array([row.piece.disc for row in rows])
     ball = np.array([row.piece.ball for row in rows])
     ball[:world] += clearance

@@ -15,7 +15,7 @@ from shapely.geometry.base import BaseGeometry
 from regionik.planners.coverage.or_opt import improved_tour
 from regionik.worlds.arrays import Array
 
-MOST_EXACT = 12  # points whose best order is found by dynamic programming over subsets
+MAX_EXACT = 12  # points whose best order is found by dynamic programming over subsets
 _ALTERNATIONS = 10  # of order and choice in a tour of sets
 ROUNDS = 50  # in which points of a tour through polygons are moved
 GAIN = 1e-12  # below which a tour counts as no shorter [m]
@@ -53,7 +53,7 @@ def shortest_order(
     """
     far = np.asarray(distance, dtype=np.float64)
     first, last = _ends(far, lead), _ends(far, tail)
-    if len(far) <= MOST_EXACT:
+    if len(far) <= MAX_EXACT:
         order = _held_karp(far, first, last)
         return VisitingOrder(tuple(order), _open_length(order, far, first, last))
     tour = improved_tour(_closed(far, first, last))
@@ -90,7 +90,7 @@ def shortest_tour_of_sets(
     far, own = np.asarray(distance, dtype=np.float64), np.asarray(owner, dtype=np.intp)
     first, last = _ends(far, lead), _ends(far, tail)
     count = int(own.max()) + 1
-    if count <= MOST_EXACT:
+    if count <= MAX_EXACT:
         exact = _held_karp(far, first, last, own)
         return VisitingOrder(tuple(exact), _open_length(exact, far, first, last))
     members = [np.flatnonzero(own == k) for k in range(count)]

@@ -20,8 +20,8 @@ from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 
-JOINED = 1e-9  # a segment begins where the one before it ends, to rounding [m], [rad]
-TURN_STEP = 0.1  # largest change of heading between two samples [rad]
+JOIN_TOLERANCE = 1e-9  # a segment begins where the one before it ends, to rounding [m], [rad]
+MAX_TURN_STEP = 0.1  # largest change of heading between two samples [rad]
 
 
 @compiled
@@ -107,7 +107,7 @@ class WheeledPath:
         here = self.start
         for k, segment in enumerate(self.segments):
             gap = segment.start - here
-            if max(*np.abs(gap[:2]), abs(wrap(gap[2]))) > JOINED:
+            if max(*np.abs(gap[:2]), abs(wrap(gap[2]))) > JOIN_TOLERANCE:
                 raise InputError(f"path: segment {k} begins at {segment.start}, {k - 1} ends at {here}")
             here = segment.pose(1.0)
 
@@ -138,7 +138,7 @@ class WheeledPath:
         """
         poses = [self.start]
         for segment in self.segments:
-            most = max(abs(segment.length) / step, abs(segment.turn) / TURN_STEP)
+            most = max(abs(segment.length) / step, abs(segment.turn) / MAX_TURN_STEP)
             count = max(1, int(np.ceil(most - 1e-9)))
             poses += [segment.pose(k / count) for k in range(1, count + 1)]
         return frozen(poses, (None, 3), "path")

@@ -20,7 +20,7 @@ from regionik.planners.geometry.vectors import squared
 from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array
 
-DEEPEST = 16  # halvings of a motion, after which it counts as blocked
+MAX_HALVINGS = 16  # halvings of a motion, after which it counts as blocked
 
 
 @compiled
@@ -246,7 +246,7 @@ def _sweep_clear(
                 cell, depth = cell // 2, depth - 1
             if depth == 0:
                 return True
-        elif depth == DEEPEST or not _keeps_clear(edges, clearance, last, 0.0):
+        elif depth == MAX_HALVINGS or not _keeps_clear(edges, clearance, last, 0.0):
             return False
         else:
             cell, depth = 2 * cell, depth + 1

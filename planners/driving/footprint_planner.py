@@ -46,15 +46,16 @@ from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array, Index, frozen
 from regionik.worlds.obstacles import Shadow
 
-SLABS = 48  # of heading, in the search that answers where sampling gave up or wandered
-GOOD = 1.1  # a path at most so much dearer than the straight one is kept without the lattice
-CELLS = 100  # of the lattice along the path that is known
-OFFSETS = [(i, j, 0) for i in range(-2, 3) for j in range(-2, 3) if gcd(i, j) == 1]
-MOVES = np.array([*OFFSETS, (0, 0, -1), (0, 0, 1)])  # of the lattice: straight, and turning on the spot
-HALVINGS = 24  # of the bisection for the narrowest passage
-NO_WAY = 1e-3  # a narrower way is rounding of the floor [m]
-MARGIN = 1e-6  # from the edge of a slab's area, so that a path in it can be proven free [m]
-FAR = 1e3  # longer than any leg of a path [m]
+HEADING_SLABS = 48  # of heading, in the search that answers where sampling gave up or wandered
+GOOD_COST_RATIO = 1.1  # a path at most so much dearer than the straight one is kept without the lattice
+MAX_PATH_CELLS = 100  # of the lattice along the path that is known
+GRID_OFFSETS = [(i, j, 0) for i in range(-2, 3) for j in range(-2, 3) if gcd(i, j) == 1]
+# of the lattice: straight, and turning on the spot
+LATTICE_MOVES = np.array([*GRID_OFFSETS, (0, 0, -1), (0, 0, 1)])
+PASSAGE_HALVINGS = 24  # of the bisection for the narrowest passage
+MIN_PASSAGE = 1e-3  # a narrower way is rounding of the floor [m]
+SLAB_MARGIN = 1e-6  # from the edge of a slab's area, so that a path in it can be proven free [m]
+MAX_LEG = 1e3  # longer than any leg of a path [m]
 
 Method = Literal["straight", "ompl", "slabs", "lattice"]
 Node = tuple[int, int]  # slab, part of its area
@@ -141,7 +142,7 @@ def drive_footprint(
     found, cost = plan_poses(scene, base, a, b, seed)
     method: Method = "ompl"
     if found is None:
-        areas = slab_areas(footprint, floor, obstacles, clearance, slabs_along(scene, SLABS), upper)
+        areas = slab_areas(footprint, floor, obstacles, clearance, slabs_along(scene, HEADING_SLABS), upper)
         found = path_through_slabs(scene, areas, a, b)
         if found is None:
             keep = [(shadow.core, clearance + shadow.radius) for shadow in obstacles]
@@ -150,7 +151,11 @@ def drive_footprint(
             raise _refusal(scene, passage_width(free, Point(a[:2]), Point(b[:2])), areas, a, b)
         found, cost = shortcut(scene, base, found)
         method = "slabs"
-    other = None if cost <= GOOD * slide_cost(base, a, b) else cheaper_on_lattice(scene, base, a, b, cost)
+    other = (
+        None
+        if cost <= GOOD_COST_RATIO * slide_cost(base, a, b)
+        else cheaper_on_lattice(scene, base, a, b, cost)
+    )
     return FootprintPath(found, method) if other is None else FootprintPath(other, "lattice")
 
 
@@ -162,13 +167,13 @@ def cheaper_on_lattice(
     Places are on a square grid along the line from start to goal, the finer the lower the bound. Headings are
     those at which a side of the footprint is along a wall, and others between them.
     """
-    cell = bound / CELLS
+    cell = bound / MAX_PATH_CELLS
     count = round(float(np.hypot(*(goal - start)[:2])) / cell)
     along = (goal - start)[:2] / count if count else np.array([cell, 0.0])
     margin = int(bound / 2 / np.hypot(*along)) + 3  # no path below the bound comes to the edge
     i, j = np.mgrid[-margin : count + margin + 1, -margin : margin + 1][..., None]
     places = start[:2] + i * along + j * [-along[1], along[0]]
-    yaws = np.unique(np.append(wrap(slabs_along(scene, SLABS).mean(axis=1)), [start[2], goal[2]]))
+    yaws = np.unique(np.append(wrap(slabs_along(scene, HEADING_SLABS).mean(axis=1)), [start[2], goal[2]]))
     k, m = np.searchsorted(yaws, [start[2], goal[2]]).tolist()
     first, last = (margin, margin, k), (margin + count, margin, m)
     came = _search_lattice(scene, base, places, yaws, first, last, bound)
@@ -176,7 +181,7 @@ def cheaper_on_lattice(
         return None
     node, poses = np.array(last), [goal]
     while came[tuple(node)] >= 0:
-        node = (node - MOVES[came[tuple(node)]]) % came.shape
+        node = (node - LATTICE_MOVES[came[tuple(node)]]) % came.shape
         poses.append(np.array([*places[node[0], node[1]], yaws[node[2]]]))
     poses[-1] = start
     path, cost = shortcut(scene, base, np.array(poses[::-1]))
@@ -206,8 +211,12 @@ def _search_lattice(
         here[:2], here[2] = places[node[0], node[1]], yaws[node[2]]
         if value > best[node] + slide_cost(base, here, goal) + NEGLIGIBLE:
             continue
-        for m in range(len(MOVES)):
-            to = node[0] + MOVES[m, 0], node[1] + MOVES[m, 1], (node[2] + MOVES[m, 2]) % len(yaws)
+        for m in range(len(LATTICE_MOVES)):
+            to = (
+                node[0] + LATTICE_MOVES[m, 0],
+                node[1] + LATTICE_MOVES[m, 1],
+                (node[2] + LATTICE_MOVES[m, 2]) % len(yaws),
+            )
             there[:2], there[2] = places[to[0], to[1]], yaws[to[2]]
             cost, left = best[node] + slide_cost(base, here, there), slide_cost(base, there, goal)
             if cost < min(best[to], bound - left) and slide_is_free(scene, here, there):
@@ -229,7 +238,7 @@ def passage_width(free: BaseGeometry, start: BaseGeometry, goal: BaseGeometry) -
     if free.is_empty:
         return 0.0
     low, high = 0.0, float(shapely.maximum_inscribed_circle(free).length)
-    for _ in range(HALVINGS):
+    for _ in range(PASSAGE_HALVINGS):
         middle = (low + high) / 2
         parts = shapely.get_parts(free.buffer(-middle, quad_segs=32))
         # The disc may stand anywhere near a shape: the passage counts, not how narrow it is at its ends.
@@ -246,7 +255,7 @@ def _refusal(
     graph = [polygon_parts(slab.outer) for slab in areas]
     proven = not connected(graph, *(nodes_at(areas, graph, pose) for pose in (start, goal)))
     what = "no way" if proven else "no way was found"
-    if passage <= NO_WAY:
+    if passage <= MIN_PASSAGE:
         why = "the floor that is left there is in parts"
     elif passage < across:
         why = f"its narrowest place is {passage:.3f} m wide, the footprint nowhere less than {across:.3f} m"
@@ -263,7 +272,7 @@ def path_through_slabs(
     scene: FootprintScene, areas: Sequence[Slab], start: Array, goal: Array
 ) -> Array | None:
     """Poses (k, 3) from start to goal, driven inside slabs and turned where two overlap, or None."""
-    graph = [polygon_parts(slab.inner.buffer(-MARGIN)) for slab in areas]
+    graph = [polygon_parts(slab.inner.buffer(-SLAB_MARGIN)) for slab in areas]
     entry, leave = (_entry(scene, areas, graph, pose) for pose in (start, goal))
     if entry is None or leave is None:
         return None
@@ -276,7 +285,7 @@ def path_through_slabs(
         turns.append(_nearest_shared(graph, node, other, turns[-1]))
     poses = [start, a]
     for (k, part), to in zip(route, [*turns[1:], b[:2]], strict=True):
-        path = drive_point(graph[k][part], poses[-1][:2], to, step=FAR)
+        path = drive_point(graph[k][part], poses[-1][:2], to, step=MAX_LEG)
         poses += [np.array([*p, areas[k].middle]) for p in path.points]
     poses += [b, goal]
     kept = [p for k, p in enumerate(poses) if k == 0 or not np.array_equal(p, poses[k - 1])]

@@ -23,11 +23,12 @@ from regionik.planners.geometry.vectors import squared
 from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array, Index
 
-STALL = 1e-4  # a shorter step than this is no progress [m]
-SIDES = 64  # of the polygon inscribed in the disc of one step
-ON_EDGE = 1e-11  # an edge this near to the base is the one that it stands on [m]
-BEHIND = np.pi / 2 + np.pi / SIDES  # a sector with its middle farther off the goal lies behind it [rad]
-SLIT = 1e-9  # narrower sectors are rounding [rad]
+MIN_PROGRESS = 1e-4  # a shorter step than this is no progress [m]
+DISC_SIDES = 64  # of the polygon inscribed in the disc of one step
+EDGE_TOLERANCE = 1e-11  # an edge this near to the base is the one that it stands on [m]
+# a sector with its middle farther off the goal lies behind it [rad]
+MAX_SECTOR_ANGLE = np.pi / 2 + np.pi / DISC_SIDES
+MIN_SECTOR = 1e-9  # narrower sectors are rounding [rad]
 
 
 @compiled
@@ -41,7 +42,7 @@ def _edges_near(vertices: Array, starts: Index, bx: float, by: float, rho: float
             qx, qy = vertices[k, 0] - bx, vertices[k, 1] - by
             gap = np.hypot(*nearest_on_segment(px, py, qx, qy, 0.0, 0.0))
             # What lies behind an edge under the base is outside until another edge, which hides it.
-            if ON_EDGE < gap <= rho:
+            if EDGE_TOLERANCE < gap <= rho:
                 edges[n] = px, py, qx, qy
                 n += 1
             px, py = qx, qy
@@ -51,7 +52,7 @@ def _edges_near(vertices: Array, starts: Index, bx: float, by: float, rho: float
 @compiled
 def _directions(edges: Array, rho: float) -> Array:
     """Sorted directions in [-pi, pi] between which one edge, or the disc alone, bounds the view."""
-    angles = np.empty(4 * len(edges) + SIDES + 1)
+    angles = np.empty(4 * len(edges) + DISC_SIDES + 1)
     n = 0
     for e in range(len(edges)):
         px, py, qx, qy = edges[e]
@@ -66,8 +67,8 @@ def _directions(edges: Array, rho: float) -> Array:
             if 0.0 < t < length:
                 angles[n] = math.atan2(py + t * dy / length, px + t * dx / length)
                 n += 1
-    for k in range(SIDES + 1):
-        angles[n] = -np.pi + 2.0 * np.pi * k / SIDES
+    for k in range(DISC_SIDES + 1):
+        angles[n] = -np.pi + 2.0 * np.pi * k / DISC_SIDES
         n += 1
     return np.sort(angles[:n])
 
@@ -81,7 +82,7 @@ def _ray_on_edge(edge: Array, cx: float, cy: float, rho: float) -> tuple[float, 
     if across_p != across_q:
         t = min(1.0, max(0.0, across_p / (across_p - across_q)))
     x, y = px + t * (qx - px), py + t * (qy - py)
-    shrink = min(1.0, rho / max(np.hypot(x, y), ON_EDGE))
+    shrink = min(1.0, rho / max(np.hypot(x, y), EDGE_TOLERANCE))
     return x * shrink, y * shrink
 
 
@@ -114,12 +115,14 @@ def visible_star(vertices: Array, starts: Index, bx: float, by: float, rho: floa
     star = np.empty((2 * len(angles), 2))
     n = 0
     # From the middle of the area all is inside that no edge hides; from an edge half of it is outside.
-    interior = contains(vertices, starts, bx, by) and not near_boundary(vertices, starts, bx, by, ON_EDGE)
+    interior = contains(vertices, starts, bx, by) and not near_boundary(
+        vertices, starts, bx, by, EDGE_TOLERANCE
+    )
     for k in range(len(angles) - 1):
-        if angles[k + 1] - angles[k] < SLIT:
+        if angles[k + 1] - angles[k] < MIN_SECTOR:
             continue
         middle = 0.5 * (angles[k] + angles[k + 1])
-        if abs(wrap(middle - ahead)) > BEHIND:
+        if abs(wrap(middle - ahead)) > MAX_SECTOR_ANGLE:
             star[n] = bx, by
             n += 1
             continue
@@ -175,7 +178,7 @@ def greedy_points(
             return points[: k + 1], True
         # Alg. 2, l. 8 to 14
         next_x, next_y = _best_step(vertices, starts, x, y, goal_x, goal_y, rho)
-        if math.sqrt(squared(next_x - x) + squared(next_y - y)) < STALL:
+        if math.sqrt(squared(next_x - x) + squared(next_y - y)) < MIN_PROGRESS:
             return points[:k], False
         x, y = next_x, next_y
         points[k, 0], points[k, 1] = x, y

@@ -72,11 +72,11 @@ def minkowski_sums(pieces: Sequence[Array], shape: Array) -> NDArray[np.object_]
     return sums
 
 
-GUARD = 1e-9  # by which a hull of rotations is larger, a core smaller, against rounding [m]
-BEYOND = 10.0  # that upper outlines are looked at beyond the floor [m]
-_PIECE = 0.25  # ranges of headings are cut in pieces no wider than this [rad]
-SIDES = 48  # of the polygons that stand for discs
-_MOST_WALLS = 12  # directions of walls that exact headings are taken from, the longest
+ROUNDING_MARGIN = 1e-9  # by which a hull of rotations is larger, a core smaller, against rounding [m]
+UPPER_OVERHANG = 10.0  # that upper outlines are looked at beyond the floor [m]
+_MAX_HEADING_RANGE = 0.25  # ranges of headings are cut in pieces no wider than this [rad]
+DISC_SIDES = 48  # of the polygons that stand for discs
+_MAX_WALL_DIRECTIONS = 12  # directions of walls that exact headings are taken from, the longest
 _COMPASS = np.exp(2j * np.pi * np.arange(16) / 16).view(np.float64).reshape(-1, 2)
 
 
@@ -109,7 +109,7 @@ def slabs(count: int) -> Array:
     return np.column_stack([ends[:-1], ends[1:]])
 
 
-def slabs_along(scene: FootprintScene, count: int, walls: int = _MOST_WALLS) -> Array:
+def slabs_along(scene: FootprintScene, count: int, walls: int = _MAX_WALL_DIRECTIONS) -> Array:
     """Cut a full turn in slabs, some of no width: headings at which a side of the footprint is along a wall.
 
     A footprint goes through its tightest passages with a side along the wall; a slab of no width is exact.
@@ -218,7 +218,7 @@ def convex_scene(
     floor: Polygon | MultiPolygon,
     obstacles: Sequence[Shadow],
     clearance: float,
-    sides: int = SIDES,
+    sides: int = DISC_SIDES,
     window: BaseGeometry | None = None,
 ) -> ConvexScene:
     """Return footprint and surroundings for `free_at_all` and `free_at_some`; see `slab_areas`."""
@@ -239,7 +239,7 @@ def convex_scene(
 
 def outline_scene(outline: Outline, floor: BaseGeometry) -> ConvexScene:
     """Return an upper outline and its surroundings, as far as the floor goes and beyond: no edge binds it."""
-    beyond = BEYOND + 2 * float(np.abs(outline.corners).max())
+    beyond = UPPER_OVERHANG + 2 * float(np.abs(outline.corners).max())
     plane = shapely.buffer(floor.envelope, beyond, join_style="mitre")
     return convex_scene(np.array(outline.corners), plane, outline.shadows, outline.clearance)
 
@@ -318,7 +318,9 @@ def _near_window(scene: ConvexScene, pieces: list[Array], shape: Array) -> list[
     """Pieces whose sums with a shape no line of a few directions parts from the window."""
     if scene.window is None:
         return pieces
-    beyond = (shapely.get_coordinates(scene.window) @ _COMPASS.T).min(axis=0, initial=np.inf) - GUARD
+    beyond = (shapely.get_coordinates(scene.window) @ _COMPASS.T).min(
+        axis=0, initial=np.inf
+    ) - ROUNDING_MARGIN
     least = beyond - (shape @ _COMPASS.T).max(axis=0)
     return [piece for piece in pieces if ((piece @ _COMPASS.T).max(axis=0) >= least).all()]
 
@@ -331,7 +333,7 @@ def rotation_hull(corners: Array, low: float, high: float) -> Array:
         for m in middles
         for angle, far in ((m - half, 1.0), (m, 1 / np.cos(half)), (m + half, 1.0))
     ]
-    guard = GUARD * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
+    guard = ROUNDING_MARGIN * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
     return hull_corners((np.concatenate(spots)[:, None] + guard).reshape(-1, 2))
 
 
@@ -351,7 +353,7 @@ def rotation_core(corners: Array, low: float, high: float) -> Array:
     for m in middles:
         for angle, share in ((m - half, 1.0), (m, np.cos(half)), (m + half, 1.0)):
             bounds = np.where(offsets > 0, offsets * share, offsets if share == 1.0 else np.inf)
-            for normal, bound in zip(_turned(normals, angle), bounds - GUARD, strict=True):
+            for normal, bound in zip(_turned(normals, angle), bounds - ROUNDING_MARGIN, strict=True):
                 left = _clipped(left, normal, bound)
     return left
 
@@ -365,7 +367,7 @@ def _turned(points: Array, angle: float) -> Array:
 
 def _pieces(low: float, high: float) -> tuple[Array, float]:
     """Middles of equal pieces of a range of headings, and half their width."""
-    count = max(1, int(np.ceil((high - low) / _PIECE)))
+    count = max(1, int(np.ceil((high - low) / _MAX_HEADING_RANGE)))
     half = (high - low) / (2 * count)
     return np.asarray(low + half * (2.0 * np.arange(count) + 1.0), dtype=np.float64), half
 

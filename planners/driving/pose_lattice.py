@@ -21,9 +21,9 @@ STEPS = tuple(
     (a * c - b * s, a * s + b * c) for c, s in ((1, 0), (0, 1), (-1, 0), (0, -1)) for a, b in _QUADRANT
 )  # shortest way straight on from each heading, in cells
 HEADINGS = np.array([math.atan2(b, a) for a, b in STEPS])  # [rad]
-DETOUR = 1.1  # longest curve of a car against its chord that is a move
-WIDEST = 2.0  # largest radius of its arcs, in turning radii
-_SAVING = 1e-9  # costs that differ less are the same [m]
+MAX_ARC_DETOUR = 1.1  # longest curve of a car against its chord that is a move
+MAX_ARC_RADIUS = 2.0  # largest radius of its arcs, in turning radii
+_MIN_SAVING = 1e-9  # costs that differ less are the same [m]
 
 
 class LatticeMove(NamedTuple):
@@ -66,7 +66,7 @@ def car_moves(cell: float, turning_radius: float) -> tuple[LatticeMove, ...]:
         for other in ((k + 1) % len(STEPS), (k - 1) % len(STEPS)):
             turn = _turn(k, other)
             middle = HEADINGS[k] + turn / 2
-            for radius in np.linspace(1.0, WIDEST, 5) * turning_radius:
+            for radius in np.linspace(1.0, MAX_ARC_RADIUS, 5) * turning_radius:
                 chord = 2 * radius * math.sin(abs(turn) / 2) / cell
                 spot = round(chord * math.cos(middle)), round(chord * math.sin(middle))
                 moves |= _curve(k, other, *spot, cell, turning_radius)
@@ -81,7 +81,7 @@ def _curve(k: int, other: int, dx: int, dy: int, cell: float, radius: float) -> 
     words, lengths = words_between(here, there, radius)
     if not len(words) or (words[0][:, 0] < 0).any():
         return set()
-    short = lengths[0] <= DETOUR * cell * math.hypot(dx, dy)
+    short = lengths[0] <= MAX_ARC_DETOUR * cell * math.hypot(dx, dy)
     return {LatticeMove(k, other, dx, dy, float(lengths[0]))} if short else set()
 
 
@@ -111,7 +111,7 @@ def _relax(value: Array, free: Mask, ways: Index, cost: Array) -> None:
             for x in range(max(0, -dx), wide - max(0, dx)):
                 for y in range(max(0, -dy), deep - max(0, dy)):
                     better = value[end, x + dx, y + dy] + cost[k]
-                    if free[start, x, y] and better < value[start, x, y] - _SAVING:
+                    if free[start, x, y] and better < value[start, x, y] - _MIN_SAVING:
                         value[start, x, y] = better
                         lowered = True
 

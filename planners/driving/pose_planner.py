@@ -18,7 +18,7 @@ from regionik.planners.driving.arcs import Segment, WheeledPath, arc_end, path_o
 from regionik.planners.driving.footprint import arc_is_free, fits, slide_is_free
 from regionik.planners.driving.footprint_scene import FootprintScene
 from regionik.planners.driving.point_planner import NoPathError
-from regionik.planners.driving.reeds_shepp import MOTIONS, words_between
+from regionik.planners.driving.reeds_shepp import MAX_MOTIONS, words_between
 from regionik.planners.driving.sampling import PlanningProblem, connect_poses
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.kernels import compiled
@@ -26,12 +26,13 @@ from regionik.worlds.arrays import Array, Index, frozen
 from regionik.worlds.errors import InputError
 
 SLIDE, SPIN, REEDS_SHEPP = range(3)
-MOST_WORDS = 8  # of a car that are tried between two poses
+MAX_WORDS = 8  # of a car that are tried between two poses
 NEGLIGIBLE = 1e-12  # shorter motions and smaller turns are none [m], [rad]
-ITERATIONS = 8000  # of RRTConnect in an attempt
-ATTEMPTS = 3  # the cheapest is kept
-SHORT = 1.25  # of the shortest path if nothing were in the way, up to which no other attempt is made
-ROUNDS = (24, 31, 40)  # poses along a path between which shortcuts are tried, in turn
+MAX_ITERATIONS = 8000  # of RRTConnect in an attempt
+MAX_ATTEMPTS = 3  # the cheapest is kept
+# of the shortest path if nothing were in the way, up to which no other attempt is made
+SHORT_COST_RATIO = 1.25
+SHORTCUT_POSES = (24, 31, 40)  # poses along a path between which shortcuts are tried, in turn
 TURN_WEIGHT = 0.2  # cost of a turn on the spot against driving [m/rad]
 
 
@@ -108,7 +109,7 @@ def steer(scene: FootprintScene, base: Steering, a: Array, b: Array, limit: floa
     if np.hypot(b[0] - a[0], b[1] - a[1]) >= limit:
         return np.inf
     words, lengths = words_between(a, b, base.radius)
-    for m in range(min(MOST_WORDS, len(words))):
+    for m in range(min(MAX_WORDS, len(words))):
         if lengths[m] >= limit:
             break
         if _path_is_free(scene, a, words[m]):
@@ -119,7 +120,7 @@ def steer(scene: FootprintScene, base: Steering, a: Array, b: Array, limit: floa
 
 def direct(scene: FootprintScene, base: Steering, a: Array, b: Array) -> Array | None:
     """Motions (5, 2) of the cheapest free steered path; None where there is none."""
-    motions = np.zeros((MOTIONS, 2))
+    motions = np.zeros((MAX_MOTIONS, 2))
     return motions if steer(scene, base, a, b, np.inf, motions) < np.inf else None
 
 
@@ -131,7 +132,7 @@ def plan_poses(
     The best of a few attempts, up to one that is hardly longer than if nothing were in the way; None where
     the first finds nothing.
     """
-    best, least, enough = None, np.inf, SHORT * _unhindered(base, start, goal)
+    best, least, enough = None, np.inf, SHORT_COST_RATIO * _unhindered(base, start, goal)
     for poses in _attempts(scene, base, start, goal, seed):
         kept, cost = shortcut(scene, base, poses)
         if cost < least:
@@ -148,7 +149,7 @@ def _unhindered(base: Steering, a: Array, b: Array) -> float:
 
 def _attempts(scene: FootprintScene, base: Steering, start: Array, goal: Array, seed: int) -> Iterator[Array]:
     """Paths of RRTConnect, up to the first attempt that finds none: the next would hardly do better."""
-    motions = np.empty((MOTIONS, 2))
+    motions = np.empty((MAX_MOTIONS, 2))
     problem = PlanningProblem(
         scene.vertices.min(axis=0),
         scene.vertices.max(axis=0),
@@ -157,9 +158,9 @@ def _attempts(scene: FootprintScene, base: Steering, start: Array, goal: Array, 
         lambda p: fits(scene, p[0], p[1], p[2]),
         lambda p, q: steer(scene, base, p, q, np.inf, motions) < np.inf,
     )
-    for k in range(ATTEMPTS):
+    for k in range(MAX_ATTEMPTS):
         poses = connect_poses(
-            problem, turning_radius=base.radius, seed=seed * ATTEMPTS + k, iterations=ITERATIONS
+            problem, turning_radius=base.radius, seed=seed * MAX_ATTEMPTS + k, iterations=MAX_ITERATIONS
         )
         if poses is None:
             return
@@ -173,7 +174,7 @@ def shortcut(scene: FootprintScene, base: Steering, poses: Array) -> tuple[Array
     """
     kept, costs = _cheapest(scene, base, poses)
     best, least = poses[kept], float(costs[-1])
-    for count in ROUNDS:
+    for count in SHORTCUT_POSES:
         spread = _spread(scene, base, best, count)
         kept, costs = _cheapest(scene, base, spread)
         if float(costs[-1]) < least:
@@ -190,7 +191,7 @@ def _cheapest(scene: FootprintScene, base: Steering, poses: Array) -> tuple[Inde
     n = len(poses)
     cost, before = np.full(n, np.inf), np.full(n, -1)
     cost[0] = 0.0
-    motions = np.empty((MOTIONS, 2))
+    motions = np.empty((MAX_MOTIONS, 2))
     for j in range(1, n):
         for i in range(j - 1, -1, -1):
             if cost[i] < cost[j]:
@@ -208,7 +209,7 @@ def _cheapest(scene: FootprintScene, base: Steering, poses: Array) -> tuple[Inde
 
 def _spread(scene: FootprintScene, base: Steering, poses: Array, count: int) -> Array:
     """The poses of a path, and about ``count`` more spread between them."""
-    motions = np.zeros((MOTIONS, 2))
+    motions = np.zeros((MAX_MOTIONS, 2))
     pairs = list(zip(poses[:-1], poses[1:], strict=True))
     costs = [steer(scene, base, a, b, np.inf, motions) for a, b in pairs]
     rows = [poses[:1]]
@@ -224,7 +225,7 @@ def _along(scene: FootprintScene, base: Steering, a: Array, b: Array, shares: Ar
         change = np.array([b[0] - a[0], b[1] - a[1], wrap(b[2] - a[2])])
         slid: Array = a + shares[:, None] * change
         return slid
-    motions = np.zeros((MOTIONS, 2))
+    motions = np.zeros((MAX_MOTIONS, 2))
     steer(scene, base, a, b, np.inf, motions)
     weight = np.where(motions[:, 0] == 0, base.weight, 0.0)
     costs = np.abs(motions[:, 0]) + weight * np.abs(motions[:, 1])
@@ -323,7 +324,7 @@ def drive_wheeled(
     if poses is None:
         kind = f"a turning radius of {base.radius:g} m" if base.radius else "turns on the spot"
         ends = f"from {pose_text(a)} to {pose_text(b)}"
-        raise NoPathError(f"no way with {kind} {ends} was found in {ITERATIONS} iterations")
+        raise NoPathError(f"no way with {kind} {ends} was found in {MAX_ITERATIONS} iterations")
     return _steered(scene, base, poses, "ompl")
 
 

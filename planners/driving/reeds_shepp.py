@@ -17,9 +17,9 @@ from regionik.planners.geometry.angles import wrap
 from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array
 
-MOTIONS = 5  # motions of a word, at most
-_EXACT = 1e-10  # distance from the goal at which a word may end, in turning radii and radians
-_NIL = 1e-13  # shorter motions are left out
+MAX_MOTIONS = 5  # motions of a word, at most
+_GOAL_TOLERANCE = 1e-10  # distance from the goal at which a word may end, in turning radii and radians
+_MIN_MOTION = 1e-13  # shorter motions are left out
 LSL, LSR, LRL, LRSL, LRSR, LRSLR, LRLR = range(7)
 SIDES = np.array(  # 1 to the left, -1 to the right, 0 straight on
     [
@@ -39,7 +39,7 @@ def _write(words: Array, n: int, kind: int, a: float, b: float, c: float, d: flo
     """Write word n of a kind with the lengths of its motions; returns n + 1."""
     word = words[n]
     word[0, 0], word[1, 0], word[2, 0], word[3, 0], word[4, 0] = a, b, c, d, e
-    for k in range(MOTIONS):
+    for k in range(MAX_MOTIONS):
         word[k, 1] = word[k, 0] * SIDES[kind, k]
     return n + 1
 
@@ -108,7 +108,7 @@ def _two_sided(x: float, y: float, phi: float, words: Array, n: int, forth: bool
 def _reverse(words: Array, first: int, n: int) -> None:
     """Reverse the order of motions in words first to n, found for the way back."""
     for m in range(first, n):
-        last = MOTIONS
+        last = MAX_MOTIONS
         while last > 0 and words[m, last - 1, 0] == 0.0:
             last -= 1
         for k in range(last // 2):
@@ -121,7 +121,7 @@ def _reverse(words: Array, first: int, n: int) -> None:
 @compiled
 def _words(x: float, y: float, phi: float) -> Array:
     """Candidate words (n, 5, 2) from the origin to a pose, by the symmetries of Reeds and Shepp."""
-    words = np.empty((56, MOTIONS, 2))
+    words = np.empty((56, MAX_MOTIONS, 2))
     n = 0
     for flip in (1.0, -1.0):  # time flip: the same curve in the other gear
         for side in (1.0, -1.0):  # reflection: left for right
@@ -135,7 +135,7 @@ def _words(x: float, y: float, phi: float) -> Array:
             n = _two_sided(gx * c + gy * s, gx * s - gy * c, turn, words, n, False)
             _reverse(words, mirrored, n)
             for m in range(first, n):
-                for k in range(MOTIONS):
+                for k in range(MAX_MOTIONS):
                     words[m, k, 0] *= flip
                     words[m, k, 1] *= flip * side
     return words[:n]
@@ -145,9 +145,9 @@ def _words(x: float, y: float, phi: float) -> Array:
 def _ends_at(word: Array, x: float, y: float, phi: float) -> bool:
     """True if a word driven from the origin ends at a pose."""
     px, py, yaw = 0.0, 0.0, 0.0
-    for k in range(MOTIONS):
+    for k in range(MAX_MOTIONS):
         px, py, yaw = arc_end(px, py, yaw, word[k, 0], word[k, 1])
-    return max(abs(px - x), abs(py - y), abs(wrap(yaw - phi))) <= _EXACT * (1.0 + abs(x) + abs(y))
+    return max(abs(px - x), abs(py - y), abs(wrap(yaw - phi))) <= _GOAL_TOLERANCE * (1.0 + abs(x) + abs(y))
 
 
 @compiled
@@ -172,23 +172,23 @@ def words_between(start: Array, goal: Array, radius: float) -> tuple[Array, Arra
     dx, dy = (goal[0] - start[0]) / radius, (goal[1] - start[1]) / radius
     x, y, phi = c * dx + s * dy, c * dy - s * dx, wrap(goal[2] - start[2])
     words = _words(x, y, phi)
-    found, lengths = np.empty((len(words), MOTIONS, 2)), np.empty(len(words))
+    found, lengths = np.empty((len(words), MAX_MOTIONS, 2)), np.empty(len(words))
     n = 0
     for m in range(len(words)):
         word, length = words[m], 0.0
-        for k in range(MOTIONS):
-            if abs(word[k, 0]) < _NIL:
+        for k in range(MAX_MOTIONS):
+            if abs(word[k, 0]) < _MIN_MOTION:
                 word[k, 0] = word[k, 1] = 0.0
             length += radius * abs(word[k, 0])
         if _ends_at(word, x, y, phi):
             rank = n
             while rank > 0 and lengths[rank - 1] > length:
                 lengths[rank] = lengths[rank - 1]
-                for k in range(MOTIONS):
+                for k in range(MAX_MOTIONS):
                     found[rank, k, 0], found[rank, k, 1] = found[rank - 1, k, 0], found[rank - 1, k, 1]
                 rank -= 1
             lengths[rank] = length
-            for k in range(MOTIONS):
+            for k in range(MAX_MOTIONS):
                 found[rank, k, 0], found[rank, k, 1] = radius * word[k, 0], word[k, 1]
             n += 1
     return found[:n], lengths[:n]

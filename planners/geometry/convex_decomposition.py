@@ -10,7 +10,7 @@ from regionik.worlds.arrays import Array, Index
 
 # fcl searches the corners of a solid one by one up to 32 and walks along its edges above that;
 # 16 corners of a floor polygon make 32 of a prism.
-MOST_CORNERS = 16
+MAX_CORNERS = 16
 _FLAT = 1e-12  # area that rounding may put between a convex ring and its hull [m^2]
 
 
@@ -39,7 +39,7 @@ def convex_pieces(polygon: Polygon) -> list[Array]:
     outline = np.asarray(polygon.exterior.coords)[:-1]
     if not polygon.interiors and _is_convex(outline):
         corners = hull_corners(outline)
-        if len(corners) <= MOST_CORNERS:
+        if len(corners) <= MAX_CORNERS:
             return [corners]
     points, triangles = _triangles(polygon)
     return [hull_corners(points[ring]) for ring in _merged(points, triangles.tolist())]
@@ -64,7 +64,7 @@ def _merged(points: Array, rings: list[list[int]]) -> list[list[int]]:
         if a == b:
             continue
         joined = _joined(parts[a], parts[b], u)
-        if len(joined) > MOST_CORNERS or not _is_convex(points[joined]):
+        if len(joined) > MAX_CORNERS or not _is_convex(points[joined]):
             continue
         parts[a] = joined
         for edge in _edges(parts.pop(b)):

@@ -50,7 +50,9 @@ def grown(shape: BaseGeometry, by: float, *, outside: bool) -> BaseGeometry:
     >>> [round(grown(corner, 1.0, outside=side).area / np.pi, 4) for side in (True, False)]
     [1.0014, 0.9971]
     """
-    swept: BaseGeometry = shape.buffer(_asked(shape, by, 1.0, more=outside), quad_segs=_QUAD_SEGMENTS)
+    swept: BaseGeometry = shape.buffer(
+        _requested_distance(shape, by, 1.0, more=outside), quad_segs=_QUAD_SEGMENTS
+    )
     return _filled(swept, shape, by) if outside else swept
 
 
@@ -64,7 +66,9 @@ def shrunk(shape: BaseGeometry, by: float, *, outside: bool) -> BaseGeometry:
     by : float
         Radius [m].
     """
-    left: BaseGeometry = shape.buffer(-_asked(shape, by, -1.0, more=not outside), quad_segs=_QUAD_SEGMENTS)
+    left: BaseGeometry = shape.buffer(
+        -_requested_distance(shape, by, -1.0, more=not outside), quad_segs=_QUAD_SEGMENTS
+    )
     return left
 
 
@@ -101,7 +105,7 @@ def _turns(shape: BaseGeometry) -> tuple[Array, Array]:
     return np.concatenate(angles), np.concatenate(depths)
 
 
-def _asked(shape: BaseGeometry, by: float, side: float, *, more: bool) -> float:
+def _requested_distance(shape: BaseGeometry, by: float, side: float, *, more: bool) -> float:
     """Distance to ask of GEOS for at least ``by``, or for at most [m].
 
     Corners that stand out are rounded, seen from outside (side 1) or from inside (-1). The others are bays.
@@ -119,7 +123,7 @@ def _asked(shape: BaseGeometry, by: float, side: float, *, more: bool) -> float:
 
 
 RESOLVED = 1e-5  # by which a distance may be told too small [m]
-_MOST_SQUARES = (
+_MAX_SQUARES = (
     300  # squares that are halved: on a ridge, as far from the edge all along, more tell nothing new
 )
 QUARTERS = np.array([[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]]) / 2
@@ -181,7 +185,7 @@ def _worst(shape: BaseGeometry, region: BaseGeometry, inside: float) -> float:
         kept = np.flatnonzero(some)
         if not len(kept):
             return best
-        kept = kept[np.argsort(-there[kept], kind="stable")[:_MOST_SQUARES]]
+        kept = kept[np.argsort(-there[kept], kind="stable")[:_MAX_SQUARES]]
         half /= 2
         centers = (centers[kept, None] + 2 * half * QUARTERS).reshape(-1, 2)
 

@@ -40,7 +40,7 @@ from regionik.planners.reach.planar_cells import (
     turn_pivot,
 )
 from regionik.planners.search.box_search import (
-    WHOLE,
+    NO_SIDE,
     Boxes,
     Verdict,
     begin_in_kernel,
@@ -52,7 +52,7 @@ from regionik.planners.search.box_search import (
 )
 from regionik.worlds.arrays import Array, Index
 
-_MOST_REFUSED = 200  # postures that the collision check refused
+_MAX_REFUSED = 200  # postures that the collision check refused
 NARROW = 1e-6  # cells that leave no more than this open are not bisected [m]
 CELLS, REFUSED = range(2)  # what is counted
 
@@ -82,7 +82,7 @@ class BaseFloor(NamedTuple):
     heart: Array  # (2,) middle of a circle in the footprint, in the base's frame [m]
     radius: float  # of that circle [m]
     far: float  # of the footprint from the pivot axis [m]
-    guard: float  # what the room keeps beyond the rules [m]
+    spare: float  # what the room keeps beyond the rules [m]
 
 
 class AnyBase(NamedTuple):
@@ -158,10 +158,10 @@ def _judge_cell(task: AnyBase, low: Array, high: Array) -> tuple[Verdict, float,
     task.tally[CELLS] += 1
     verdict, age, cell = bound_cell(task, low, high), -float(task.tally[CELLS]), task.cell
     if verdict == Verdict.RULED_OUT:
-        return verdict, age, WHOLE
+        return verdict, age, NO_SIDE
     if verdict == Verdict.PROVEN:
         verdict = Verdict.OPEN
-        if task.demand.seek and task.tally[REFUSED] < _MOST_REFUSED:
+        if task.demand.seek and task.tally[REFUSED] < _MAX_REFUSED:
             if _take_middle(task) and is_clear(
                 task.scene, task.margin, task.base, task.joints, task.around.tool_on
             ):
@@ -171,8 +171,8 @@ def _judge_cell(task: AnyBase, low: Array, high: Array) -> tuple[Verdict, float,
     if cell.open.max() == 0.0:  # all of it is clear, but for the margin of the collision check
         cell.open[AWAY], cell.open[PITCH] = cell.half[AWAY], chord(cell.half[PITCH])
     side = int(np.argmax(cell.open))
-    if cell.open[side] <= NARROW or task.tally[REFUSED] == _MOST_REFUSED:
-        side = WHOLE  # once so many were refused it can no longer be ruled out
+    if cell.open[side] <= NARROW or task.tally[REFUSED] == _MAX_REFUSED:
+        side = NO_SIDE  # once so many were refused it can no longer be ruled out
     return verdict, age, side
 
 
@@ -255,7 +255,7 @@ def _judge_base(mount: ArmMount, floor: BaseFloor, target: Array, cell: PlanarCe
     c, s = math.cos(yaw), math.sin(yaw)
     x -= c * mount.mount[0] - s * mount.mount[1]
     y -= s * mount.mount[0] + c * mount.mount[1]
-    by += floor.far * chord(turns) + 2.0 * floor.guard
+    by += floor.far * chord(turns) + 2.0 * floor.spare
     if fits_nowhere_near(floor.room, floor.heart, floor.radius, x, y, yaw, by):
         return Verdict.RULED_OUT
     return Verdict.PROVEN if fits(floor.room, x, y, yaw) else Verdict.OPEN

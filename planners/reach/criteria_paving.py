@@ -17,7 +17,7 @@ import numpy as np
 from regionik.planners.kernels import compiled
 from regionik.planners.reach.level_reach import merged
 from regionik.planners.search.box_search import (
-    WHOLE,
+    NO_SIDE,
     Boxes,
     Verdict,
     begin_in_kernel,
@@ -48,7 +48,7 @@ class _HeightThresholds(NamedTuple):
     """Thresholds of the postures at a height."""
 
     arm: PlanarLinkage
-    asked: Thresholds
+    demanded: Thresholds
     z: float  # height of the tool over the floor [m]
     low: float  # pitches of the last link [rad]
     high: float
@@ -71,7 +71,7 @@ class Distances(NamedTuple):
 
 
 def distances_within_thresholds(
-    arm: PlanarLinkage, asked: Thresholds, pitches: tuple[float, float], z: float, known: Array
+    arm: PlanarLinkage, demanded: Thresholds, pitches: tuple[float, float], z: float, known: Array
 ) -> tuple[Array, Array]:
     """Signed distances at a height with a posture that meets limits and thresholds.
 
@@ -90,7 +90,7 @@ def distances_within_thresholds(
         Intervals, each of whose distances has such a posture; and all outside of which no distance has one.
     """
     low, high = pitches if np.isfinite(pitches).all() else (-np.pi, np.pi)
-    boxes = _pave(_HeightThresholds(arm, asked, z, low, high), known[:, :1].copy(), known[:, 1:].copy())
+    boxes = _pave(_HeightThresholds(arm, demanded, z, low, high), known[:, :1].copy(), known[:, 1:].copy())
     inner = proven(boxes)
     rows = np.column_stack([boxes.low, boxes.high])
     both = rows[inner], rows[np.concatenate([inner, left_open(boxes)])]
@@ -112,7 +112,7 @@ def _judge_distances(thresholds: _HeightThresholds, near: Array, far: Array) -> 
     high = np.array([[thresholds.high, -1.0], [thresholds.high, 1.0]])
     boxes = begin_in_kernel(_judge_pitches, distances, low, high)
     boxes = explore_in_kernel(_judge_pitches, distances, boxes, EVERY, 1)
-    return verdict_of(boxes), 0.0, 0 if far[0] - near[0] > FINEST else WHOLE
+    return verdict_of(boxes), 0.0, 0 if far[0] - near[0] > FINEST else NO_SIDE
 
 
 @compiled
@@ -125,13 +125,13 @@ def _judge_pitches(distances: Distances, low: Array, high: Array) -> tuple[Verdi
         if judge_pitch_box(distances, middle, middle, low[1]) == Verdict.PROVEN:
             verdict = Verdict.PROVEN
     wide = distances.thresholds.arm.lengths[2] * width > _RELATIVE * (distances.far - distances.near)
-    return verdict, -width, 0 if wide else WHOLE
+    return verdict, -width, 0 if wide else NO_SIDE
 
 
 @compiled
 def judge_pitch_box(distances: Distances, low: float, high: float, elbow: float) -> Verdict:
     """Judge a box of distances and pitches: proven where all its postures meet the thresholds."""
-    arm, asked, z = distances.thresholds.arm, distances.thresholds.asked, distances.thresholds.z
+    arm, demanded, z = distances.thresholds.arm, distances.thresholds.demanded, distances.thresholds.z
     near, far = distances.near, distances.far
     a, b, c = arm.lengths[0], arm.lengths[1], arm.lengths[2]
     cos0, cos1 = interval_cos(low, high)
@@ -171,7 +171,7 @@ def judge_pitch_box(distances: Distances, low: float, high: float, elbow: float)
     verdict = both(verdict, _manipulable(distances, links))
     if verdict == Verdict.RULED_OUT:
         return Verdict.RULED_OUT
-    return both(verdict, _within_torques(asked, links))
+    return both(verdict, _within_torques(demanded, links))
 
 
 @compiled
@@ -185,8 +185,8 @@ def _across(a: float, b: float, d0: float, d1: float) -> tuple[float, float]:
 @compiled
 def _manipulable(distances: Distances, links: _LinkAngles) -> Verdict:
     """Judge the manipulability of a box against its threshold; terms as in `threshold_margin`."""
-    arm, asked = distances.thresholds.arm, distances.thresholds.asked
-    if asked.least <= 0.0:
+    arm, demanded = distances.thresholds.arm, distances.thresholds.demanded
+    if demanded.least <= 0.0:
         return Verdict.PROVEN
     (low, high), (second0, second1) = links.last, links.second
     x0, x1 = distances.near - arm.shoulder_r, distances.far - arm.shoulder_r
@@ -201,22 +201,22 @@ def _manipulable(distances: Distances, links: _LinkAngles) -> Verdict:
     w0, w1 = interval_sin(low - second1, high - second0)
     w0, w1 = interval_square(b * c * w0, b * c * w1)
     r0, r1 = interval_square(x0 + arm.shoulder_r, x1 + arm.shoulder_r)
-    wanted = asked.least * asked.least
+    wanted = demanded.least * demanded.least
     if r1 * (u1 + v1 + w1) < wanted * (1.0 - ROUNDING):
         return Verdict.RULED_OUT
     return Verdict.PROVEN if r0 * (u0 + v0 + w0) > wanted * (1.0 + ROUNDING) else Verdict.OPEN
 
 
 @compiled
-def _within_torques(asked: Thresholds, links: _LinkAngles) -> Verdict:
+def _within_torques(demanded: Thresholds, links: _LinkAngles) -> Verdict:
     """Judge the torques of a box against their limits."""
     verdict, least, most = Verdict.PROVEN, 0.0, 0.0
     for k in range(2, -1, -1):
         low, high = links.first if k == 0 else (links.second if k == 1 else links.last)
-        pull, turn = asked.pull[k]
+        pull, turn = demanded.pull[k]
         p0, p1 = interval_cos(low + turn, high + turn)
         least, most = least + pull * p0, most + pull * p1
-        limit = asked.most[k]
+        limit = demanded.most[k]
         if limit < np.inf:
             if least > limit + ROUNDING or most < -limit - ROUNDING:
                 return Verdict.RULED_OUT

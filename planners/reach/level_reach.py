@@ -38,10 +38,10 @@ from regionik.worlds.prepared import made_once
 
 Intervals = tuple[tuple[float, float], ...]
 
-BATCH, MOST_BATCHES = 24, 6  # postures that walks start from; the last batch is one that adds nothing
+BATCH, MAX_BATCHES = 24, 6  # postures that walks start from; the last batch is one that adds nothing
 _NEWS = 1e-4  # what a batch must add for another to follow [m]
-MOST_SECTORS, UNLIKE = 6, 1.0  # walks whose azimuths are told, and how far apart they are [rad]
-MOST_BOXES = 20_000  # weighed for an outer bound, a few microseconds each
+MAX_SECTORS, UNLIKE = 6, 1.0  # walks whose azimuths are told, and how far apart they are [rad]
+MAX_BOXES = 20_000  # weighed for an outer bound, a few microseconds each
 LEVEL = 1e-9  # by which the tool of an arm that cannot rise may be off its height [m]
 SAMPLES, NARROWINGS = 128, 80  # random postures, ever nearer to the farthest and the nearest of them
 HALVINGS = 60  # of the straight way between those two
@@ -49,7 +49,7 @@ _LAYER = 0.01  # height of a layer, whose targets are looked at together at firs
 _LAYER_BOXES = 5_000  # weighed for the outer bound of one
 ENOUGH = 1e-3  # what the outer bound may stand off from the inner one [m]
 LEVER = 0.3  # distance of two points that a pose fixes from the wrist, as a share of the arm's length
-GUARD = 1e-6  # against rounding, and of frames that are not quite rotations [m], [rad]
+ROUNDING_MARGIN = 1e-6  # against rounding, and of frames that are not quite rotations [m], [rad]
 BESIDE = 1e-6  # what is nearer to the tool's point than this tells nothing new [m]
 
 
@@ -73,7 +73,7 @@ class PivotedArm:
         """Postures (n, m) of the meridian that walks start from, drawn evenly from the limits."""
         assert self.meridian is not None
         low, high = within_half_turns(self.meridian.lower, self.meridian.upper)
-        return np.random.default_rng(0).uniform(low, high, (BATCH * MOST_BATCHES, len(low)))
+        return np.random.default_rng(0).uniform(low, high, (BATCH * MAX_BATCHES, len(low)))
 
     @cached_property
     def is_level(self) -> bool:
@@ -152,7 +152,7 @@ def _walked(chain: Chain, rise: float) -> tuple[Intervals, Array]:
     if arm.is_level:
         return _level_reach(arm, rise), passed
     tool, length = tool_for(meridian), 0.0
-    for starts in np.split(arm.starts, MOST_BATCHES):
+    for starts in np.split(arm.starts, MAX_BATCHES):
         more = np.empty((BATCH, 6))
         count = walk_both_ways(meridian, rise, starts, tool, more)
         passed = np.concatenate([passed, more[:count]])
@@ -175,7 +175,7 @@ def inner_sectors(chain: Chain, rise: float) -> tuple[tuple[float, float, float,
     worth = (walks[:, 1] ** 2 - walks[:, 0] ** 2) * (2 * np.pi - (walks[:, 3] - walks[:, 2]))
     walks = walks[np.argsort(-worth, kind="stable")]
     chosen: list[tuple[float, float, float, float]] = []
-    while len(walks) and len(chosen) < MOST_SECTORS:
+    while len(walks) and len(chosen) < MAX_SECTORS:
         low, high, right, left = best = walks[0]
         chosen.append((float(low), float(high), float(right), float(left)))
         apart = walks[:, 2:].sum(axis=1) / 2 - best[2:].sum() / 2
@@ -216,7 +216,7 @@ def outer_range(chain: Chain, low: float, high: float, *, coarse: bool = False) 
     if coarse:
         first, last = floor(low / _LAYER), floor(high / _LAYER)
         return _outer_range(chain, first * _LAYER, (last + 1) * _LAYER, _LAYER_BOXES)
-    return _outer_range(chain, low, high, MOST_BOXES)
+    return _outer_range(chain, low, high, MAX_BOXES)
 
 
 @lru_cache(maxsize=4096)
@@ -317,13 +317,13 @@ def fixed_point_reach(chain: Chain, height: float, aim: Aim, *, coarse: bool) ->
     """
     arm = pivoted_arm(chain)
     for e, moved in arm.direction_points if aim.kind == DIRECTION else arm.frame_points:
-        lever, cone = float(np.linalg.norm(e)), min(aim.cone + GUARD, np.pi)
+        lever, cone = float(np.linalg.norm(e)), min(aim.cone + ROUNDING_MARGIN, np.pi)
         off = aim.turn @ e
         rise, up = float(aim.position[2]) - height, float(np.arcsin(np.clip(off[2] / lever, -1.0, 1.0)))
-        low = rise + lever * np.sin(max(up - cone, -np.pi / 2)) - GUARD
-        high = rise + lever * np.sin(min(up + cone, np.pi / 2)) + GUARD
+        low = rise + lever * np.sin(max(up - cone, -np.pi / 2)) - ROUNDING_MARGIN
+        high = rise + lever * np.sin(min(up + cone, np.pi / 2)) + ROUNDING_MARGIN
         rings = np.array(outer_range(moved, float(low), float(high), coarse=coarse)).reshape(-1, 2)
-        stray = lever * 2.0 * np.sin(cone / 2) + GUARD  # of the point, by the cone
+        stray = lever * 2.0 * np.sin(cone / 2) + ROUNDING_MARGIN  # of the point, by the cone
         rings = np.column_stack([np.maximum(rings[:, 0] - stray, 0.0), rings[:, 1] + stray])
         yield PointReach(aim.position[:2] + off[:2], rings)
 

@@ -225,8 +225,8 @@ def _bent(bend: Array, a: Array, b: Array) -> float:
     return total
 
 
-MOST_STEPS = 300  # of one walk
-FIRST_STEP, LEAST_STEP = 0.3, 1e-5  # of a walk, as largest change of a joint [rad] or [m]
+MAX_STEPS = 300  # of one walk
+FIRST_STEP, MIN_STEP = 0.3, 1e-5  # of a walk, as largest change of a joint [rad] or [m]
 _SWING = 0.5  # of the tool about the pivot axis, as far as the bounds of a walk are kept [rad]
 HALVINGS = 40  # of the last hop of a walk that is to end at a distance
 NEAR = 1e-9  # [m]
@@ -265,7 +265,7 @@ def walk(
         if gain <= 0.0 or (goal - r) * outwards <= 0.0 or r + outwards * GAIN < 0.0:
             break
         moved = False
-        while stride > LEAST_STEP and gain / longest * stride > GAIN:
+        while stride > MIN_STEP and gain / longest * stride > GAIN:
             for k in range(m):
                 step = stride / longest * d[k]
                 trial[k] = max(meridian.lower[k], min(meridian.upper[k], joints[k] + step))
@@ -319,8 +319,8 @@ def _uphill(meridian: Meridian, outwards: float, joints: Array, tool: MeridianTo
 
 
 @compiled
-def walk_both_ways(meridian: Meridian, z: float, starts: Array, tool: MeridianTool, found: Array) -> int:
-    """Write what walks from starts (s, m) pass as rows of ``found`` (s, 6); returns how many.
+def walk_both_ways(meridian: Meridian, z: float, starts: Array, tool: MeridianTool, walks: Array) -> int:
+    """Write what walks from starts (s, m) pass as rows of ``walks`` (s, 6); returns how many.
 
     A row is the least and largest distance; then those between which the tool's azimuth, with the pivot at
     zero, has bounds, and these.
@@ -332,12 +332,12 @@ def walk_both_ways(meridian: Meridian, z: float, starts: Array, tool: MeridianTo
         if not to_level(meridian, z, here, tool):
             continue
         there, azimuth = here.copy(), math.atan2(tool.away[1], tool.away[0])
-        found[count, 0] = walk(meridian, z, -1.0, here, tool, MOST_STEPS, -np.inf, last, turns)
-        found[count, 2], found[count, 4], found[count, 5] = turns[0], azimuth + turns[1], azimuth + turns[2]
-        found[count, 1] = walk(meridian, z, 1.0, there, tool, MOST_STEPS, np.inf, last, turns)
-        found[count, 3] = turns[0]
-        found[count, 4] = min(found[count, 4], azimuth + turns[1])
-        found[count, 5] = max(found[count, 5], azimuth + turns[2])
+        walks[count, 0] = walk(meridian, z, -1.0, here, tool, MAX_STEPS, -np.inf, last, turns)
+        walks[count, 2], walks[count, 4], walks[count, 5] = turns[0], azimuth + turns[1], azimuth + turns[2]
+        walks[count, 1] = walk(meridian, z, 1.0, there, tool, MAX_STEPS, np.inf, last, turns)
+        walks[count, 3] = turns[0]
+        walks[count, 4] = min(walks[count, 4], azimuth + turns[1])
+        walks[count, 5] = max(walks[count, 5], azimuth + turns[2])
         count += 1
     return count
 
@@ -357,7 +357,7 @@ def walk_to_posture(
         if not to_level(meridian, z, here, tool):
             continue
         outwards = 1.0 if goal > tool.at[0] else -1.0
-        off = abs(walk(meridian, z, outwards, here, tool, MOST_STEPS, goal, last, turns) - goal)
+        off = abs(walk(meridian, z, outwards, here, tool, MAX_STEPS, goal, last, turns) - goal)
         for _ in range(HALVINGS):
             middle[:] = 0.5 * (last + here)
             if off <= LEVEL or not to_level(meridian, z, middle, tool):

@@ -19,7 +19,7 @@ from regionik.planners.geometry.vectors import minus, norm, row, squared
 from regionik.planners.kernels import compiled
 from regionik.planners.reach.meridian import Meridian, MeridianTool, tool_for, tool_motion
 from regionik.planners.search.box_search import (
-    WHOLE,
+    NO_SIDE,
     Boxes,
     Verdict,
     begin,
@@ -94,42 +94,42 @@ def outer_distances(
         Budget of boxes.
     """
     (bottom, top), (low, high) = heights, limits
-    asked = OuterReach(
+    task = OuterReach(
         meridian, 0.5 * (bottom + top), 0.5 * (top - bottom), known, enough, bounds_for(meridian)
     )
-    boxes = begin(_judge_reach, asked, np.array([[*low, 0.0]]), np.array([[*high, cap]]))
-    boxes = _explore(asked, boxes, most)
+    boxes = begin(_judge_reach, task, np.array([[*low, 0.0]]), np.array([[*high, cap]]))
+    boxes = _explore(task, boxes, most)
     slots = left_open(boxes)
     return np.column_stack([boxes.low[slots, -1], boxes.high[slots, -1]])
 
 
 @compiled
-def _explore(asked: OuterReach, boxes: Boxes, budget: int) -> Boxes:
-    return explore_in_kernel(_judge_reach, asked, boxes, budget, 1)  # none is ever proven
+def _explore(task: OuterReach, boxes: Boxes, budget: int) -> Boxes:
+    return explore_in_kernel(_judge_reach, task, boxes, budget, 1)  # none is ever proven
 
 
 @compiled
-def _judge_reach(asked: OuterReach, low: Array, high: Array) -> tuple[Verdict, float, int]:
+def _judge_reach(task: OuterReach, low: Array, high: Array) -> tuple[Verdict, float, int]:
     """Contract a box of m joint values and, last, of distances; its key is their largest excess."""
-    m, z, half, known, box = len(low) - 1, asked.z, asked.half, asked.known, asked.bounds
+    m, z, half, known, box = len(low) - 1, task.z, task.half, task.known, task.bounds
     tells_low = tells_high = -1
     for i in range(PASSES):
-        bound(asked.meridian, low[:m], high[:m], box)
+        bound(task.meridian, low[:m], high[:m], box)
         near, far, tells_low, tells_high = spanned(box, z, half)
         low[m], high[m] = in_question(known, max(near, low[m]), min(far, high[m]))
         if low[m] > high[m]:
-            return Verdict.RULED_OUT, 0.0, WHOLE
+            return Verdict.RULED_OUT, 0.0, NO_SIDE
         if i == PASSES - 1:
             break
         if not contract_to(box, z, half, low[m], high[m]):
-            return Verdict.RULED_OUT, 0.0, WHOLE
+            return Verdict.RULED_OUT, 0.0, NO_SIDE
         if not cut_to(low, high, box.q, box.shift):
             break
     sticks = sticks_out(known, low[m], high[m])
-    if sticks <= asked.enough:
-        return Verdict.OPEN, sticks, WHOLE
+    if sticks <= task.enough:
+        return Verdict.OPEN, sticks, NO_SIDE
     outwards = len(known) == 0 or high[m] > known[0, 0]
-    return Verdict.OPEN, sticks, _to_bisect(asked.meridian, box, tells_high if outwards else tells_low)
+    return Verdict.OPEN, sticks, _to_bisect(task.meridian, box, tells_high if outwards else tells_low)
 
 
 def bounds_for(meridian: Meridian) -> ToolBounds:

@@ -28,7 +28,7 @@ class PolarCells:
 
     distances: Array  # (r,) ascending from 0 [m]
     bearings: Array  # (b,) evenly round the full turn [rad]; one stands for all
-    found: Mask  # (r, b) grid points in the set
+    members: Mask  # (r, b) grid points in the set
     outward: Array  # (r - 1, b) share of the edge to the next distance at which it leaves the set
     onward: Array  # (r, b) the same of the edge to the next bearing
     counted: Mask | None = None  # (r - 1, b) cells that count; None for all whose corners in it share an edge
@@ -36,8 +36,8 @@ class PolarCells:
     @cached_property
     def _corners(self) -> Mask:
         """Corners in the set (4, r - 1, b), in their order round the cell."""
-        after = np.roll(self.found, -1, axis=1)
-        return np.stack([self.found[:-1], self.found[1:], after[1:], after[:-1]])
+        after = np.roll(self.members, -1, axis=1)
+        return np.stack([self.members[:-1], self.members[1:], after[1:], after[:-1]])
 
     @cached_property
     def cells(self) -> tuple[Index, Index]:
@@ -80,7 +80,7 @@ class PolarCells:
         distance, bearing = self.distances[r] + wide * middle[:, 0], self.bearings[b] + turn * middle[:, 1]
         return r, b, np.column_stack([distance, bearing])
 
-    def kept(self, some: Mask) -> PolarCells:
+    def selected(self, some: Mask) -> PolarCells:
         """Only those of the cells that a mask (m,) names."""
         r, b = self.cells
         counted = np.zeros((len(self.distances) - 1, len(self.bearings)), dtype=np.bool_)
@@ -115,7 +115,7 @@ class PolarCells:
         return PolarCells(
             self.distances,
             np.linspace(0.0, 2 * np.pi, AROUND, endpoint=False),
-            spun(self.found),
+            spun(self.members),
             spun(self.outward),
             spun(self.onward),
             None if self.counted is None else spun(self.counted),
@@ -146,7 +146,7 @@ def can_ask(chain: Chain, kind: int) -> bool:
     return form is not None and form.swept is None
 
 
-def asked_cells(chain: Chain, aim: Aim, within: Polish, cells: PolarCells, met: Mask) -> PolarCells:
+def closed_form_cells(chain: Chain, aim: Aim, within: Polish, cells: PolarCells, met: Mask) -> PolarCells:
     """Cells that count, their cuts moved outward as far as a closed form knows postures there.
 
     Parameters
@@ -160,7 +160,7 @@ def asked_cells(chain: Chain, aim: Aim, within: Polish, cells: PolarCells, met: 
     met : (m,) array of bool
         Cells in whose middle a posture is known.
     """
-    found, middles = cells.found, cells.middles[2]
+    found, middles = cells.members, cells.middles[2]
     edges = np.concatenate([_cut(found[:-1], found[1:], 0), _cut(found, np.roll(found, -1, axis=1), 1)])
     sides = cells.outward.copy(), cells.onward.copy()
     cuts = np.array([sides[side][i, j] for side, i, j in edges.tolist()])
@@ -177,12 +177,12 @@ def asked_cells(chain: Chain, aim: Aim, within: Polish, cells: PolarCells, met: 
         sides[side][i, j] = share
     counted = met.copy()
     counted[~met] = known[len(known) - np.count_nonzero(~met) :]
-    return PolarCells(cells.distances, cells.bearings, found, *sides).kept(counted)
+    return PolarCells(cells.distances, cells.bearings, found, *sides).selected(counted)
 
 
-def _cut(found: Mask, there: Mask, side: int) -> Index:
+def _cut(members: Mask, there: Mask, side: int) -> Index:
     """Edges of a side with one end in the reach: side, and indices of distance and bearing, (k, 3)."""
-    i, j = np.nonzero(found != there)
+    i, j = np.nonzero(members != there)
     return np.column_stack([np.full(len(i), side), i, j])
 
 

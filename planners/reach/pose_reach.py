@@ -5,7 +5,7 @@ each that meets it, and from each grid point found, damped least squares leads o
 the postures of one area are connected as far as they can be. Where a grid point is found and its neighbour is
 not, the edge is halved a few times. A cell, cut at these points, counts where a posture was found at its
 corners and in its middle: this is sampled, not proven. Where damped least squares finds none, the closed form
-of an arm that has one is asked for other branches (`asked_cells`).
+of an arm that has one is asked for other branches (`closed_form_cells`).
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from regionik.planners.reach.inverse_reachability import (
     posture_samples,
     posture_seeds,
 )
-from regionik.planners.reach.polar_cells import PolarCells, asked_cells, can_ask
+from regionik.planners.reach.polar_cells import PolarCells, can_ask, closed_form_cells
 from regionik.planners.reach.serial_criteria import (
     PostureDemand,
     SerialThresholds,
-    led_within,
+    moved_within_thresholds,
     serial_thresholds,
 )
 from regionik.planners.solvers.closed_form import Polish
@@ -102,11 +102,11 @@ def pose_reach(
     demand : PostureDemand, optional
         That postures meet besides.
     """
-    kept = heading is not None
+    fixed_heading = heading is not None
     turn, azimuth = _level(aim) if heading is None else (rot_z(-heading)[:3, :3] @ aim.turn, heading)
     key = tuple(np.round(turn, DIGITS).ravel().tolist())
     rise = round(float(aim.position[2]) - height, DIGITS)
-    found = _sampled(chain, rise, aim.kind, key, float(aim.cone), kept, demand)
+    found = _sampled(chain, rise, aim.kind, key, float(aim.cone), fixed_heading, demand)
     grid, seeds = (_placed(*rows, aim, azimuth, heading) for rows in (found.grid, found.seeds))
     c, s = np.cos(azimuth), np.sin(azimuth)
     area = transform(found.area, lambda p: p @ np.array([[c, s], [-s, c]]) + aim.position[:2])
@@ -135,37 +135,37 @@ def _sampled(
     kind: int,
     key: tuple[float, ...],
     cone: float,
-    kept: bool,
+    fixed_heading: bool,
     demand: PostureDemand | None,
 ) -> _Sampled:
     turning = with_pivot_limits(chain, -np.inf, np.inf)
-    arm = serial_arm(chain if kept else turning)
+    arm = serial_arm(chain if fixed_heading else turning)
     within = Tolerances(TOLERANCE, max(ANGLE_SHARE * cone, 1e-9), span(arm))
     aim = Aim(np.array([0.0, 0.0, rise]), kind, np.array(key).reshape(3, 3), cone)
     samples = posture_samples(turning, within.reach)
     bound = reach_bound(chain)
     far = bound.radius + np.sqrt(max(bound.length**2 - (rise - bound.height) ** 2, 0.0))
-    asked = serial_thresholds(demand, chain.dof)
-    grid = _grid(arm, asked, aim, within, far, 1, kept)
-    for count in (MORE,) if kept else (NEAREST, MORE):
+    thresholds = serial_thresholds(demand, chain.dof)
+    grid = _grid(arm, thresholds, aim, within, far, 1, fixed_heading)
+    for count in (MORE,) if fixed_heading else (NEAREST, MORE):
         seeds = posture_seeds(turning, samples, rise, aim, within, count)
-        seeds = _at_heading(chain, aim, *seeds) if kept else seeds
+        seeds = _at_heading(chain, aim, *seeds) if fixed_heading else seeds
         if demand is not None:
-            met = _led(grid, *seeds)
+            met = _meet_thresholds(grid, *seeds)
             seeds = seeds[0][met], seeds[1][met]
         _fill(grid, *seeds)
-        if np.count_nonzero(grid.found) >= SMALL * grid.found.size:
+        if np.count_nonzero(grid.filled) >= SMALL * grid.filled.size:
             break
-    branches = chain if kept else turning
+    branches = chain if fixed_heading else turning
     known = branches if demand is None and can_ask(branches, kind) else None
     cells = _cells(grid, known)
     for finer in FINER if len(seeds[0]) else ():
-        if cells.whole >= max(1.0, THIN * np.count_nonzero(grid.found)):
+        if cells.whole >= max(1.0, THIN * np.count_nonzero(grid.filled)):
             break
-        grid = _grid(arm, asked, aim, within, far, finer, kept)
+        grid = _grid(arm, thresholds, aim, within, far, finer, fixed_heading)
         _fill(grid, *seeds)
         cells = _cells(grid, known)
-    r, b = np.nonzero(grid.found)
+    r, b = np.nonzero(grid.filled)
     places = np.column_stack([grid.distances[r], grid.bearings[b]])
     return _Sampled((places, grid.postures[r, b]), (seeds[1], seeds[0]), cells.area)
 
@@ -197,38 +197,44 @@ class _Grid(NamedTuple):
     """
 
     arm: SerialArm
-    asked: SerialThresholds
+    thresholds: SerialThresholds
     aim: Aim
     within: Tolerances
     distances: Array  # (r,) [m]
     bearings: Array  # (b,) [rad]
-    found: Mask  # (r, b) overwritten
+    filled: Mask  # (r, b) overwritten
     postures: Array  # (r, b, n) overwritten, from an arm's base frame that faces the target, or as it is kept
-    kept: bool  # at heading zero
+    fixed_heading: bool  # at heading zero
 
 
 def _grid(
-    arm: SerialArm, asked: SerialThresholds, aim: Aim, within: Tolerances, far: float, finer: int, kept: bool
+    arm: SerialArm,
+    thresholds: SerialThresholds,
+    aim: Aim,
+    within: Tolerances,
+    far: float,
+    finer: int,
+    fixed_heading: bool,
 ) -> _Grid:
     """An empty grid, its cells divided."""
     upright = aim.kind != ORIENTATION and np.hypot(*aim.turn[:2, 2]) < 1e-9
-    round_about = upright and not kept
+    round_about = upright and not fixed_heading
     rows, columns = DISTANCES * finer + 1, 1 if round_about else BEARINGS * finer
     return _Grid(
         arm,
-        asked,
+        thresholds,
         aim,
         within,
         np.linspace(0.0, far, rows),
         np.linspace(0.0, 2 * np.pi, columns, endpoint=False),
         np.zeros((rows, columns), dtype=np.bool_),
         np.zeros((rows, columns, len(arm.lower))),
-        kept,
+        fixed_heading,
     )
 
 
 @compiled
-def _led(grid: _Grid, seeds: Array, places: Array) -> Mask:
+def _meet_thresholds(grid: _Grid, seeds: Array, places: Array) -> Mask:
     """Lead seeds (k, n) to meet what is asked from their places (k, 2), and tell which do; overwritten."""
     met = np.empty(len(seeds), dtype=np.bool_)
     for k in range(len(seeds)):
@@ -246,7 +252,7 @@ def _fill(grid: _Grid, seeds: Array, places: Array) -> None:
         near, beside = int(places[k, 0] / wide), int(places[k, 1] / turn)
         for corner in range(4):
             i, j = near + corner % 2, (beside + corner // 2) % columns
-            if i < rows and not grid.found[i, j] and _reached(grid, i, j, seeds[k]):
+            if i < rows and not grid.filled[i, j] and _extend_to(grid, i, j, seeds[k]):
                 todo[0, 0], todo[0, 1] = i, j
                 count = 1
                 while count > 0:
@@ -260,30 +266,32 @@ def _spread(grid: _Grid, todo: Index, count: int) -> int:
     i, j = todo[count, 0], todo[count, 1]
     for down, on in ((1, 0), (-1, 0), (0, 1), (0, -1)):
         k, m = i + down, (j + on) % columns
-        if 0 <= k < rows and not grid.found[k, m] and _reached(grid, k, m, grid.postures[i, j]):
+        if 0 <= k < rows and not grid.filled[k, m] and _extend_to(grid, k, m, grid.postures[i, j]):
             todo[count, 0], todo[count, 1] = k, m
             count += 1
     return count
 
 
 @compiled
-def _reached(grid: _Grid, i: int, j: int, posture: Array) -> bool:
+def _extend_to(grid: _Grid, i: int, j: int, posture: Array) -> bool:
     """Come to a grid point from a posture nearby; it is kept where that is done."""
     trial = posture.copy()
     if not _come_to(grid, grid.distances[i], grid.bearings[j], trial):
         return False
-    grid.found[i, j], grid.postures[i, j] = True, trial
+    grid.filled[i, j], grid.postures[i, j] = True, trial
     return True
 
 
 @compiled
 def _come_to(grid: _Grid, distance: float, bearing: float, joints: Array) -> bool:
     within = grid.within
-    aim = aim_at(grid.aim, distance, bearing, 0.0 if grid.kept else bearing + np.pi)
+    aim = aim_at(grid.aim, distance, bearing, 0.0 if grid.fixed_heading else bearing + np.pi)
     error, angle, _ = polish(grid.arm, aim, joints, within.reach, within.error, within.angle, STEPS)
     if error > within.error or angle > within.angle:
         return False
-    return led_within(grid.arm, grid.asked, aim, joints, within.reach, within.error, within.angle)
+    return moved_within_thresholds(
+        grid.arm, grid.thresholds, aim, joints, within.reach, within.error, within.angle
+    )
 
 
 def _cells(grid: _Grid, known: Chain | None) -> PolarCells:
@@ -292,12 +300,12 @@ def _cells(grid: _Grid, known: Chain | None) -> PolarCells:
     A chain that is ``known`` in closed form is asked about what was not found.
     """
     cuts = _cut_edges(grid, HALVINGS if known is None else HALVINGS - 1)
-    cells = PolarCells(grid.distances, grid.bearings, grid.found, *cuts)
+    cells = PolarCells(grid.distances, grid.bearings, grid.filled, *cuts)
     r, b, middles = cells.middles
-    met = _found_within(grid, r, b, middles)
+    met = _cells_with_posture(grid, r, b, middles)
     if known is None:
-        return cells.kept(met)
-    return asked_cells(known, grid.aim, Polish(grid.within.error, grid.within.angle, STEPS), cells, met)
+        return cells.selected(met)
+    return closed_form_cells(known, grid.aim, Polish(grid.within.error, grid.within.angle, STEPS), cells, met)
 
 
 @compiled
@@ -307,10 +315,10 @@ def _cut_edges(grid: _Grid, halvings: int) -> tuple[Array, Array]:
     outward, onward = np.zeros((rows - 1, columns)), np.zeros((rows, columns))
     for i in range(rows):
         for j in range(columns):
-            if i + 1 < rows and grid.found[i, j] != grid.found[i + 1, j]:
+            if i + 1 < rows and grid.filled[i, j] != grid.filled[i + 1, j]:
                 outward[i, j] = _cut(grid, halvings, i, j, i + 1, j)
             after = (j + 1) % columns
-            if grid.found[i, j] != grid.found[i, after]:
+            if grid.filled[i, j] != grid.filled[i, after]:
                 onward[i, j] = _cut(grid, halvings, i, j, i, after)
     return outward, onward
 
@@ -319,7 +327,7 @@ def _cut_edges(grid: _Grid, halvings: int) -> tuple[Array, Array]:
 def _cut(grid: _Grid, halvings: int, i: int, j: int, k: int, m: int) -> float:
     """Share of the edge from one grid point to the next at which the reach ends or begins."""
     turn = 2 * np.pi / len(grid.bearings)
-    inside = grid.found[i, j]
+    inside = grid.filled[i, j]
     joints = (grid.postures[i, j] if inside else grid.postures[k, m]).copy()
     low, high = 0.0, 1.0  # from the end within reach
     for _ in range(halvings):
@@ -335,13 +343,13 @@ def _cut(grid: _Grid, halvings: int, i: int, j: int, k: int, m: int) -> float:
 
 
 @compiled
-def _found_within(grid: _Grid, r: Index, b: Index, middles: Array) -> Mask:
+def _cells_with_posture(grid: _Grid, r: Index, b: Index, middles: Array) -> Mask:
     """Mask (m,) of the cells with a posture in their middle (m, 2), come to from a corner."""
     columns = len(grid.bearings)
     met = np.zeros(len(r), dtype=np.bool_)
     for k in range(len(r)):
         for corner in range(4):
             i, j = r[k] + corner % 2, (b[k] + corner // 2) % columns
-            if grid.found[i, j] and not met[k]:
+            if grid.filled[i, j] and not met[k]:
                 met[k] = _come_to(grid, middles[k, 0], middles[k, 1], grid.postures[i, j].copy())
     return met

@@ -23,7 +23,7 @@ from regionik.planners.kernels import compiled
 from regionik.planners.reach.inverse_reachability import aim_at
 from regionik.planners.reach.level_reach import Intervals, merged
 from regionik.planners.reach.pose_reach import DIGITS, PlacedPostures, PoseReach, pose_reach
-from regionik.planners.reach.serial_criteria import PostureDemand, led_within
+from regionik.planners.reach.serial_criteria import PostureDemand, moved_within_thresholds
 from regionik.planners.reach.square_proofs import EXACT, SquareTask, constraints, holds_about, square_task
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, POSITION, Aim, polish
 from regionik.worlds.arms import pivot_index
@@ -39,7 +39,7 @@ AMPLE = 0.3  # share of a threshold, by which postures are to meet it
 CENTRED = 0.3  # of the way to the middles of the joints' limits that the arm's self-motion goes
 
 EVERY = -np.inf, np.inf
-ASKED = {POSITION: 3, DIRECTION: 5, ORIENTATION: 6}  # numbers that an aim fixes
+FIXED_COORDINATES = {POSITION: 3, DIRECTION: 5, ORIENTATION: 6}  # numbers that an aim fixes
 CORNERS = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
 
 
@@ -64,7 +64,7 @@ def proven_pose_area(
     aim: Aim,
     heading: float | None = None,
     span: tuple[float, float] = (-np.inf, np.inf),
-    guard: float = 0.0,
+    spare: float = 0.0,
     demand: PostureDemand | None = None,
     window: tuple[float, ...] = EVERYWHERE,
 ) -> BaseGeometry:
@@ -82,7 +82,7 @@ def proven_pose_area(
         That the arm's base frame keeps, and postures are looked for at; see `pose_reach` [rad].
     span : (low, high), optional
         Headings that it may take, any one of them at each place [rad].
-    guard : float, optional
+    spare : float, optional
         That the pivot keeps from its limits, for errors of the heading [rad].
     demand : PostureDemand, optional
         That the posture meets besides.
@@ -97,11 +97,11 @@ def proven_pose_area(
     pivot = chain.active_joints[pivot_index(chain)]
     goal = _goal(aim)
     if heading is not None:
-        kept = min(guard, 0.5 * (pivot.upper - pivot.lower))
+        kept = min(spare, 0.5 * (pivot.upper - pivot.lower))
         azimuths = heading + pivot.lower + kept, heading + pivot.upper - kept
         return _squares(chain, height, goal, heading, azimuths, demand).area
     found = _squares(chain, height, goal, None, EVERY, demand)
-    lowest, wide = span[0] + pivot.lower + guard, span[1] - span[0] + pivot.upper - pivot.lower - 2 * guard
+    lowest, wide = span[0] + pivot.lower + spare, span[1] - span[0] + pivot.upper - pivot.lower - 2 * spare
     if wide >= 2 * np.pi:
         return found.area
     behind = np.remainder(found.azimuths - found.turns - lowest, 2 * np.pi)
@@ -160,18 +160,22 @@ def _squares(
     if along_ray:
         found = replace(found, area=found.area & _ray(found.area))
     rows = [np.empty((0, 5))]
-    if not found.area.is_empty and chain.dof >= ASKED[aim.kind] and np.isfinite(task.levers).all():
+    if (
+        not found.area.is_empty
+        and chain.dof >= FIXED_COORDINATES[aim.kind]
+        and np.isfinite(task.levers).all()
+    ):
         rows += _quartered(task, found)
     every = np.concatenate(rows)
     middles, half = every[:, :2], every[:, 2]
     return _Squares(middles, half, every[:, 3], every[:, 4], shapely.union_all(_boxes(middles, half)))
 
 
-def _quartered(task: SquareTask, found: PoseReach) -> Iterator[Array]:
+def _quartered(task: SquareTask, reach: PoseReach) -> Iterator[Array]:
     """The squares proven of each size: middle, half, azimuth and turn, (k, 5)."""
-    grid, seeds = (_Nearest.of(some, task.pivot) for some in (found.grid, found.seeds))
+    grid, seeds = (_Nearest.of(some, task.pivot) for some in (reach.grid, reach.seeds))
     half = float(np.ceil(LEAST * task.reach * FINEST)) / FINEST * 2.0**QUARTERED
-    middles = _first_squares(found.area, half)
+    middles = _first_squares(reach.area, half)
     for _ in range(QUARTERED + 1):
         postures = grid.to(middles)
         turns = _judge(task, middles, half, postures)
@@ -185,7 +189,7 @@ def _quartered(task: SquareTask, found: PoseReach) -> Iterator[Array]:
         yield np.column_stack([middles[known], halves, postures[known, task.pivot], turns[known]])
         half /= 2
         middles = (middles[~known][:, None] + half * CORNERS).reshape(-1, 2)
-        middles = middles[shapely.intersects(found.area, _boxes(middles, half))]
+        middles = middles[shapely.intersects(reach.area, _boxes(middles, half))]
 
 
 class _Nearest(NamedTuple):
@@ -248,7 +252,9 @@ def _centred(task: SquareTask, aim: Aim, joints: Array) -> bool:
         return False
     M, A, _, _, _ = constraints(task.arm, aim.kind, joints)
     if len(M) >= len(joints):
-        return led_within(task.arm, task.asked, aim, joints, task.reach, EXACT, task.angle, AMPLE)
+        return moved_within_thresholds(
+            task.arm, task.thresholds, aim, joints, task.reach, EXACT, task.angle, AMPLE
+        )
     lower, upper = task.arm.lower, task.arm.upper
     away, along, trial = np.zeros(len(joints)), np.zeros(len(M)), joints.copy()
     for k in range(len(joints)):
@@ -263,7 +269,9 @@ def _centred(task: SquareTask, aim: Aim, joints: Array) -> bool:
         trial[k] = min(max(joints[k] + step, lower[k]), upper[k])
     if _come_to(task, aim, trial):
         joints[:] = trial
-    return led_within(task.arm, task.asked, aim, joints, task.reach, EXACT, task.angle, AMPLE)
+    return moved_within_thresholds(
+        task.arm, task.thresholds, aim, joints, task.reach, EXACT, task.angle, AMPLE
+    )
 
 
 @compiled

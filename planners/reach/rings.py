@@ -13,7 +13,7 @@ from regionik.planners.solvers.planar_kinematics import PlanarLinkage, intervals
 from regionik.worlds.arms import PlanarArm
 from regionik.worlds.arrays import Array, Index
 
-MOST_INTERVALS = 16  # at one height
+MAX_INTERVALS = 16  # at one height
 APART = 1e-7  # ends that are nearer to each other than this may be taken for each other [m]
 NEAR = 1e-6  # of a turning height: ends at heights this near to one are searched anew [m]
 
@@ -107,11 +107,11 @@ def reach_spans(
     """
     circles, turns = _boundary(arm, shoulder_z, pitches)
     plane = PlanarLinkage(float(arm.shoulder[0]), shoulder_z, arm.lengths, arm.lower, arm.upper)
-    out, counts = np.empty((len(heights), MOST_INTERVALS, 2)), np.empty(len(heights), dtype=np.int64)
+    out, counts = np.empty((len(heights), MAX_INTERVALS, 2)), np.empty(len(heights), dtype=np.int64)
     order = np.argsort(heights, kind="stable")
     _spans(plane, pitches, (circles, turns), np.asarray(heights)[order], (front, back), out, counts)
     out[order], counts[order] = out.copy(), counts.copy()
-    real = np.arange(MOST_INTERVALS) < counts[:, None]
+    real = np.arange(MAX_INTERVALS) < counts[:, None]
     return np.repeat(np.arange(len(heights)), counts), out[real]
 
 
@@ -157,7 +157,7 @@ def _spans(
     Ends are searched once between two turning heights; there they stay on their circles.
     """
     circles, turns = boundary
-    ends = np.empty((MOST_INTERVALS, 2), np.int64)
+    ends = np.empty((MAX_INTERVALS, 2), np.int64)
     between, known, turn = -1, False, 0
     for i, z in enumerate(heights):
         while turn < len(turns) and turns[turn] < z:

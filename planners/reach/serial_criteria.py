@@ -15,7 +15,7 @@ from regionik.planners.geometry.vectors import cross, minus, plus, row, squared,
 from regionik.planners.kernels import compiled
 from regionik.planners.search.motion_bounds import longest_levers, second_derivatives
 from regionik.planners.solvers.damped_least_squares import Aim, Aims, polish
-from regionik.planners.solvers.posture_criteria import COMFORT, SPARE
+from regionik.planners.solvers.posture_criteria import COMFORT, THRESHOLD_SLACK
 from regionik.planners.solvers.serial_chain import SerialArm, chain_frames, joint_changes, serial_arm
 from regionik.worlds.arms import with_pivot
 from regionik.worlds.arrays import Array, Index
@@ -23,7 +23,7 @@ from regionik.worlds.limits import Criteria
 from regionik.worlds.prepared import made_once
 from regionik.worlds.robot import GRAVITY, Robot, check_criteria
 
-LED = 30  # steps that lead a posture to better ones
+MAX_THRESHOLD_STEPS = 30  # steps that lead a posture to better ones
 LONGEST, SHORTEST = 0.3, 0.005  # of these [rad] or [m]
 STEPS = 8  # of damped least squares after each
 DIFFERENCE = 1e-4  # share of motions by which slopes are told
@@ -56,7 +56,7 @@ class PostureDemand:
     def thresholds(self) -> SerialThresholds:
         return _thresholds(self.robot, self.criteria)
 
-    def met(self, joints: Array) -> bool:
+    def is_met_by(self, joints: Array) -> bool:
         """True for a posture (dof,) of the arm behind its pivot that meets the thresholds."""
         arm = serial_arm(with_pivot(self.robot.chain))
         return bool(serial_margin(arm, self.thresholds, joints) > 0.0)
@@ -103,27 +103,27 @@ def _thresholds(robot: Robot, criteria: Criteria) -> SerialThresholds:
 
 
 @compiled
-def serial_margin(arm: SerialArm, asked: SerialThresholds, joints: Array) -> float:
+def serial_margin(arm: SerialArm, thresholds: SerialThresholds, joints: Array) -> float:
     """Least margin of a posture (dof,) to the thresholds, as a share of them; infinite where none is set."""
     margin, torques = np.inf, np.zeros(len(joints))
-    if len(asked.points) == 0:
+    if len(thresholds.points) == 0:
         return margin
     frames, speeds = np.empty((len(arm.axis) + 1, 4, 4)), np.empty((len(joints), 3))
     chain_frames(arm, joints, frames)
-    for p in range(len(asked.points)):
-        _point_speeds(arm, frames, asked, p, speeds)
-        if p == 0 and asked.least > 0.0:
-            margin = _volume(speeds[asked.first :])[0] / asked.least - 1.0
-        torques += asked.weights[p] * speeds[:, 2]
+    for p in range(len(thresholds.points)):
+        _point_speeds(arm, frames, thresholds, p, speeds)
+        if p == 0 and thresholds.least > 0.0:
+            margin = _volume(speeds[thresholds.first :])[0] / thresholds.least - 1.0
+        torques += thresholds.weights[p] * speeds[:, 2]
     for k in range(len(joints)):
-        if asked.most[k] < np.inf:
-            margin = min(margin, 1.0 - abs(torques[k]) / asked.most[k])
+        if thresholds.most[k] < np.inf:
+            margin = min(margin, 1.0 - abs(torques[k]) / thresholds.most[k])
     return margin
 
 
 @compiled
 def margin_about(
-    arm: SerialArm, asked: SerialThresholds, joints: Array, along: Array, off: Array, moves: Array
+    arm: SerialArm, thresholds: SerialThresholds, joints: Array, along: Array, off: Array, moves: Array
 ) -> float:
     """Bound of `serial_margin` for postures about a given one.
 
@@ -139,7 +139,7 @@ def margin_about(
         The most that each of them differs by, all in all.
     """
     margin, n = np.inf, len(joints)
-    if len(asked.points) == 0:
+    if len(thresholds.points) == 0:
         return margin
     frames, speeds = np.empty((5, len(arm.axis) + 1, 4, 4)), np.empty((5, n, 3))
     torques, changes = np.zeros(n), np.zeros(n)
@@ -150,32 +150,34 @@ def margin_about(
     for s in range(5):
         way = 0.0 if s == 0 else (DIFFERENCE if s % 2 else -DIFFERENCE)
         chain_frames(arm, joints + way * along[:, s // 3], frames[s])
-    for p in range(len(asked.points)):
+    for p in range(len(thresholds.points)):
         for s in range(5):
-            _point_speeds(arm, frames[s], asked, p, speeds[s])
+            _point_speeds(arm, frames[s], thresholds, p, speeds[s])
         for k in range(n):
             left[k] = 0.0  # beyond the first order
             for j in range(n):
-                left[k] += asked.bends[p, k, j] * (off[j] + moved * moves[j])
+                left[k] += thresholds.bends[p, k, j] * (off[j] + moved * moves[j])
             for a in range(2):
                 for i in range(3):
                     slopes[a, k, i] = (speeds[1 + 2 * a, k, i] - speeds[2 + 2 * a, k, i]) / (2.0 * DIFFERENCE)
-            torques[k] += asked.weights[p] * speeds[0, k, 2]
-            changes[k] += asked.weights[p] * (left[k] + abs(slopes[0, k, 2]) + abs(slopes[1, k, 2]))
-        if p == 0 and asked.least > 0.0:
-            first = asked.first
-            margin = _least_volume(speeds[0, first:], slopes[:, first:], left[first:]) / asked.least - 1.0
+            torques[k] += thresholds.weights[p] * speeds[0, k, 2]
+            changes[k] += thresholds.weights[p] * (left[k] + abs(slopes[0, k, 2]) + abs(slopes[1, k, 2]))
+        if p == 0 and thresholds.least > 0.0:
+            first = thresholds.first
+            margin = (
+                _least_volume(speeds[0, first:], slopes[:, first:], left[first:]) / thresholds.least - 1.0
+            )
     for k in range(n):
-        if asked.most[k] < np.inf:
-            margin = min(margin, 1.0 - (abs(torques[k]) + changes[k]) / asked.most[k])
+        if thresholds.most[k] < np.inf:
+            margin = min(margin, 1.0 - (abs(torques[k]) + changes[k]) / thresholds.most[k])
     return margin
 
 
 @compiled
-def _point_speeds(arm: SerialArm, frames: Array, asked: SerialThresholds, p: int, speeds: Array) -> None:
+def _point_speeds(arm: SerialArm, frames: Array, thresholds: SerialThresholds, p: int, speeds: Array) -> None:
     """Write the velocity of a point for the unit speed of each active joint, (dof, 3)."""
-    link = asked.links[p]
-    point = plus(frames[link, :3, 3], turned(frames[link], row(asked.points, p)))
+    link = thresholds.links[p]
+    point = plus(frames[link, :3, 3], turned(frames[link], row(thresholds.points, p)))
     speeds[:] = 0.0
     for k in range(link + 1):
         axis = turned(frames[k], row(arm.axis, k))
@@ -235,9 +237,9 @@ def _least_volume(speeds: Array, slopes: Array, left: Array) -> float:
 
 
 @compiled
-def led_within(
+def moved_within_thresholds(
     arm: SerialArm,
-    asked: SerialThresholds,
+    thresholds: SerialThresholds,
     aim: Aim,
     joints: Array,
     reach: float,
@@ -253,16 +255,16 @@ def led_within(
     ``joints`` (dof,) are overwritten.
     """
     n, stride = len(joints), LONGEST
-    margin = serial_margin(arm, asked, joints)
+    margin = serial_margin(arm, thresholds, joints)
     slope, trial = np.empty(n), np.empty(n)
-    for _ in range(LED):
+    for _ in range(MAX_THRESHOLD_STEPS):
         if margin > enough:
             return True
         steepest = 0.0
         for k in range(n):
             trial[:] = joints
             trial[k] += TINY
-            slope[k] = serial_margin(arm, asked, trial) - margin
+            slope[k] = serial_margin(arm, thresholds, trial) - margin
             steepest = max(steepest, abs(slope[k]))
         if steepest == 0.0:
             break
@@ -272,20 +274,20 @@ def led_within(
                 trial[k] = min(max(joints[k] + stride * slope[k] / steepest, arm.lower[k]), arm.upper[k])
             error, angle, _ = polish(arm, aim, trial, reach, tolerance, angle_tolerance, STEPS)
             if error <= tolerance and angle <= angle_tolerance:
-                better = serial_margin(arm, asked, trial)
+                better = serial_margin(arm, thresholds, trial)
             if not better > margin:
                 stride *= 0.5
         if not better > margin:
             break
         joints[:], margin = trial, better
         stride = min(2.0 * stride, LONGEST)
-    return margin > SPARE
+    return margin > THRESHOLD_SLACK
 
 
 @compiled
-def led_along(
+def carried_along(
     arm: SerialArm,
-    asked: SerialThresholds,
+    thresholds: SerialThresholds,
     aims: Aims,
     reach: float,
     tolerance: float,
@@ -305,6 +307,6 @@ def led_along(
         error, angle, _ = polish(arm, aim, joints[i], reach, tolerance, widest, most)
         if error > tolerance or angle > widest:
             return i
-        if not led_within(arm, asked, aim, joints[i], reach, tolerance, widest):
+        if not moved_within_thresholds(arm, thresholds, aim, joints[i], reach, tolerance, widest):
             return i
     return len(aims.positions)

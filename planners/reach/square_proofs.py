@@ -47,7 +47,7 @@ class SquareTask(NamedTuple):
     """What the judgement of a square reads; the arm stands on a base frame at heading zero."""
 
     arm: SerialArm  # its pivot within limits only where the base frame keeps a heading
-    asked: SerialThresholds
+    thresholds: SerialThresholds
     aim: Aim  # in the world, but for its height, which is over the arm's base frame
     angle: float  # that a posture may miss the aim's by [rad]
     reach: float  # length of the arm [m]
@@ -151,7 +151,7 @@ def _meets(task: SquareTask, joints: Array, along: Array, moves: Array) -> bool:
     along, moves = along.copy(), moves.copy()
     along[task.pivot], moves[task.pivot] = 0.0, 0.0
     off = moves - np.abs(along[:, 0]) - np.abs(along[:, 1])
-    return bool(margin_about(task.arm, task.asked, joints, along, off, moves) > SLACK)
+    return bool(margin_about(task.arm, task.thresholds, joints, along, off, moves) > SLACK)
 
 
 @compiled

@@ -40,8 +40,8 @@ from numba.extending import register_jitable
 from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array, Index
 
-_FIRST_SLOTS = 16  # for boxes; doubled when they are full
-WHOLE = -1  # in place of a side: the box is not to be bisected
+_INITIAL_SLOTS = 16  # for boxes; doubled when they are full
+NO_SIDE = -1  # in place of a side: the box is not to be bisected
 QUEUED, CLOSED, JUDGED, PROVEN = range(4)  # what is counted
 
 
@@ -67,7 +67,7 @@ class Boxes(NamedTuple):
     low: Array  # (c, n)
     high: Array  # (c, n)
     key: Array  # (c,) the largest is bisected first
-    side: Index  # (c,) which one to bisect, or `WHOLE`
+    side: Index  # (c,) which one to bisect, or `NO_SIDE`
     verdict: Index  # (c,)
     order: Index  # (c,) slots: those queued, as a heap; free ones; from the end on those closed, in turn
     tally: Index  # (4,) boxes `QUEUED` and `CLOSED` now, `JUDGED` so far, and `PROVEN` among those closed
@@ -182,7 +182,7 @@ def reopen(boxes: Boxes, slot: int) -> None:
     free = tally[QUEUED]
     order[free], order[last] = order[last], order[free]
     boxes.verdict[slot] = Verdict.OPEN
-    if boxes.side[slot] == WHOLE:
+    if boxes.side[slot] == NO_SIDE:
         _close(boxes)
     else:
         _push(boxes)
@@ -190,7 +190,7 @@ def reopen(boxes: Boxes, slot: int) -> None:
 
 @_shared
 def _empty(sides: int) -> Boxes:
-    n = _FIRST_SLOTS
+    n = _INITIAL_SLOTS
     low, high = np.zeros((n, sides)), np.zeros((n, sides))
     side, verdict = np.zeros(n, np.int64), np.zeros(n, np.int64)
     return Boxes(low, high, np.zeros(n), side, verdict, np.arange(n), np.zeros(4, np.int64))
@@ -223,7 +223,7 @@ def _record(boxes: Boxes, low: Array, high: Array, verdict: Verdict, key: float,
     slot = boxes.order[boxes.tally[QUEUED]]
     boxes.low[slot], boxes.high[slot] = low, high
     boxes.key[slot], boxes.side[slot], boxes.verdict[slot] = key, side, verdict
-    if verdict == Verdict.PROVEN or side == WHOLE:
+    if verdict == Verdict.PROVEN or side == NO_SIDE:
         _close(boxes)
     else:
         _push(boxes)
@@ -272,7 +272,7 @@ def _pop(boxes: Boxes) -> int:
 
 
 TWO_PI = 2.0 * np.pi
-WORTH = 0.9  # a contraction is repeated if it left less than this share of some side
+WORTHWHILE_SHARE = 0.9  # a contraction is repeated if it left less than this share of some side
 
 
 @compiled
@@ -383,7 +383,7 @@ def cut_to(low: Array, high: Array, centre: Array, shift: Array) -> bool:
     """Cut a box down to what `contract` left of it, relative to its centre; True where that was much."""
     much = False
     for k in range(len(centre)):
-        much = much or shift[1, k] - shift[0, k] < WORTH * (high[k] - low[k])
+        much = much or shift[1, k] - shift[0, k] < WORTHWHILE_SHARE * (high[k] - low[k])
         low[k] = max(low[k], centre[k] + shift[0, k])
         high[k] = min(high[k], centre[k] + shift[1, k])
     return much

@@ -19,7 +19,7 @@ from regionik.planners.collision.distances import Obstacles, nearest_distance, o
 from regionik.planners.collision.robot_bodies import NO_CONTACT, Bodies, ContactTargets
 from regionik.planners.collision.upright_solids import uprights_from
 from regionik.planners.search.box_search import JUDGED, Verdict, begin, proven, reopen, verdict_of
-from regionik.planners.search.motion_bounds import PARALLEL, link_capsules, longest_levers
+from regionik.planners.search.motion_bounds import MAX_PARALLEL_SINE, link_capsules, longest_levers
 from regionik.planners.search.posture_boxes import (
     NO_SELF_CLEARANCE,
     FixedBase,
@@ -37,9 +37,9 @@ from regionik.worlds.links import LinkCapsule, LinkSolid
 from regionik.worlds.obstacles import Mesh
 from regionik.worlds.self_collision import base_body, off_floor, self_collision_pairs
 
-WORDS = {Verdict.PROVEN: "found", Verdict.RULED_OUT: "none", Verdict.OPEN: "undecided"}
+VERDICT_NAMES = {Verdict.PROVEN: "found", Verdict.RULED_OUT: "none", Verdict.OPEN: "undecided"}
 ROUNDING = 1e-9  # [m]
-_PER_REFUSAL = 100  # boxes of the budget for each posture that the exact check refuses, as it is slower
+_BOXES_PER_REFUSAL = 100  # boxes of the budget for each posture that the exact check refuses, as it is slower
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +130,7 @@ def _first_accepted(
                 return FixedBaseResult(Verdict.PROVEN, q, int(boxes.tally[JUDGED]), room)
             refused, best = refused + 1, max(best, room)
             reopen(boxes, slot)
-        boxes = explore_postures(task, boxes, most - _PER_REFUSAL * refused)
+        boxes = explore_postures(task, boxes, most - _BOXES_PER_REFUSAL * refused)
         if (verdict := verdict_of(boxes)) != Verdict.PROVEN:
             room = max(best, float(task.best[0]))
             return FixedBaseResult(verdict, None, int(boxes.tally[JUDGED]), room)
@@ -174,7 +174,7 @@ def _out_of_reach(chain: Chain, target: Array, tolerance: float) -> bool:
         return True
     frames = chain.frames(np.zeros(chain.dof))
     axes = np.array([frame[:3, :3] @ joint.axis for frame, joint in zip(frames, chain.joints, strict=False)])
-    flat = np.linalg.norm(np.cross(axes, axes[0]), axis=1).max() < PARALLEL
+    flat = np.linalg.norm(np.cross(axes, axes[0]), axis=1).max() < MAX_PARALLEL_SINE
     gap = abs(float(axes[0] @ (target - frames[-1, :3, 3])))
     return bool(flat) and gap > tolerance and all(joint.kind == "revolute" for joint in chain.joints)
 
@@ -188,8 +188,9 @@ def _bounded(chain: Chain) -> SerialArm:
     return arm._replace(lower=lower, upper=upper)
 
 
-MOST_REDUNDANT = 2  # joints beyond those that the target takes, up to which the search may come to an end
-LEVER = 1e-9  # a joint that moves no point farther than this does not count [m]
+# joints beyond those that the target takes, up to which the search may come to an end
+MAX_REDUNDANT_JOINTS = 2
+MIN_LEVER = 1e-9  # a joint that moves no point farther than this does not count [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,7 +250,7 @@ def solid_at_target(
         gap, near = one.distance(target), end + margin + bodies.clearance
         if k in free:  # a tool below the surface takes its link along, deeper by as much
             near = end - bodies.depth - (tolerance if gap < 0 else 0.0)
-        if gap < near - LEVER:
+        if gap < near - MIN_LEVER:
             return one.name
     return ""
 
@@ -275,10 +276,10 @@ def redundant_joints(chain: Chain, solids: tuple[LinkSolid, ...]) -> int:
     points = [(len(chain.joints) - 1, chain.T_last_tool[:3, 3])]
     points += [(solid.link, end) for solid in solids for end in inner_capsule(solid).corners]
     levers = np.array([longest_levers(chain, link, point)[0] for link, point in points]).max(0)
-    moving = np.abs(chain.coupling).T @ levers > LEVER
+    moving = np.abs(chain.coupling).T @ levers > MIN_LEVER
     frames = chain.frames(np.arange(1.0, chain.dof + 1.0))  # no special posture
     columns = chain.point_jacobian(frames, frames[-1, :3, 3], len(chain.joints))
-    return int(moving.sum()) - int(np.linalg.matrix_rank(columns, tol=LEVER))
+    return int(moving.sum()) - int(np.linalg.matrix_rank(columns, tol=MIN_LEVER))
 
 
 def _inverse(T: Array) -> Array:

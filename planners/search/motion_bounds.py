@@ -20,7 +20,7 @@ from regionik.worlds.arrays import Array, Index
 from regionik.worlds.chain import Chain
 from regionik.worlds.links import LinkCapsule
 
-PARALLEL = 1e-12  # sine of the angle between axes that count as parallel
+MAX_PARALLEL_SINE = 1e-12  # sine of the angle between axes that count as parallel
 
 
 class LinkCapsules(NamedTuple):
@@ -64,7 +64,7 @@ def longest_levers(chain: Chain, link: int, point: Array) -> tuple[Array, float]
         if k > 0:
             axis = joint.T_parent_joint[:3, :3] @ joint.axis
             tilt = float(np.linalg.norm(np.cross(axis, chain.joints[k - 1].axis)))
-            beyond = float(levers[k]) if turns and tilt < PARALLEL else reach
+            beyond = float(levers[k]) if turns and tilt < MAX_PARALLEL_SINE else reach
             offset = joint.T_parent_joint[:3, 3]
     return levers, reach
 

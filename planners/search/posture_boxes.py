@@ -15,7 +15,7 @@ from regionik.planners.collision.robot_motion import transform_into
 from regionik.planners.collision.upright_solids import Uprights, distance_along, least_along, uprights_from
 from regionik.planners.geometry.vectors import cross, dot, minus, norm, squared
 from regionik.planners.kernels import compiled
-from regionik.planners.search.box_search import WHOLE, Boxes, Verdict, contract, cut_to, explore_in_kernel
+from regionik.planners.search.box_search import NO_SIDE, Boxes, Verdict, contract, cut_to, explore_in_kernel
 from regionik.planners.search.motion_bounds import (
     LinkCapsules,
     chords,
@@ -35,7 +35,7 @@ from regionik.planners.solvers.serial_chain import (
 from regionik.worlds.arrays import Array, Index
 
 _BASE_SECTIONS = 20  # golden sections along a link where its distance from the base is measured
-NOTHING = 1e-14  # squared sine of the angle between axes that count as parallel
+MAX_PARALLEL_SINE_SQUARED = 1e-14  # squared sine of the angle between axes that count as parallel
 
 
 class SelfClearance(NamedTuple):
@@ -80,7 +80,11 @@ def segment_distance(a: Array, b: Array, c: Array, d: Array) -> float:
     pq = px * qx + py * qy + pz * qz
     pr, qr = px * rx + py * ry + pz * rz, qx * rx + qy * ry + qz * rz
     square = pp * qq - pq * pq
-    s = min(1.0, max(0.0, (pq * qr - qq * pr) / square)) if square > NOTHING * pp * qq else 0.0
+    s = (
+        min(1.0, max(0.0, (pq * qr - qq * pr) / square))
+        if square > MAX_PARALLEL_SINE_SQUARED * pp * qq
+        else 0.0
+    )
     best = np.inf
     for _ in range(3):  # each point in turn moves to where it is nearest to the other
         t = min(1.0, max(0.0, (pq * s + qr) / qq)) if qq > 0.0 else 0.0
@@ -90,12 +94,12 @@ def segment_distance(a: Array, b: Array, c: Array, d: Array) -> float:
     return float(np.sqrt(best))
 
 
-SLACK = 1e-10  # rounding that no proof may rest on [m]
-PASSES = 4  # contractions of one box before it is bisected
-SECTIONS = 10  # golden sections along a link where a proof is sought
-FINE = 30  # golden sections along a link where its clearance is measured
-STEPS = 4  # Newton steps to a posture
-DAMPING = 1e-6  # of those steps, in squares of the arm's lever
+PROOF_SLACK = 1e-10  # rounding that no proof may rest on [m]
+MAX_CONTRACTIONS = 4  # contractions of one box before it is bisected
+PROOF_SECTIONS = 10  # golden sections along a link where a proof is sought
+CLEARANCE_SECTIONS = 30  # golden sections along a link where its clearance is measured
+NEWTON_STEPS = 4  # Newton steps to a posture
+NEWTON_DAMPING = 1e-6  # of those steps, in squares of the arm's lever
 
 
 class _PosedArm(NamedTuple):
@@ -157,7 +161,7 @@ def explore_postures(task: FixedBase, boxes: Boxes, budget: int) -> Boxes:
 def judge_postures(task: FixedBase, low: Array, high: Array) -> tuple[Verdict, float, int]:
     """Contract a box and try it for a posture; its key is the clearance of the posture tried."""
     if not may_hold(task, low, high):
-        return Verdict.RULED_OUT, 0.0, WHOLE
+        return Verdict.RULED_OUT, 0.0, NO_SIDE
     reaches = _to_target(task) <= task.tolerance
     own = _self_clearance(task.capsules, task.own, task.posed.ends) + task.clearance
     clear = min(_clearance_of(task), own)
@@ -180,10 +184,10 @@ def posture_in(task: FixedBase, low: Array, high: Array) -> Array:
 def may_hold(task: FixedBase, low: Array, high: Array) -> bool:
     """Contract a box in place; False where it holds no free posture."""
     posed, levers = task.posed, task.capsules.levers[0]
-    for _ in range(PASSES):
+    for _ in range(MAX_CONTRACTIONS):
         off = _place_box(task, low, high)
         moved, bent = tool_displacement(task.arm, posed.frames, posed.axes, posed.chord, posed.spread, levers)
-        if off > task.tolerance + moved + SLACK or not _contract_to_target(task, bent):
+        if off > task.tolerance + moved + PROOF_SLACK or not _contract_to_target(task, bent):
             return False
         if not cut_to(low, high, posed.q, posed.shift):
             break
@@ -209,8 +213,8 @@ def _centre(posed: _PosedArm, low: Array, high: Array) -> None:
 
 @compiled
 def _to_bisect(longest: Array, low: Array, high: Array) -> int:
-    """Joint that moves the arm most, `WHOLE` where none moves it."""
-    side, most = WHOLE, SLACK
+    """Joint that moves the arm most, `NO_SIDE` where none moves it."""
+    side, most = NO_SIDE, PROOF_SLACK
     for k in range(len(low)):
         if longest[k] * (high[k] - low[k]) > most:
             side, most = k, longest[k] * (high[k] - low[k])
@@ -245,7 +249,7 @@ def _contract_to_target(task: FixedBase, bent: float) -> bool:
 def _contract_along(task: FixedBase, u: Array, bent: float) -> bool:
     """Contract by the reach condition along one direction."""
     posed, n = task.posed, len(task.posed.q)
-    room, off = task.tolerance + bent + SLACK, 0.0
+    room, off = task.tolerance + bent + PROOF_SLACK, 0.0
     for i in range(3):
         off += u[i] * (posed.frames[-1, i, 3] - task.target[i])
     for k in range(n):
@@ -260,7 +264,7 @@ def _hits_obstacle(task: FixedBase, off: float) -> bool:
     for s in range(len(capsules.link)):
         link = capsules.link[s]
         a, b = posed.ends[s, 0], posed.ends[s, 1]
-        reach = capsules.radius[s] + task.clearance - SLACK
+        reach = capsules.radius[s] + task.clearance - PROOF_SLACK
         length = norm(minus(b, a))
         known = False
         base_a = base_b = tool_a = tool_b = 0.0
@@ -273,11 +277,11 @@ def _hits_obstacle(task: FixedBase, off: float) -> bool:
                 tool_a = off + task.tolerance + _moved_from_tool(task, link, a)
                 tool_b = off + task.tolerance + _moved_from_tool(task, link, b)
             if (base_a < tool_a or base_b < tool_b) and (
-                least_along(task.solids, k, a, b, base_a, base_b, reach, reach, SECTIONS) < reach
+                least_along(task.solids, k, a, b, base_a, base_b, reach, reach, PROOF_SECTIONS) < reach
             ):
                 return True
             if (tool_a < base_a or tool_b < base_b) and (
-                least_along(task.solids, k, a, b, tool_a, tool_b, reach, reach, SECTIONS) < reach
+                least_along(task.solids, k, a, b, tool_a, tool_b, reach, reach, PROOF_SECTIONS) < reach
             ):
                 return True
     return False
@@ -292,16 +296,16 @@ def _hits_itself(task: FixedBase) -> bool:
     """
     capsules, own, ends = task.capsules, task.own, task.posed.ends
     for i, k in own.pairs:
-        room = capsules.radius[i] + capsules.radius[k] + own.clearance - SLACK
+        room = capsules.radius[i] + capsules.radius[k] + own.clearance - PROOF_SLACK
         apart = segment_distance(ends[i, 0], ends[i, 1], ends[k, 0], ends[k, 1])
         a, b = _moved(task, k, capsules.link[i] + 1)
         if apart + max(a, b) < room:
             return True
     for k in own.heeds:
-        room = capsules.radius[k] + own.clearance - SLACK
+        room = capsules.radius[k] + own.clearance - PROOF_SLACK
         a, b = _moved(task, k, 0)
         for m in range(len(own.body.disc)):
-            if least_along(own.body, m, ends[k, 0], ends[k, 1], a, b, room, room, FINE) < room:
+            if least_along(own.body, m, ends[k, 0], ends[k, 1], a, b, room, room, CLEARANCE_SECTIONS) < room:
                 return True
     return False
 
@@ -344,7 +348,9 @@ def _clearance_of(task: FixedBase) -> float:
         for k in range(len(task.solids.disc)):
             if distance_along(task.solids, k, a, b, 0.5) - 0.5 * length - radius < least:
                 least = min(
-                    least, least_along(task.solids, k, a, b, 0.0, 0.0, -np.inf, least + radius, FINE) - radius
+                    least,
+                    least_along(task.solids, k, a, b, 0.0, 0.0, -np.inf, least + radius, CLEARANCE_SECTIONS)
+                    - radius,
                 )
     return least
 
@@ -354,9 +360,9 @@ def _to_target(task: FixedBase) -> float:
     """Damped least squares from ``posed.q`` towards the target, within limits; the distance left [m]."""
     posed, n = task.posed, len(task.posed.q)
     off = place_arm(task)
-    damping = DAMPING * squared(np.max(task.capsules.levers[0])) + 1e-300
+    damping = NEWTON_DAMPING * squared(np.max(task.capsules.levers[0])) + 1e-300
     A, e = np.empty((3, 3)), np.empty(3)
-    for _ in range(STEPS):
+    for _ in range(NEWTON_STEPS):
         if off <= task.tolerance:
             break
         chain_jacobian(task.arm, posed.frames, posed.J)

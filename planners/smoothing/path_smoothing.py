@@ -25,8 +25,8 @@ from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.robot import Robot
 
 ROUNDS, REFINEMENTS = 60, 8  # of the programs; of the equations at last
-LEAST_GAIN, PATIENCE = 2e-2, 2  # part of the cost, and rounds in turn that gain less before the last
-FIRST_TRUST, LEAST_TRUST = 0.3, 1e-3  # largest change of a coordinate in a round [m] or [rad]
+MIN_GAIN, PATIENCE = 2e-2, 2  # part of the cost, and rounds in turn that gain less before the last
+FIRST_TRUST, MIN_TRUST = 0.3, 1e-3  # largest change of a coordinate in a round [m] or [rad]
 MISS_WEIGHT = 1e4  # of what the equations miss against the mean of the roughness
 LENGTH_COST = 0.05  # of motion itself, against its bending along a metre of path
 LIFTED = 0.15  # of path, as long as a motion with the tool lifted counts [m]
@@ -60,13 +60,13 @@ class PathProblem:
     upper: Array
     # beyond: (n, m) states that first and last come from and go to with the tool lifted, NaN for none
     beyond: Array
-    keep: Callable[[Array], HalfSpaces]  # half-spaces that hold near given states (n, m)
+    half_spaces_at: Callable[[Array], HalfSpaces]  # half-spaces that hold near given states (n, m)
 
-    def part(self, rows: slice, keep: Callable[[Array], HalfSpaces]) -> PathProblem:
+    def part(self, rows: slice, half_spaces_at: Callable[[Array], HalfSpaces]) -> PathProblem:
         """The problem of some states, with half-spaces of these."""
         by_state = ("parameter", "corner", "lower", "upper", "beyond")
         some = {name: getattr(self, name)[rows] for name in by_state}
-        return replace(self, aims=self.aims.part(rows), keep=keep, **some)
+        return replace(self, aims=self.aims.part(rows), half_spaces_at=half_spaces_at, **some)
 
 
 class _Roughness(NamedTuple):
@@ -98,25 +98,25 @@ def smooth_states(problem: PathProblem, states: Array, trust: float = FIRST_TRUS
     The largest change of a coordinate in the first round is ``trust`` [m] or [rad].
     """
     rough = _roughness(problem)
-    states, missed = _led_back(problem, states)
-    kept = problem.keep(states)
-    best, slight = _cost(rough, states, missed, kept), 0
+    states, missed = _projected(problem, states)
+    half_spaces = problem.half_spaces_at(states)
+    best, slight = _cost(rough, states, missed, half_spaces), 0
     for _ in track("rounds", range(ROUNDS)):
-        step = _step(problem, rough, states, missed, kept, trust)
+        step = _step(problem, rough, states, missed, half_spaces, trust)
         if step is None:
             break
-        tried, missed_there = _led_back(problem, states + step)
-        kept_there = problem.keep(tried)
+        tried, missed_there = _projected(problem, states + step)
+        kept_there = problem.half_spaces_at(tried)
         cost = _cost(rough, tried, missed_there, kept_there)
         if cost < best:
             gain, best = best - cost, cost
-            states, missed, kept = tried, missed_there, kept_there
-            trust, slight = min(2.0 * trust, FIRST_TRUST), slight + 1 if gain < LEAST_GAIN * best else 0
+            states, missed, half_spaces = tried, missed_there, kept_there
+            trust, slight = min(2.0 * trust, FIRST_TRUST), slight + 1 if gain < MIN_GAIN * best else 0
             if slight == PATIENCE:
                 break
         else:
             trust *= 0.3
-            if trust < LEAST_TRUST:
+            if trust < MIN_TRUST:
                 break
     return on_path(problem, states)
 
@@ -140,14 +140,19 @@ def _roughness(problem: PathProblem) -> _Roughness:
     return _Roughness(csc_array(form / mean), springs.ravel() / mean, np.nan_to_num(problem.beyond).ravel())
 
 
-def _cost(rough: _Roughness, states: Array, missed: _Equations, kept: HalfSpaces) -> float:
+def _cost(rough: _Roughness, states: Array, missed: _Equations, half_spaces: HalfSpaces) -> float:
     """Roughness of states, and what the equations and the half-spaces miss."""
-    beyond = float(kept.cost @ np.maximum(kept.least, 0.0))
+    beyond = float(half_spaces.cost @ np.maximum(half_spaces.least, 0.0))
     return rough.of(states) + 0.5 * MISS_WEIGHT * float(np.sum(missed.miss**2)) + beyond
 
 
 def _step(
-    problem: PathProblem, rough: _Roughness, states: Array, missed: _Equations, kept: HalfSpaces, trust: float
+    problem: PathProblem,
+    rough: _Roughness,
+    states: Array,
+    missed: _Equations,
+    half_spaces: HalfSpaces,
+    trust: float,
 ) -> Array | None:
     """Change of all states that one quadratic program finds best within the trust region."""
     miss, J = missed
@@ -156,30 +161,35 @@ def _step(
     n, m = states.shape
     lower = np.clip(problem.lower - states, -trust, 0.0)
     upper = np.clip(problem.upper - states, 0.0, trust)
-    kept = within_reach(kept, lower, upper)
-    columns = kept.state[:, None] * m + np.arange(m)
+    half_spaces = within_reach(half_spaces, lower, upper)
+    columns = half_spaces.state[:, None] * m + np.arange(m)
     rows = csc_array(
-        (kept.normal.ravel(), (np.repeat(np.arange(len(kept.least)), m), columns.ravel())),
-        shape=(len(kept.least), n * m),
+        (half_spaces.normal.ravel(), (np.repeat(np.arange(len(half_spaces.least)), m), columns.ravel())),
+        shape=(len(half_spaces.least), n * m),
     )
     ends = lower.ravel(), upper.ravel()
-    found = minimize_quadratic(hessian, gradient, rows, kept.least, kept.cost, *ends)
+    found = minimize_quadratic(hessian, gradient, rows, half_spaces.least, half_spaces.cost, *ends)
     return None if found is None else np.clip(found, *ends).reshape(n, m)
 
 
-def within_reach(kept: HalfSpaces, lower: Array, upper: Array) -> HalfSpaces:
+def within_reach(half_spaces: HalfSpaces, lower: Array, upper: Array) -> HalfSpaces:
     """Half-spaces that changes between bounds (n, m) can leave: the others need no row of the program."""
-    ends = np.where(kept.normal > 0, lower[kept.state], upper[kept.state])
-    crossed = np.einsum("km,km->k", kept.normal, ends) < kept.least
-    return HalfSpaces(*(column[crossed] for column in (kept.state, kept.normal, kept.least, kept.cost)))
+    ends = np.where(half_spaces.normal > 0, lower[half_spaces.state], upper[half_spaces.state])
+    crossed = np.einsum("km,km->k", half_spaces.normal, ends) < half_spaces.least
+    return HalfSpaces(
+        *(
+            column[crossed]
+            for column in (half_spaces.state, half_spaces.normal, half_spaces.least, half_spaces.cost)
+        )
+    )
 
 
 def on_path(problem: PathProblem, states: Array) -> Array:
     """Meet the equations by the least changes of the coordinates that are free."""
-    return _led_back(problem, states)[0]
+    return _projected(problem, states)[0]
 
 
-def _led_back(problem: PathProblem, states: Array) -> tuple[Array, _Equations]:
+def _projected(problem: PathProblem, states: Array) -> tuple[Array, _Equations]:
     """States that meet the equations as near as they come, and what is missed there."""
     free = ((problem.upper > problem.lower) / problem.scale).ravel()
     missed = _equations(problem, states)

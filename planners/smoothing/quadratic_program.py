@@ -63,7 +63,7 @@ def least_weighted(
     weight: Array,
     wished: Array,
     rows: Array,
-    asked: Array,
+    rhs: Array,
     half_spaces: Array,
     least: Array,
     lower: Array,
@@ -76,7 +76,7 @@ def least_weighted(
     weight : (n,) array
         Of the square of how far each part of x is from the ``wished`` (n,), above 0.
     rows, asked : (k, n), (k,) array
-        ``rows @ x`` is ``asked``.
+        ``rows @ x`` is ``rhs``.
     half_spaces, least : (m, n), (m,) array
         ``half_spaces @ x`` is at least ``least``.
     lower, upper : (n,) array
@@ -86,5 +86,5 @@ def least_weighted(
     solver.settings.eps_abs = solver.settings.eps_rel = ACCURACY
     bounded = least > UNBOUNDED
     half_spaces, least, most = half_spaces[bounded], least[bounded], np.full(bounded.sum(), np.inf)
-    solver.setup(np.diag(weight), -weight * wished, rows, asked, half_spaces, least, most, lower, upper)
+    solver.setup(np.diag(weight), -weight * wished, rows, rhs, half_spaces, least, most, lower, upper)
     return np.array(solver.result.x) if solver.solve() == piqp.PIQP_SOLVED else None

@@ -34,9 +34,10 @@ from regionik.worlds.chain import Chain
 from regionik.worlds.joints import Joint, nearest_turn
 from regionik.worlds.prepared import made_once
 
-SWEEP, FINER = 16, 4  # values of the joint that is swept; so many times as many where none is found
-NEARLY = 2e-3  # by which axes may miss each other [m], or be out of parallel [rad]
-_SWEPT = (2, 4, 6, 5, 3, 1, 0)  # joints of seven, the likeliest to be held first
+# values of the joint that is swept; so many times as many where none is found
+SWEEP_VALUES, FINER_SWEEP = 16, 4
+MAX_AXIS_MISMATCH = 2e-3  # by which axes may miss each other [m], or be out of parallel [rad]
+_SWEEP_ORDER = (2, 4, 6, 5, 3, 1, 0)  # joints of seven, the likeliest to be held first
 
 Which = NDArray[np.intp]
 Kind = Literal["meeting", "parallel"]
@@ -59,7 +60,7 @@ class Polish(NamedTuple):
     steps: int  # many are needed at a singular posture only
 
 
-EXACTLY = Polish(1e-10, 1e-10, 40)
+EXACT_POLISH = Polish(1e-10, 1e-10, 40)
 
 
 class _Lines(NamedTuple):
@@ -87,7 +88,7 @@ def decomposition(chain: Chain) -> Decomposition | None:
     """
     if chain.has_mimics or chain.dof not in (6, 7) or any(joint.kind != "revolute" for joint in chain.joints):
         return None
-    for swept in (None,) if chain.dof == 6 else _SWEPT:
+    for swept in (None,) if chain.dof == 6 else _SWEEP_ORDER:
         lines = _lines(chain, np.eye(4)[None], swept, np.full(1, 0.3))
         for reverse in (False, True):
             kind = _kind(lines.reversed() if reverse else lines)
@@ -96,7 +97,7 @@ def decomposition(chain: Chain) -> Decomposition | None:
     return None
 
 
-def postures_at(chain: Chain, tools: Array, within: Polish = EXACTLY) -> tuple[Array, Which]:
+def postures_at(chain: Chain, tools: Array, within: Polish = EXACT_POLISH) -> tuple[Array, Which]:
     """All postures within limits at tool poses; of arms with seven joints those of a sweep.
 
     Parameters
@@ -122,7 +123,7 @@ def postures_at(chain: Chain, tools: Array, within: Polish = EXACTLY) -> tuple[A
     low, high = _sweep(chain.joints[form.swept])
     found = np.empty((0, chain.dof)), np.empty(0, dtype=np.intp)
     missing = np.arange(len(tools))
-    for count in (SWEEP, FINER * SWEEP):
+    for count in (SWEEP_VALUES, FINER_SWEEP * SWEEP_VALUES):
         values = np.tile(low + (np.arange(count) + 0.5) / count * (high - low), len(missing))
         joints, which = _solved(chain, form, tools, np.repeat(missing, count), values, within)
         found = np.concatenate([found[0], joints]), np.concatenate([found[1], which])
@@ -167,7 +168,7 @@ def _within_limits(chain: Chain, angles: Array) -> Array:
     middle[bounded] = (lower[bounded] + upper[bounded]) / 2
     near = nearest_turn(angles, middle)
     held = np.clip(near, lower, upper)
-    found: Array = np.where(np.abs(near - held) <= 2 * NEARLY, held, np.nan)
+    found: Array = np.where(np.abs(near - held) <= 2 * MAX_AXIS_MISMATCH, held, np.nan)
     return found
 
 
@@ -205,13 +206,13 @@ def _lines(chain: Chain, tools: Array, swept: int | None, values: Array) -> _Lin
 def _kind(lines: _Lines) -> Kind | None:
     """The kind of closed form that lines (of one arm) have, if any."""
     axes, points = lines.axes[0], lines.points[0]
-    if _center(lines)[1][0] <= NEARLY:
+    if _center(lines)[1][0] <= MAX_AXIS_MISMATCH:
         return "meeting"
     h = axes[1]
-    aligned = np.linalg.norm(np.cross(axes[2:4], h), axis=1).max() <= NEARLY
+    aligned = np.linalg.norm(np.cross(axes[2:4], h), axis=1).max() <= MAX_AXIS_MISMATCH
     a, b = nearest_points(points[4], axes[4], points[5], axes[5])
     apart = np.linalg.norm(np.cross(axes[4], axes[5])) > 0.1
-    return "parallel" if aligned and apart and np.linalg.norm(a - b) <= NEARLY else None
+    return "parallel" if aligned and apart and np.linalg.norm(a - b) <= MAX_AXIS_MISMATCH else None
 
 
 def _center(lines: _Lines) -> tuple[Array, Array]:

@@ -17,9 +17,10 @@ from regionik.planners.solvers.serial_chain import SerialArm, chain_frames, chai
 from regionik.worlds.arrays import Array, Index
 
 POSITION, DIRECTION, ORIENTATION = 0, 1, 2
-LEAST_DAMPING, MOST_DAMPING = 1e-14, 1e8  # of the squared reach
-LONGEST_STEP = 1.0  # [rad] or [m]
-LEAST_SHARE = 0.2  # of turns within a cone, which keeps those of an arm of six joints that need not be made
+MIN_DAMPING, MAX_DAMPING = 1e-14, 1e8  # of the squared reach
+MAX_STEP = 1.0  # [rad] or [m]
+# of turns within a cone, which keeps those of an arm of six joints that need not be made
+MIN_TURN_SHARE = 0.2
 
 
 class Aim(NamedTuple):
@@ -91,7 +92,7 @@ def polish(
     error, angle = tool_error(arm, aim, joints, frames, miss)
     moved = True
     for tried in range(most):
-        if (error <= tolerance and angle <= angle_tolerance) or damping > MOST_DAMPING:
+        if (error <= tolerance and angle <= angle_tolerance) or damping > MAX_DAMPING:
             return error, angle, tried
         if moved:  # the frames are those of the joints
             chain_jacobian(arm, frames, J)
@@ -107,7 +108,7 @@ def polish(
         if moved:
             joints[:], miss[:] = trial, left
             error, angle = new_error, new_angle
-            damping = max(0.2 * damping, LEAST_DAMPING)
+            damping = max(0.2 * damping, MIN_DAMPING)
         else:
             damping *= 8.0
     return error, angle, most
@@ -151,7 +152,7 @@ def loosen_turns(miss: Array, cone: float, J: Array) -> None:
     if cone <= 0.0:
         return
     beyond = norm((miss[3], miss[4], miss[5]))
-    share = max(beyond / (beyond + cone), LEAST_SHARE)
+    share = max(beyond / (beyond + cone), MIN_TURN_SHARE)
     for k in range(J.shape[1]):
         along = 0.0
         if beyond > 0.0:
@@ -187,8 +188,8 @@ def limited_step(
                 if (step[k] > 0 and joints[k] >= arm.upper[k]) or (step[k] < 0 and joints[k] <= arm.lower[k]):
                     free[k], blocked = False, True
         if not blocked:
-            if longest > LONGEST_STEP:
-                step *= LONGEST_STEP / longest
+            if longest > MAX_STEP:
+                step *= MAX_STEP / longest
             return
 
 

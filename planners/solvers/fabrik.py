@@ -19,7 +19,7 @@ Triple = tuple[float, float, float]
 Knots = tuple[float, float, float, float, float, float]
 
 ANY: Pair = (0.0, 0.0)  # of the last link: it may point anywhere
-NO_DIRECTION = 1e-300  # square of a length from which no direction is taken [m2]
+MIN_SQUARED_LENGTH = 1e-300  # square of a length from which no direction is taken [m2]
 
 
 class BendLimits(NamedTuple):
@@ -116,7 +116,7 @@ def _knots(links: PlanarLinks, u: Pair, v: Pair, w: Pair) -> Knots:
 def _unit(r: float, z: float) -> Pair:
     """The direction of a vector, along r where it has none."""
     length2 = r * r + z * z
-    if length2 < NO_DIRECTION:
+    if length2 < MIN_SQUARED_LENGTH:
         return 1.0, 0.0
     scale = 1.0 / math.sqrt(length2)
     return r * scale, z * scale

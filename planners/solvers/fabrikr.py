@@ -33,8 +33,8 @@ from regionik.planners.solvers.rigid_bodies import RigidBodies
 from regionik.planners.solvers.serial_chain import rotate_about
 from regionik.worlds.arrays import Array
 
-NOTHING = 1e-13  # lengths, and products of lengths, that are rounding and give no direction [m, m^2]
-TIE = 1e-9  # candidates this near to each other are equally good [m, rad]
+MIN_LENGTH = 1e-13  # lengths, and products of lengths, that are rounding and give no direction [m, m^2]
+TIE_TOLERANCE = 1e-9  # candidates this near to each other are equally good [m, rad]
 
 
 class Posture(NamedTuple):
@@ -103,7 +103,7 @@ def backward_choice(bodies: RigidBodies, k: int, posture: Posture) -> float:
     link = turned(base, _span_out(bodies, k, ahead, posture.joints))
     if aim >= 0:
         wanted = pointing_turn(axis, link, minus(row(posture.outer, aim), here), now)
-        return held(wanted, now, arm.lower[k], arm.upper[k])
+        return clamped_turn(wanted, now, arm.lower[k], arm.upper[k])
     normal = turned(base, _axis_out(bodies, k, ahead))
     line = minus(here, row(posture.outer, bodies.outward_goal[k]))
     nearest = minus(row(posture.outer, min(ahead + 1, len(posture.joints))), here)
@@ -150,8 +150,8 @@ def forward_start(bodies: RigidBodies, target: Array, posture: Posture) -> None:
         new_axis, line = axis, across(minus(tool, row(posture.outer, c)), axis)
     else:
         line = minus(tool, row(posture.inner, goal))
-        new_axis = across(axis, scaled(line, 1.0 / max(norm(line), NOTHING)))
-    if min(norm(lever), norm(line), norm(new_axis)) > NOTHING:
+        new_axis = across(axis, scaled(line, 1.0 / max(norm(line), MIN_LENGTH)))
+    if min(norm(lever), norm(line), norm(new_axis)) > MIN_LENGTH:
         turn_frame(lever, axis, line, new_axis, turn)
     put(posture.outer, n, tool)
     put(posture.inner, n, tool)
@@ -182,7 +182,7 @@ def forward_choice(bodies: RigidBodies, k: int, posture: Posture) -> float:
     # Seen from body k, the body before it turns the other way.
     if aim >= 0:
         wanted = -pointing_turn(axis, link, minus(row(posture.inner, aim), here), -now)
-        return held(wanted, now, arm.lower[k], arm.upper[k])
+        return clamped_turn(wanted, now, arm.lower[k], arm.upper[k])
     normal = turned(posture.turns[k], _axis_in(bodies, k, behind))
     line = minus(here, row(posture.inner, bodies.inward_goal[k]))
     nearest = minus(row(posture.inner, max(behind - 1, 0)), here)
@@ -270,7 +270,7 @@ def _axis_in(bodies: RigidBodies, k: int, behind: int) -> Vector:
 
 
 @compiled
-def held(wanted: float, now: float, lower: float, upper: float) -> float:
+def clamped_turn(wanted: float, now: float, lower: float, upper: float) -> float:
     """The turn of ``wanted`` within the limits, nearest to ``now``; else the nearer limit [rad]."""
     value = now + wrap(wanted - now)
     if lower <= value <= upper:
@@ -286,7 +286,7 @@ def pointing_turn(axis: Vector, link: Vector, line: Vector, now: float) -> float
     """Turn about ``axis`` that points ``link`` along ``line`` as far as it can; ``now`` where none does."""
     link, line = across(link, axis), across(line, axis)
     c, s = dot(link, line), dot(axis, cross(link, line))
-    if np.hypot(c, s) <= NOTHING * norm(link):
+    if np.hypot(c, s) <= MIN_LENGTH * norm(link):
         return now
     angle: float = math.atan2(s, c)
     return angle
@@ -313,20 +313,20 @@ def planar_turn(
     K1, K2 = dot(line, normal), dot(axis, normal) * dot(line, axis)
     a, K3 = K1 - K2, dot(line, cross(axis, normal))
     R = np.hypot(a, K3)
-    if R <= NOTHING:
-        return held(now, now, lower, upper)
+    if R <= MIN_LENGTH:
+        return clamped_turn(now, now, lower, upper)
     delta = math.atan2(K3, a)
     half = math.atan2(np.sqrt(max(0.0, (R - K2) * (R + K2))), -K2)
     best, best_out, best_gap, best_turn = now, np.inf, np.inf, np.inf
     for side in (1.0, -1.0):
         wanted = sense * (delta + side * half)
-        value = held(wanted, now, lower, upper)
+        value = clamped_turn(wanted, now, lower, upper)
         out = abs(wrap(value - wanted))
         gap = norm(minus(rotated(axis, sense * value, link), nearest))
         turn = abs(value - now)
-        better = out < best_out - TIE
-        if not better and out <= best_out + TIE:
-            better = gap < best_gap - TIE or (gap <= best_gap + TIE and turn < best_turn)
+        better = out < best_out - TIE_TOLERANCE
+        if not better and out <= best_out + TIE_TOLERANCE:
+            better = gap < best_gap - TIE_TOLERANCE or (gap <= best_gap + TIE_TOLERANCE and turn < best_turn)
         if better:
             best, best_out, best_gap, best_turn = value, out, gap, turn
     return best

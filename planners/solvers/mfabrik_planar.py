@@ -82,7 +82,7 @@ class _PlanarState(NamedTuple):
 
 
 @compiled
-def _write_state(setup: PlanarSetup, found: _PlanarState, near: Triple, base: Array, joints: Array) -> bool:
+def _write_state(setup: PlanarSetup, state: _PlanarState, near: Triple, base: Array, joints: Array) -> bool:
     """Write a state into base and joints, which hold those before; whether the heading is within its span.
 
     Bends of joints without limits are taken to the turn nearest to ``near``.
@@ -91,11 +91,11 @@ def _write_state(setup: PlanarSetup, found: _PlanarState, near: Triple, base: Ar
         middle = 0.5 * (setup.plane.lower[i] + setup.plane.upper[i])
         if not np.isfinite(middle):
             middle = near[i]
-        bend = middle + wrap(found.bends[i] - middle)
+        bend = middle + wrap(state.bends[i] - middle)
         joints[1 + i] = setup.sign[i] * (bend - setup.offset[i])
-    joints[0], base[2], fits = share_turn(found.yaw - setup.plane_zero, base[2], joints[0], setup.turning)
+    joints[0], base[2], fits = share_turn(state.yaw - setup.plane_zero, base[2], joints[0], setup.turning)
     dx, dy = _to_axis(setup, base[2])
-    base[0], base[1] = found.x - dx, found.y - dy
+    base[0], base[1] = state.x - dx, state.y - dy
     return fits
 
 
@@ -118,8 +118,9 @@ def _to_axis(setup: PlanarSetup, yaw: float) -> Pair:
     return c * setup.mount[0] - s * setup.mount[1], s * setup.mount[0] + c * setup.mount[1]
 
 
-PATIENCE, STALLED = 10, 0.9  # passes in which the error must come down to this share, for a start to go on
-STRAIGHT = 1e-12  # a target so near to the axis, seen from above, does not turn the plane [m]
+# passes in which the error must come down to this share, for a start to go on
+STALL_WINDOW, MAX_STALL_SHARE = 10, 0.9
+MIN_AXIS_DISTANCE = 1e-12  # a target so near to the axis, seen from above, does not turn the plane [m]
 _PITCH_SLACK = 1e-9  # rounding allowed where the pitch of the last link is fixed [rad]
 
 NO_VERTICES, NO_RINGS = np.empty((0, 2)), np.zeros(1, np.int64)  # of an area that is not asked
@@ -168,7 +169,7 @@ def planar_passes(
         if error <= goal.tolerance:
             break
         if passes % patience == patience - 1:
-            if error > STALLED * mark:
+            if error > MAX_STALL_SHARE * mark:
                 break
             mark = error
     return least, passes, _PlanarState(near_x, near_y, math.atan2(near_v, near_u), bends_of(links, near))
@@ -199,7 +200,7 @@ def _aim(goal: _PlanarGoal, x: float, y: float, u: float, v: float) -> Triple:
     """The plane's direction towards the target, the old one where that is straight above; the target's r."""
     dx, dy = goal.target[0] - x, goal.target[1] - y
     rho = math.sqrt(dx * dx + dy * dy)
-    if rho > STRAIGHT:
+    if rho > MIN_AXIS_DISTANCE:
         u, v = goal.facing * dx / rho, goal.facing * dy / rho
     return u, v, goal.facing * rho
 
@@ -240,7 +241,7 @@ def _planar_restarts(
     """
     total, count, nearest, least = 0, len(restarts) + 1, start, np.inf
     for attempt in range(2 * count):  # once over the starts in a hurry, once to the end
-        k, patience = attempt % count, PATIENCE if attempt < count else most + 1
+        k, patience = attempt % count, STALL_WINDOW if attempt < count else most + 1
         bends = start.bends if k == 0 else (restarts[k - 1, 0], restarts[k - 1, 1], restarts[k - 1, 2])
         begun = _PlanarState(start.x, start.y, start.yaw, bends)
         error, passes, found = planar_passes(links, area, goal, begun, most, patience)
@@ -280,7 +281,7 @@ def _widest(
         x, y = move_to_area(area, x, y)
     dx, dy = goal.target[0] - x, goal.target[1] - y
     rho = math.sqrt(dx * dx + dy * dy)
-    yaw = math.atan2(facing * dy, facing * dx) if rho > STRAIGHT else start.yaw
+    yaw = math.atan2(facing * dy, facing * dx) if rho > MIN_AXIS_DISTANCE else start.yaw
     far = arm.lengths[0] + arm.lengths[1] + arm.lengths[2] + abs(arm.shoulder_r)
     bends = np.empty(3)
     for k in range(201 if unbounded else 1):

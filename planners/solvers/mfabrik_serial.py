@@ -16,8 +16,8 @@ from regionik.planners.geometry.vectors import squared
 from regionik.planners.kernels import compiled
 from regionik.planners.solvers.base_placement import BaseArea, move_to_area
 from regionik.planners.solvers.damped_least_squares import (
-    LEAST_DAMPING,
-    MOST_DAMPING,
+    MAX_DAMPING,
+    MIN_DAMPING,
     POSITION,
     Aim,
     limited_step,
@@ -27,7 +27,7 @@ from regionik.planners.solvers.damped_least_squares import (
 )
 from regionik.planners.solvers.fabrikr import Posture, backward_pass, posture_of
 from regionik.planners.solvers.multistart_ik import (
-    MOST_STEPS,
+    MAX_POLISH_STEPS,
     Effort,
     inward_pass,
     posture_error,
@@ -38,10 +38,10 @@ from regionik.planners.solvers.rigid_bodies import RigidBodies
 from regionik.planners.solvers.serial_chain import SerialArm, chain_jacobian
 from regionik.worlds.arrays import Array
 
-EDGE = 1e-9  # a base this near to the edge of its area slides along it [m]
+EDGE_TOLERANCE = 1e-9  # a base this near to the edge of its area slides along it [m]
 
 
-class ArmStand(NamedTuple):
+class ArmMounting(NamedTuple):
     """Mounting of an arm on its base."""
 
     # the joint that turns about the vertical through the arm's base frame; what comes before lifts it
@@ -55,7 +55,7 @@ class ArmStand(NamedTuple):
 def solve_serial(
     bodies: RigidBodies,
     sliding: SerialArm,
-    stand: ArmStand,
+    mounting: ArmMounting,
     starts: Array,
     area: BaseArea,
     place: Array,
@@ -96,9 +96,9 @@ def solve_serial(
             end[:] = starts[i % count - 1]
         error, angle, used = np.inf, np.inf, 0
         if i < count and effort.most_passes > 0:
-            error, angle, used = serial_passes(bodies, stand, area, at, aim, effort, end)
+            error, angle, used = serial_passes(bodies, mounting, area, at, aim, effort, end)
         if tolerance_share(error, angle, effort) > 1.0:
-            error, angle, steps = polish_with_base(sliding, stand, area, at, aim, effort, end)
+            error, angle, steps = polish_with_base(sliding, mounting, area, at, aim, effort, end)
             used += steps
         spent += used
         share = tolerance_share(error, angle, effort)
@@ -115,7 +115,7 @@ def solve_serial(
 @compiled
 def serial_passes(
     bodies: RigidBodies,
-    stand: ArmStand,
+    mounting: ArmMounting,
     area: BaseArea,
     place: Array,
     aim: Aim,
@@ -126,8 +126,8 @@ def serial_passes(
 
     Place and ``joints`` (n,) become the nearest that were met with the base in the area.
     """
-    c, s, passes = math.cos(stand.yaw), math.sin(stand.yaw), 0
-    goal, miss, now = in_arm_frame(place, stand.yaw, stand.rise, aim), np.empty(6), place.copy()
+    c, s, passes = math.cos(mounting.yaw), math.sin(mounting.yaw), 0
+    goal, miss, now = in_arm_frame(place, mounting.yaw, mounting.rise, aim), np.empty(6), place.copy()
     posture, trail = posture_of(bodies, joints), np.empty(effort.most_passes + 1)
     best_error, best_angle = posture_error(bodies, goal, posture, miss)  # M-FABRIK, Alg. 1 l. 8
     # A base that has become inadmissible must move even where the tool is in place already.
@@ -139,8 +139,8 @@ def serial_passes(
     while passes < effort.most_passes:  # l. 9
         passes += 1
         inward_pass(bodies, goal, posture)  # l. 11
-        dx, dy = posture.outer[stand.pivot, 0], posture.outer[stand.pivot, 1]  # l. 13: ProjectPoint
-        if stand.pivot == 0:
+        dx, dy = posture.outer[mounting.pivot, 0], posture.outer[mounting.pivot, 1]  # l. 13: ProjectPoint
+        if mounting.pivot == 0:
             dx, dy = dx - bodies.root[0], dy - bodies.root[1]
         x, y = move_to_area(area, now[0] + c * dx - s * dy, now[1] + s * dx + c * dy)  # l. 15-19
         by_x, by_y = c * (x - now[0]) + s * (y - now[1]), c * (y - now[1]) - s * (x - now[0])
@@ -161,7 +161,7 @@ def serial_passes(
 @compiled
 def polish_with_base(
     sliding: SerialArm,
-    stand: ArmStand,
+    mounting: ArmMounting,
     area: BaseArea,
     place: Array,
     aim: Aim,
@@ -177,11 +177,11 @@ def polish_with_base(
     frames, J = np.empty((len(sliding.axis) + 1, 4, 4)), np.empty((6, n + 2))
     miss, left, q, step = np.empty(6), np.empty(6), np.zeros(n + 2), np.empty(n + 2)
     place[0], place[1] = move_to_area(area, place[0], place[1])
-    goal, first, trial = in_arm_frame(place, stand.yaw, stand.rise, aim), place.copy(), q.copy()
+    goal, first, trial = in_arm_frame(place, mounting.yaw, mounting.rise, aim), place.copy(), q.copy()
     q[2:] = joints
     weight, damping, moved, tried = 0.5 * reach, 1e-3, True, 0
     error, angle = tool_error(sliding, goal, q, frames, miss)
-    while tolerance_share(error, angle, effort) > 1.0 and damping <= MOST_DAMPING and tried < MOST_STEPS:
+    while tolerance_share(error, angle, effort) > 1.0 and damping <= MAX_DAMPING and tried < MAX_POLISH_STEPS:
         tried += 1
         if moved:  # the frames are those of the joints
             chain_jacobian(sliding, frames, J)
@@ -190,19 +190,19 @@ def polish_with_base(
         for i in range(6):
             left[i] = miss[i] if i < 3 else weight * miss[i]
         limited_step(sliding, J, left, rows, damping * reach * reach, q, step)
-        x, y, out_x, out_y = _slid(sliding, stand, area, first, q, step, trial)
+        x, y, out_x, out_y = _slid(sliding, mounting, area, first, q, step, trial)
         if out_x * out_x + out_y * out_y > 0.0 and near_boundary(
-            area.vertices, area.rings, place[0], place[1], EDGE
+            area.vertices, area.rings, place[0], place[1], EDGE_TOLERANCE
         ):
-            _hold_along(J, out_x, out_y)
+            _without_slide_along(J, out_x, out_y)
             limited_step(sliding, J, left, rows, damping * reach * reach, q, step)
-            x, y, _, _ = _slid(sliding, stand, area, first, q, step, trial)
+            x, y, _, _ = _slid(sliding, mounting, area, first, q, step, trial)
         new_error, new_angle = tool_error(sliding, goal, trial, frames, left)
         moved = squared(new_error) + squared(weight * new_angle) < squared(error) + squared(weight * angle)
         if moved:
             q[:], miss[:], place[0], place[1] = trial, left, x, y
             error, angle = new_error, new_angle
-            damping = max(0.2 * damping, LEAST_DAMPING)
+            damping = max(0.2 * damping, MIN_DAMPING)
         else:
             damping *= 8.0
     joints[:] = q[2:]
@@ -211,7 +211,13 @@ def polish_with_base(
 
 @compiled
 def _slid(
-    sliding: SerialArm, stand: ArmStand, area: BaseArea, first: Array, q: Array, step: Array, trial: Array
+    sliding: SerialArm,
+    mounting: ArmMounting,
+    area: BaseArea,
+    first: Array,
+    q: Array,
+    step: Array,
+    trial: Array,
 ) -> tuple[float, float, float, float]:
     """Write what a step comes to within area and limits: the place, and the unit vector that was cut off.
 
@@ -219,7 +225,7 @@ def _slid(
     """
     for k in range(len(q)):
         trial[k] = min(max(q[k] + step[k], sliding.lower[k]), sliding.upper[k])
-    c, s = math.cos(stand.yaw), math.sin(stand.yaw)
+    c, s = math.cos(mounting.yaw), math.sin(mounting.yaw)
     to_x, to_y = first[0] + c * trial[0] - s * trial[1], first[1] + s * trial[0] + c * trial[1]
     x, y = move_to_area(area, to_x, to_y)
     if x == to_x and y == to_y:
@@ -231,7 +237,7 @@ def _slid(
 
 
 @compiled
-def _hold_along(J: Array, x: float, y: float) -> None:
+def _without_slide_along(J: Array, x: float, y: float) -> None:
     """Leave of the slides in a Jacobian (6, n + 2) what is at right angles to a unit vector."""
     for i in range(len(J)):
         along = x * J[i, 0] + y * J[i, 1]

@@ -34,9 +34,9 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, spread_postures
 from regionik.worlds.errors import InputError
 
-WINDOW = 5  # passes over which progress is judged
-PATIENCE = 40  # passes that a start may still need at its present pace
-MOST_STEPS = 60  # of polishing one start
+PROGRESS_WINDOW = 5  # passes over which progress is judged
+MAX_REMAINING_PASSES = 40  # passes that a start may still need at its present pace
+MAX_POLISH_STEPS = 60  # of polishing one start
 
 
 class Effort(NamedTuple):
@@ -86,7 +86,7 @@ def solve_ik(
         polished = effort.polishing and tolerance_share(error, angle, effort) > 1.0
         if polished:
             error, angle, _ = polish(
-                bodies.arm, aim, end, effort.reach, effort.tolerance, effort.angle_tolerance, MOST_STEPS
+                bodies.arm, aim, end, effort.reach, effort.tolerance, effort.angle_tolerance, MAX_POLISH_STEPS
             )
         share = tolerance_share(error, angle, effort)
         if share < best:
@@ -105,8 +105,8 @@ def _passes_from(
 ) -> tuple[float, float, int]:
     """Passes from one start; ``joints`` (n,) becomes the best posture met.
 
-    A start is dropped when it would need more than `PATIENCE` passes at its present pace, the last one
-    (``to_the_end``) only when it makes no progress at all.
+    A start is dropped when it would need more than `MAX_REMAINING_PASSES` passes at its present pace, the
+    last one (``to_the_end``) only when it makes no progress at all.
     """
     miss = np.empty(6)
     if effort.most_passes == 0:
@@ -136,13 +136,15 @@ def _passes_from(
 def stalled(trail: Array, used: int, to_the_end: bool) -> bool:
     """True where passes are to be given up by their `tolerance_share` so far, the least at each: its trail.
 
-    They would need more than `PATIENCE` passes at their present pace, or, where they go on ``to_the_end``,
-    make no progress at all.
+    They would need more than `MAX_REMAINING_PASSES` passes at their present pace, or, where they go on
+    ``to_the_end``, make no progress at all.
     """
-    if used < WINDOW + 2:
+    if used < PROGRESS_WINDOW + 2:
         return False
-    gain = math.log(trail[used - WINDOW] / trail[used])
-    return gain <= 1e-4 or (not to_the_end and gain * PATIENCE < WINDOW * math.log(trail[used]))
+    gain = math.log(trail[used - PROGRESS_WINDOW] / trail[used])
+    return gain <= 1e-4 or (
+        not to_the_end and gain * MAX_REMAINING_PASSES < PROGRESS_WINDOW * math.log(trail[used])
+    )
 
 
 @compiled

@@ -17,8 +17,8 @@ from regionik.planners.solvers.fabrik import Pair
 from regionik.worlds.arrays import Array
 
 LIMIT_SLACK = 1e-10  # rounding allowed when a bend is held against its limit [rad]
-PITCHES = 180  # of the last link, tried to either side for the posture of least change
-TILT = 0.5  # how far to either side [rad]
+PITCH_SAMPLES = 180  # of the last link, tried to either side for the posture of least change
+MAX_TILT = 0.5  # how far to either side [rad]
 
 
 class PlanarLinkage(NamedTuple):
@@ -208,13 +208,13 @@ def intervals_at_height(
 def nearest_posture(arm: PlanarLinkage, pitch: float, r: float, z: float, near: Array, bends: Array) -> float:
     """Among postures that reach (r, z), the one with the least largest change of a bend against ``near``.
 
-    Pitches within `TILT` of the present one are tried; returns the change, inf for none.
+    Pitches within `MAX_TILT` of the present one are tried; returns the change, inf for none.
     """
     if np.isfinite(pitch):
         return nearest_of(arm, np.full(1, pitch), r, z, near, bends)
-    present, tools = near[0] + near[1] + near[2], np.empty(2 * PITCHES + 1)
+    present, tools = near[0] + near[1] + near[2], np.empty(2 * PITCH_SAMPLES + 1)
     for k in range(len(tools)):
-        tools[k] = present + TILT * (k - PITCHES) / PITCHES
+        tools[k] = present + MAX_TILT * (k - PITCH_SAMPLES) / PITCH_SAMPLES
     return nearest_of(arm, tools, r, z, near, bends)
 
 

@@ -27,9 +27,9 @@ from regionik.worlds.links import LinkMass
 from regionik.worlds.prepared import made_once
 from regionik.worlds.robot import GRAVITY, Robot
 
-PITCHES = 360  # of the last link, tried for a posture that meets the thresholds
-REFINEMENTS = 30  # of the pitch, where no sampled one meets the thresholds
-SPARE = 1e-9  # share of a threshold, beyond rounding
+PITCH_SAMPLES = 360  # of the last link, tried for a posture that meets the thresholds
+MAX_REFINEMENTS = 30  # of the pitch, where no sampled one meets the thresholds
+THRESHOLD_SLACK = 1e-9  # share of a threshold, beyond rounding
 COMFORT = 0.01  # share of a threshold, so that a tool moved within its tolerance still meets it
 
 
@@ -150,18 +150,18 @@ def posture_within_thresholds(
 ) -> bool:
     """Fill in bends (3,) of the posture on (r, z) nearest to ``near`` that meets the thresholds by `COMFORT`.
 
-    `PITCHES` of a range are looked at, of the full turn where it is infinite, or the one where both ends are
-    the same. Where none will do, pitches ever closer to the best are tried for one that just meets them.
-    False where no posture was found.
+    `PITCH_SAMPLES` of a range are looked at, of the full turn where it is infinite, or the one where both
+    ends are the same. Where none will do, pitches ever closer to the best are tried for one that just meets
+    them. False where no posture was found.
     """
     low, wide = pitches[0], pitches[1] - pitches[0]
     if not np.isfinite(wide):
         low, wide = 0.0, TWO_PI
-    count = PITCHES if wide > 0.0 else 1
+    count = PITCH_SAMPLES if wide > 0.0 else 1
     tried, best = np.empty(3), np.zeros(2)
     change, most = np.inf, -np.inf
     for k in range(count):
-        tool = low + wide * k / PITCHES
+        tool = low + wide * k / PITCH_SAMPLES
         for elbow in (-1.0, 1.0):
             room = _at(arm, thresholds, r, z, tool, elbow, tried)
             if room > most:
@@ -172,12 +172,12 @@ def posture_within_thresholds(
                 bends[:] = tried
     if change < np.inf:
         return True
-    width = wide / PITCHES
-    for _ in range(REFINEMENTS):
+    width = wide / PITCH_SAMPLES
+    for _ in range(MAX_REFINEMENTS):
         for side in (-0.5, 0.5):
             tool = min(max(best[0] + side * width, pitches[0]), pitches[1])
             room = _at(arm, thresholds, r, z, tool, best[1], tried)
             if room > most:
                 most, best[0] = room, tool
         width *= 0.7
-    return _at(arm, thresholds, r, z, best[0], best[1], bends) > SPARE
+    return _at(arm, thresholds, r, z, best[0], best[1], bends) > THRESHOLD_SLACK

@@ -19,8 +19,8 @@ from regionik.worlds.arrays import Array, Index
 from regionik.worlds.chain import Chain
 from regionik.worlds.prepared import made_once
 
-PARALLEL = 1e-3  # axes that differ by less than this angle count as parallel [rad]
-MEETING = 1e-5  # lengths below this part of the arm's reach count as none
+MAX_PARALLEL_ANGLE = 1e-3  # axes that differ by less than this angle count as parallel [rad]
+MAX_MEETING_SHARE = 1e-5  # lengths below this part of the arm's reach count as none
 
 
 class RigidBodies(NamedTuple):
@@ -119,7 +119,11 @@ def _slides(arm: SerialArm, after: list[Array], next_axis: Array) -> tuple[Array
         u, p = arm.axis[k], after[k][:3, 3]
         end = p if k == n - 1 else p + out[k + 1] * next_axis[k]
         out[k] = u @ end
-        if k < n - 1 and arm.revolute[k + 1] and np.linalg.norm(np.cross(u, next_axis[k])) > PARALLEL:
+        if (
+            k < n - 1
+            and arm.revolute[k + 1]
+            and np.linalg.norm(np.cross(u, next_axis[k])) > MAX_PARALLEL_ANGLE
+        ):
             c = u @ next_axis[k]
             here, there = np.array([[1, -c], [c, -1]]) @ [u @ p, next_axis[k] @ p] / (1 - c * c)
             # Nearly parallel axes meet far away: such a point would only amplify rounding.
@@ -130,7 +134,7 @@ def _slides(arm: SerialArm, after: list[Array], next_axis: Array) -> tuple[Array
 
 def _parallel(arm: SerialArm, next_axis: Array, k: int) -> bool:
     """True where axes k and k + 1, both revolute, are parallel."""
-    return bool(np.linalg.norm(np.cross(arm.axis[k], next_axis[k])) <= PARALLEL)
+    return bool(np.linalg.norm(np.cross(arm.axis[k], next_axis[k])) <= MAX_PARALLEL_ANGLE)
 
 
 def _rule(
@@ -152,13 +156,13 @@ def _rule(
         lo, hi = min(k, g), max(k, g)
         for i in range(lo + 1, hi + 1):
             turn = turn @ arm.fixed[i][:3, :3]
-        parallel = bool(np.linalg.norm(np.cross(arm.axis[lo], turn @ arm.axis[hi])) <= PARALLEL)
+        parallel = bool(np.linalg.norm(np.cross(arm.axis[lo], turn @ arm.axis[hi])) <= MAX_PARALLEL_ANGLE)
     else:
         body = k if way > 0 else g
         parallel = _parallel(arm, next_axis, body)
         # The link lies along the next pivot's axis: the pivot must point, it cannot turn the link.
         own = links[body] - slide[g] * (next_axis[body] if way > 0 else arm.axis[body])
-        if np.linalg.norm(own) < MEETING * length and abs(slide[g]) > MEETING * length:
+        if np.linalg.norm(own) < MAX_MEETING_SHARE * length and abs(slide[g]) > MAX_MEETING_SHARE * length:
             return g, -1, -1
     return (g, -1, -1) if parallel else (-1, g, _concurrent(arm, next_axis, links, g, way))
 
@@ -170,7 +174,9 @@ def _concurrent(arm: SerialArm, next_axis: Array, links: Array, i: int, way: int
     differs, apart, j = False, False, i
     while j != last:
         body = j if way > 0 else j - 1
-        apart = apart or bool(np.linalg.norm(links[body]) > MEETING * length) or not arm.revolute[body]
+        apart = (
+            apart or bool(np.linalg.norm(links[body]) > MAX_MEETING_SHARE * length) or not arm.revolute[body]
+        )
         j += way
         if j == n:
             break

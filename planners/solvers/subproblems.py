@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from regionik.worlds.arrays import Array
 
-BEYOND = 1e-3  # by which a cosine may pass 1, and a root the real line: the polishing after it decides
-MEETING = 1e-6  # distances and sines below which two axes count as meeting, or as parallel
-SHIFT = 0.7  # of the unknown angle, so that half a turn, which no polynomial has, is rare [rad]
+COSINE_SLACK = 1e-3  # by which a cosine may pass 1, and a root the real line: the polishing after it decides
+MEETING_TOLERANCE = 1e-6  # distances and sines below which two axes count as meeting, or as parallel
+ANGLE_SHIFT = 0.7  # of the unknown angle, so that half a turn, which no polynomial has, is rare [rad]
 
 
 def row_dot(a: Array, b: Array) -> Array:
@@ -58,14 +58,14 @@ def linear_roots(cosine: Array, sine: Array, rest: Array) -> Array:
     """Both roots (2, ...) of cosine cos(x) + sine sin(x) + rest = 0; NaN where there are none."""
     with np.errstate(invalid="ignore", divide="ignore"):
         share = -rest / np.hypot(cosine, sine)
-        share = np.where(np.abs(share) <= 1.0 + BEYOND, np.clip(share, -1.0, 1.0), np.nan)
+        share = np.where(np.abs(share) <= 1.0 + COSINE_SLACK, np.clip(share, -1.0, 1.0), np.nan)
     middle, half = np.arctan2(sine, cosine), np.arccos(share)
     return np.stack([middle + half, middle - half])
 
 
 def quadratic_roots(form: Array) -> Array:
     """The roots (4, m) of quadratic forms (m, 3, 3) in (cos x, sin x, 1); NaN where there are fewer."""
-    c, s = np.cos(SHIFT), np.sin(SHIFT)
+    c, s = np.cos(ANGLE_SHIFT), np.sin(ANGLE_SHIFT)
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     Q = turn.T @ form @ turn
     A, B, C = Q[:, 0, 0], 2 * Q[:, 0, 1], Q[:, 1, 1]
@@ -78,8 +78,8 @@ def quadratic_roots(form: Array) -> Array:
     companion[:, :, 3] = -terms[:, :4] / lead[:, None]
     companion[~np.isfinite(companion).all(axis=(1, 2))] = 0.0
     roots = np.linalg.eigvals(companion).T
-    real = np.abs(roots.imag) <= np.sqrt(BEYOND) * (1.0 + np.abs(roots.real))
-    found: Array = np.where(real, 2 * np.arctan(roots.real) + SHIFT, np.nan)
+    real = np.abs(roots.imag) <= np.sqrt(COSINE_SLACK) * (1.0 + np.abs(roots.real))
+    found: Array = np.where(real, 2 * np.arctan(roots.real) + ANGLE_SHIFT, np.nan)
     return found
 
 
@@ -113,15 +113,15 @@ def position_angles(axes: Array, points: Array, end: Array, goal: Array) -> tupl
     across = row_dot(p, p) - row_dot(a, a) - row_dot(v, v)
     ahead = row_dot(h1, p) - row_dot(h1, h2) * row_dot(h2, v)
     flat = row_dot(v, v) - row_dot(h2, v) ** 2
-    lead = np.where((s > MEETING)[:, None], h1 - row_dot(h1, h2)[:, None] * h2, row_cross(a, h2))
+    lead = np.where((s > MEETING_TOLERANCE)[:, None], h1 - row_dot(h1, h2)[:, None] * h2, row_cross(a, h2))
     lead /= np.maximum(np.linalg.norm(lead, axis=1), 1e-300)[:, None]
     side = row_cross(h2, lead)
     with np.errstate(invalid="ignore", divide="ignore"):
         by_side = across / (2 * row_dot(a, side))
         by_lead = ahead / s
-    meets, parallel = far <= MEETING, s <= MEETING
+    meets, parallel = far <= MEETING_TOLERANCE, s <= MEETING_TOLERANCE
     rest = np.where(meets, flat - by_lead**2, flat - by_side**2)
-    root = np.sqrt(np.where(rest > -BEYOND, np.maximum(rest, 0.0), np.nan))
+    root = np.sqrt(np.where(rest > -COSINE_SLACK, np.maximum(rest, 0.0), np.nan))
     found, owner = [], []
     for sign in (1.0, -1.0):
         x = np.where(parallel, sign * root, by_lead)
@@ -154,7 +154,7 @@ def _third_angles(
         _outer(ahead, ahead) - (s**2)[:, None, None] * (_outer(squared, one) - _outer(up, up))
     )
     third = quadratic_roots(form / np.maximum(np.abs(form).max(axis=(1, 2)), 1e-300)[:, None, None])
-    for degenerate, row in ((far <= MEETING, across), (s <= MEETING, ahead)):
+    for degenerate, row in ((far <= MEETING_TOLERANCE, across), (s <= MEETING_TOLERANCE, ahead)):
         third[:, degenerate] = np.nan
         third[:2, degenerate] = linear_roots(*row[degenerate].T)
     return third
@@ -170,7 +170,7 @@ def nearest_points(p1: Array, h1: Array, p2: Array, h2: Array) -> tuple[Array, A
     """Points (..., 3) at which two lines come nearest; on parallel ones those nearest to the first point."""
     apart, c = p2 - p1, row_dot(h1, h2)
     square = 1.0 - c * c
-    crossing = square > MEETING**2
+    crossing = square > MEETING_TOLERANCE**2
     with np.errstate(invalid="ignore", divide="ignore"):
         t1 = np.where(crossing, (row_dot(h1, apart) - c * row_dot(h2, apart)) / square, 0.0)
         t2 = np.where(crossing, (c * row_dot(h1, apart) - row_dot(h2, apart)) / square, -row_dot(h2, apart))

@@ -19,8 +19,8 @@ from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.layers import (
-    GUARD,
-    LARGE,
+    MIN_CUT_VERTICES,
+    ROUNDING_MARGIN,
     BodyLayer,
     Geometries,
     all_taken,
@@ -33,8 +33,9 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.obstacles import Shadow
 from regionik.worlds.scene import World
 
-GRID = 1e-11  # of corners where a union fails without one, far below the guard [m]
-ROUND = 0.01  # an outline whose distances from the arm axis differ less gains nothing by slabs [m]
+UNION_GRID = 1e-11  # of corners where a union fails without one, far below the margin against rounding [m]
+# an outline whose distances from the arm axis differ less gains nothing by slabs [m]
+MAX_ROUND_DEVIATION = 0.01
 EVERY = (-np.inf, np.inf)  # heading of the base
 
 
@@ -85,7 +86,7 @@ class Side:
     def _local(self, shapes: Geometries, which: NDArray[np.intp], part: NDArray[np.intp]) -> Geometries:
         """Parts that intersect shapes, large ones clipped to the shape's surroundings."""
         pieces: Geometries = self.parts[part]
-        large = np.flatnonzero(shapely.get_num_coordinates(self.parts)[part] > LARGE)
+        large = np.flatnonzero(shapely.get_num_coordinates(self.parts)[part] > MIN_CUT_VERTICES)
         around = shapely.bounds(shapes[which[large]]) + [-0.1, -0.1, 0.1, 0.1]
         for k, bounds in zip(large.tolist(), around.tolist(), strict=True):
             pieces[k] = shapely.clip_by_rect(pieces[k], *bounds)
@@ -129,11 +130,11 @@ class Ground:
     @property
     def is_round(self) -> bool:
         """True where headings make next to no difference to what the base could hit."""
-        return all(layer.far - layer.near < ROUND for layer in (self.base, *self.around))
+        return all(layer.far - layer.near < MAX_ROUND_DEVIATION for layer in (self.base, *self.around))
 
     @cached_property
     def inner(self) -> Side:
-        floor = shrunk(self.floor, self.far + GUARD, outside=False)
+        floor = shrunk(self.floor, self.far + ROUNDING_MARGIN, outside=False)
         return Side(floor, all_taken((self.base, *self.around), inner=True))
 
     @cached_property
@@ -172,9 +173,9 @@ class Ground:
             if one == name
         )
 
-    def upper(self, offset: Array, guard: float = GUARD) -> list[Outline]:
+    def upper(self, offset: Array, margin: float = ROUNDING_MARGIN) -> list[Outline]:
         """Outlines above the footprint about another point, (2,) from there to the arm axis [m]."""
-        return [layer.moved(offset, guard) for layer in self.around]
+        return [layer.moved(offset, margin) for layer in self.around]
 
     def nearest(self, shape: BaseGeometry) -> tuple[str, float] | None:
         """Name and distance of the shadow nearest to a shape on the floor."""
@@ -200,4 +201,4 @@ def united(shapes: Geometries) -> BaseGeometry:
     try:
         return shapely.union_all(shapes)
     except shapely.GEOSException:  # slivers where many edges nearly meet
-        return shapely.union_all(shapes, grid_size=GRID)
+        return shapely.union_all(shapes, grid_size=UNION_GRID)

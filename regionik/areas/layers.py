@@ -27,10 +27,10 @@ from regionik.worlds.scene import World
 from regionik.worlds.self_collision import base_name
 
 ON_AXIS = 1e-9  # distance at which a footprint is as good as on the arm axis [m]
-GUARD = 1e-6  # margin of inner areas at every bound, against rounding [m]
+ROUNDING_MARGIN = 1e-6  # margin of inner areas at every bound, against rounding [m]
 
-FEW = 12  # vertices, up to which a shadow is left whole where the ground is cut
-LARGE = 400  # vertices, from which on a shape is cut to what is looked at before it is worked on
+MAX_WHOLE_VERTICES = 12  # vertices, up to which a shadow is left whole where the ground is cut
+MIN_CUT_VERTICES = 400  # vertices, from which on a shape is cut to what is looked at before it is worked on
 
 Geometries = NDArray[np.object_]
 
@@ -78,18 +78,18 @@ class BodyLayer:
 
     def taken(self, *, inner: bool) -> list[BaseGeometry]:
         """Shadows grown by clearance and outline: circumscribed for inner areas, else inscribed."""
-        by = self.clearance + (GUARD + self.far if inner else self.near)
+        by = self.clearance + (ROUNDING_MARGIN + self.far if inner else self.near)
         return [grow(shadow, by, inner) for shadow in self.shadows]
 
     def grown_about(self, shape: BaseGeometry, clearance: float) -> list[tuple[str, BaseGeometry]]:
         """Shadows that reject some of an inner area at a clearance: names, and what of them is about it."""
-        by = clearance + self.far + GUARD
+        by = clearance + self.far + ROUNDING_MARGIN
         x0, y0, x1, y1 = shape.bounds
         found = []
         for k in self.within(shape, by):
             shadow = self.shadows[k]
-            if shapely.get_num_coordinates(shadow.core) > LARGE:
-                wide = 2 * (by + shadow.radius) + GUARD
+            if shapely.get_num_coordinates(shadow.core) > MIN_CUT_VERTICES:
+                wide = 2 * (by + shadow.radius) + ROUNDING_MARGIN
                 around = shapely.box(x0 - wide, y0 - wide, x1 + wide, y1 + wide)
                 shadow = replace(shadow, core=shapely.intersection(shadow.core, around))
             found.append((self.names[k], grow(shadow, by, inner=True)))
@@ -99,9 +99,9 @@ class BodyLayer:
         """Return the layer cut to what matters to an outline within a region."""
         shadows, names = [], []
         for k in self.within(region, self.clearance):
-            by = self.clearance + self.shadows[k].radius + GUARD
+            by = self.clearance + self.shadows[k].radius + ROUNDING_MARGIN
             core = self.shadows[k].core
-            if shapely.get_num_coordinates(core) > FEW:
+            if shapely.get_num_coordinates(core) > MAX_WHOLE_VERTICES:
                 core = shapely.intersection(core, shapely.buffer(region, by, join_style="mitre"))
             if not core.is_empty:
                 shadows.append(replace(self.shadows[k], core=core))
@@ -125,10 +125,10 @@ class BodyLayer:
         found = self.cores.query(shape, predicate="dwithin", distance=(by + widest) * 1.01)
         return np.sort(found).tolist()
 
-    def moved(self, offset: Array, guard: float = 0.0) -> Outline:
-        """Return the outline about a point, (2,) from there to the arm axis, with a guard more kept [m]."""
+    def moved(self, offset: Array, margin: float = 0.0) -> Outline:
+        """Return the outline about a point, (2,) from there to the arm axis, with so much more kept [m]."""
         corners = np.array(self.outline.corners) + offset
-        return replace(self.outline, corners=as_corners(corners), clearance=self.clearance + guard)
+        return replace(self.outline, corners=as_corners(corners), clearance=self.clearance + margin)
 
 
 def footprint_layer(world: World) -> BodyLayer:

@@ -18,13 +18,13 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import EVERY
-from regionik.areas.layers import GUARD, BodyLayer, all_taken, layers_of
+from regionik.areas.layers import ROUNDING_MARGIN, BodyLayer, all_taken, layers_of
 from regionik.planners.driving.heading_slabs import ConvexScene, free_at_all, free_at_some, outline_scene
 from regionik.worlds.body import lift_for, lift_range, lifted_prisms
 from regionik.worlds.robot import Robot, with_joint_margin
 from regionik.worlds.scene import World
 
-STEP = 0.05  # to which ranges of lifts are widened, so that heights share their rejection [m]
+LIFT_STEP = 0.05  # to which ranges of lifts are widened, so that heights share their rejection [m]
 TINY = 1e-9  # of a step, that rounding may add
 
 Lift = tuple[float, float]  # lowest and highest [m]
@@ -73,7 +73,7 @@ class LiftedBody:
         if ends is None or not math.isfinite(limits[1] - limits[0]):
             return []
         low, high = max(ends[0], limits[0]), min(ends[1], limits[1])
-        count = math.ceil((high - low) / STEP - TINY)
+        count = math.ceil((high - low) / LIFT_STEP - TINY)
         return list(pairwise(np.linspace(low, high, count + 1).tolist())) if count > 1 else []
 
     @property
@@ -96,7 +96,9 @@ class LiftedBody:
         if lift is None:
             return None
         low, high = lift_range(self.world.robot)
-        return max(low, STEP * math.floor(lift[0] / STEP)), min(high, STEP * math.ceil(lift[1] / STEP))
+        return max(low, LIFT_STEP * math.floor(lift[0] / LIFT_STEP)), min(
+            high, LIFT_STEP * math.ceil(lift[1] / LIFT_STEP)
+        )
 
     def _rejection(self, lift: Lift, span: tuple[float, float], inner: bool) -> BaseGeometry:
         if span == EVERY:
@@ -107,9 +109,9 @@ class LiftedBody:
 
     def _scenes_at(self, lift: Lift, *, inner: bool) -> list[ConvexScene]:
         if (lift, inner) not in self._scenes:
-            guard = GUARD if inner else 0.0
+            margin = ROUNDING_MARGIN if inner else 0.0
             layers = self._layers_at(lift, inner=inner)
-            outlines = [layer.moved(np.zeros(2), guard) for layer in layers]
+            outlines = [layer.moved(np.zeros(2), margin) for layer in layers]
             self._scenes[lift, inner] = [outline_scene(one, self.world.floor.polygon) for one in outlines]
         return self._scenes[lift, inner]
 

@@ -16,13 +16,13 @@ import numpy as np
 import shapely
 
 from regionik.areas.ground import united
-from regionik.areas.layers import GUARD, Geometries
+from regionik.areas.layers import ROUNDING_MARGIN, Geometries
 from regionik.areas.reach_model import (
-    FineRows,
+    FineReachTable,
     Index,
     ReachModel,
     ReachQuery,
-    Rows,
+    ReachTable,
     Sectors,
     sector_polygons,
     wide_enough,
@@ -64,7 +64,7 @@ class PlanarReach(ReachModel):
         """Height of the first hinge over the floor [m]."""
         return float(self.arm.shoulder[1] + self.robot.mount[2])
 
-    def rows(self, targets: Sequence[Target], query: ReachQuery) -> Rows:
+    def table(self, targets: Sequence[Target], query: ReachQuery) -> ReachTable:
         self.thresholds(query.rules.criteria)
         positions = np.array([target.position for target in targets]).reshape(-1, 3)
         alike: dict[tuple[Family, ...], list[int]] = {}
@@ -85,7 +85,7 @@ class PlanarReach(ReachModel):
         rows, families = rows[order], tuple(found[k] for k in order.tolist())
         return rows, families, _moved(places[order], positions[rows, :2])
 
-    def fine_rows(self, target: Target, kinds: Sequence[Family], query: ReachQuery) -> FineRows:
+    def fine_table(self, target: Target, kinds: Sequence[Family], query: ReachQuery) -> FineReachTable:
         found = [self._rings(family, target.position[2:], query, None)[1] for family in kinds]
         shapes = np.concatenate([np.empty(0, dtype=object), *found])
         counts = map(len, found)
@@ -182,7 +182,8 @@ class PlanarReach(ReachModel):
         half = (span[1] - span[0] + high - low) / 2
         if not half < np.pi:
             return [own]
-        half = half - query.guard if query.inner else half + GUARD  # a plane that cannot turn has a sliver
+        # a plane that cannot turn has a sliver
+        half = half - query.rounding_margin if query.inner else half + ROUNDING_MARGIN
         if half <= 0:
             return []
         yaw = float(self.robot.mount[3]) + self.arm.pivot_zero

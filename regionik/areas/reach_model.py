@@ -12,7 +12,7 @@ import shapely
 from numpy.typing import NDArray
 
 from regionik.areas.ground import EVERY
-from regionik.areas.layers import GUARD, Geometries
+from regionik.areas.layers import ROUNDING_MARGIN, Geometries
 from regionik.planners.geometry.polygons import EVERYWHERE
 from regionik.planners.solvers.planar_kinematics import LIMIT_SLACK
 from regionik.postures.arm import Arm
@@ -27,8 +27,8 @@ from regionik.worlds.scene import Rules, Target
 ARC_POINTS = 48  # vertices of a full circle
 
 Index = NDArray[np.intp]
-Rows = tuple[Index, tuple[Family, ...], Geometries]  # target, ascending, family and shape of each row
-FineRows = tuple[tuple[Family, ...], Geometries]  # family and shape of each row
+ReachTable = tuple[Index, tuple[Family, ...], Geometries]  # target, ascending, family and shape of each row
+FineReachTable = tuple[tuple[Family, ...], Geometries]  # family and shape of each row
 
 
 class ReachQuery(NamedTuple):
@@ -54,9 +54,9 @@ class ReachQuery(NamedTuple):
         return self.margin is not None
 
     @property
-    def guard(self) -> float:
+    def rounding_margin(self) -> float:
         """Angle that inner sectors keep from both ends of the headings that base and pivot turn to [rad]."""
-        return GUARD + self.rules.errors.heading_error if self.inner else 0.0
+        return ROUNDING_MARGIN + self.rules.errors.heading_error if self.inner else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,11 +76,11 @@ class ReachModel(ABC):
     shows_all_postures: ClassVar[bool] = False
 
     @abstractmethod
-    def rows(self, targets: Sequence[Target], query: ReachQuery) -> Rows:
+    def table(self, targets: Sequence[Target], query: ReachQuery) -> ReachTable:
         """Reach of targets of the model's goal: a row for each target, family and interval of distance."""
 
     @abstractmethod
-    def fine_rows(self, target: Target, kinds: Sequence[Family], query: ReachQuery) -> FineRows:
+    def fine_table(self, target: Target, kinds: Sequence[Family], query: ReachQuery) -> FineReachTable:
         """Reach of one target by given families, whatever criteria the rules have."""
 
     @abstractmethod
@@ -176,7 +176,7 @@ def wide_enough(low: Array, high: Array, query: ReachQuery) -> NDArray[np.bool_]
     """Mask (n,) of the rings that have a polygon: one thinner than its chords has none within."""
     real: NDArray[np.bool_] = low + high > 0
     if query.margin is not None:
-        real &= (low + query.margin) / np.cos(np.pi / query.arcs) + GUARD < high - query.margin
+        real &= (low + query.margin) / np.cos(np.pi / query.arcs) + ROUNDING_MARGIN < high - query.margin
     return real
 
 
@@ -186,7 +186,7 @@ def _rings(centers: Array, far: Array, near: Array, arcs: int) -> Geometries:
     unit = np.column_stack([np.cos(turns), np.sin(turns)])
     unit = np.vstack([unit, unit[:1]])
     rims = shapely.linearrings(centers[:, None] + far[:, None, None] * unit)
-    holed = near > GUARD
+    holed = near > ROUNDING_MARGIN
     holes = shapely.linearrings(centers[holed, None] + near[holed, None, None] * unit)
     rings = np.empty(len(centers), dtype=object)
     rings[holed] = shapely.polygons(rims[holed], holes=holes[:, None])

@@ -13,10 +13,10 @@ from shapely.geometry.base import BaseGeometry
 from regionik.areas.ground import EVERY, united
 from regionik.areas.planar_reach import PlanarReach
 from regionik.areas.reach_model import (
-    FineRows,
+    FineReachTable,
     ReachModel,
     ReachQuery,
-    Rows,
+    ReachTable,
     Sectors,
     sector_polygons,
     wide_enough,
@@ -95,15 +95,15 @@ class PivotedReach(ReachModel):
     where a query asks for that; outer ones leave these criteria aside.
     """
 
-    def rows(self, targets: Sequence[Target], query: ReachQuery) -> Rows:
+    def table(self, targets: Sequence[Target], query: ReachQuery) -> ReachTable:
         """Whole rings, or sectors of headings that the pivot cannot make up for; see `ReachModel`.
 
         Facings do not matter.
         """
         return self._sampled(targets, query) if self._is_sampled(query) else self._rings(targets, query)
 
-    def fine_rows(self, target: Target, kinds: Sequence[Family], query: ReachQuery) -> FineRows:
-        return self.rows([target], query)[1:]  # of the one family
+    def fine_table(self, target: Target, kinds: Sequence[Family], query: ReachQuery) -> FineReachTable:
+        return self.table([target], query)[1:]  # of the one family
 
     def is_proven(self, rules: Rules) -> bool:
         """True where base or pivot turn all round, see below, and limits are all that postures keep."""
@@ -128,7 +128,7 @@ class PivotedReach(ReachModel):
             return not self._turns_all_round(query.rules)
         return not self.turns_freely(query.rules, query.span)
 
-    def _sampled(self, targets: Sequence[Target], query: ReachQuery) -> Rows:
+    def _sampled(self, targets: Sequence[Target], query: ReachQuery) -> ReachTable:
         shapes = [self._sampled_area(target, query) for target in track("areas", targets)]
         rows = np.array(shapes, dtype=object)
         real = np.flatnonzero(~shapely.is_empty(rows))
@@ -143,11 +143,11 @@ class PivotedReach(ReachModel):
             chain = with_pivot_limits(self.chain, *self.pivot(query.rules))
             aim = aim_of(target)
             area &= proven_pose_area(
-                chain, self.height, aim, heading, (low, high), query.guard, demand, query.window
+                chain, self.height, aim, heading, (low, high), query.rounding_margin, demand, query.window
             )
         return area
 
-    def _rings(self, targets: Sequence[Target], query: ReachQuery) -> Rows:
+    def _rings(self, targets: Sequence[Target], query: ReachQuery) -> ReachTable:
         positions = np.array([target.position for target in targets]).reshape(-1, 3)
         if query.inner and not self.turns_freely(query.rules, query.span):
             return self._sectors(positions, query)
@@ -159,7 +159,7 @@ class PivotedReach(ReachModel):
         rings = Sectors(positions[which, :2], low, high, np.zeros(len(which)), np.full(len(which), np.pi))
         return which, (Family(FRONT),) * len(which), sector_polygons(rings, query)
 
-    def _sectors(self, positions: Array, query: ReachQuery) -> Rows:
+    def _sectors(self, positions: Array, query: ReachQuery) -> ReachTable:
         """Rings cut to the azimuths that pivot and base turn the tool to, united; see `inner_sectors`."""
         heights, level = np.unique(positions[:, 2], return_inverse=True)
         found = np.array([self._sectors_at(z, query) for z in heights.tolist()], dtype=object)[level]
@@ -172,7 +172,7 @@ class PivotedReach(ReachModel):
         rows = np.reshape(inner_sectors(self.chain, z - self.height), (-1, 4))
         low, high, right, left = rows.T
         pivot, span = self.pivot(query.rules), query.span
-        half = (pivot[1] - pivot[0] + span[1] - span[0] - (left - right)) / 2 - query.guard
+        half = (pivot[1] - pivot[0] + span[1] - span[0] - (left - right)) / 2 - query.rounding_margin
         middle = float(self.robot.mount[3]) + (sum(pivot) + sum(span) + right + left) / 2
         real = wide_enough(low, high, query) & (half > 0)
         rings = Sectors(np.zeros((len(rows), 2)), low, high, middle + np.pi, half)
@@ -211,7 +211,7 @@ class PivotedReach(ReachModel):
         if not super().meets(criteria, joints):
             return False
         demand = demand_of(self.robot, criteria)
-        return demand is None or demand.met(pivot_joints(self.robot.chain, joints))
+        return demand is None or demand.is_met_by(pivot_joints(self.robot.chain, joints))
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,7 +229,7 @@ class PosedReach(PivotedReach):
     def _is_sampled(self, query: ReachQuery) -> bool:
         return query.inner
 
-    def _rings(self, targets: Sequence[Target], query: ReachQuery) -> Rows:
+    def _rings(self, targets: Sequence[Target], query: ReachQuery) -> ReachTable:
         which, kinds, shapes = super()._rings(targets, query)
         for i in np.unique(which).tolist():
             aim = aim_of(targets[i])._replace(cone=targets[i].cone)

@@ -1,7 +1,7 @@
 """Ground for a base that touches its bounds: one that starts at its very clearance, or at the floor's edge.
 
-Areas and drives keep `GUARD` off every bound, against rounding. A base that starts nearer than that stands
-well all the same, and leaves from where it stands: its own drives are proven free without the guard.
+Areas and drives keep `ROUNDING_MARGIN` off every bound, against rounding. A base that starts nearer than that
+stands well all the same, and leaves from where it stands: its own drives are proven free without that margin.
 """
 
 from __future__ import annotations
@@ -11,22 +11,22 @@ from dataclasses import replace
 import shapely
 
 from regionik.areas.ground import Ground
-from regionik.areas.layers import GUARD, BodyLayer
+from regionik.areas.layers import ROUNDING_MARGIN, BodyLayer
 from regionik.worlds.obstacles import Shadow
 
-TOUCH = 9e-10  # by which a base may pass a bound, for rounding; less than verification lets pass [m]
+BOUND_ROUNDING = 9e-10  # by which a base may pass a bound, for rounding; less than verification lets pass [m]
 
 
-def without_guard(ground: Ground) -> Ground:
-    """The ground with bounds that are `TOUCH` farther away once the guard is added."""
-    floor = shapely.buffer(ground.floor, TOUCH, join_style="mitre")
+def without_rounding_margin(ground: Ground) -> Ground:
+    """The ground with bounds that are `BOUND_ROUNDING` farther away once the margin is added."""
+    floor = shapely.buffer(ground.floor, BOUND_ROUNDING, join_style="mitre")
     around = tuple(_looser(layer) for layer in ground.around)
     return replace(ground, floor=floor, base=_looser(ground.base), around=around)
 
 
 def _looser(layer: BodyLayer) -> BodyLayer:
-    """A layer that keeps its clearance without the guard."""
-    left = layer.clearance - GUARD - TOUCH
+    """A layer that keeps its clearance without the margin."""
+    left = layer.clearance - ROUNDING_MARGIN - BOUND_ROUNDING
     shadows = tuple(_thinner(shadow, max(0.0, -left)) for shadow in layer.shadows)
     return replace(layer, outline=replace(layer.outline, shadows=shadows, clearance=max(0.0, left)))
 

@@ -46,11 +46,11 @@ def compare_methods(
     """
     check_output(output, (".csv", ".json"), [world])
     with DelayedProgress("compare", "nothing is written") as progress, explain_no_plan(as_json, progress):
-        scene = read_world(world, progress)
+        loaded = read_world(world, progress)
         from regionik.papers.comparison import DEFAULT, compare
 
         names = DEFAULT if methods is None else [name.strip() for name in methods.split(",") if name.strip()]
-        comparison = compare(scene, names)
+        comparison = compare(loaded, names)
         if output is not None:
             csv_wanted = output.suffix.lower() == ".csv"
             write_atomic(output, scores_csv(comparison) if csv_wanted else json_text(_document(comparison)))

@@ -139,9 +139,9 @@ class DelayedProgress:
     was said while it went on.
     """
 
-    def __init__(self, work: str = "", kept: str = "") -> None:
+    def __init__(self, work: str = "", rest: str = "") -> None:
         self.said: list[str] = []
-        self._work, self._kept = work, kept
+        self._work, self._rest = work, rest
         self._bars: Progress | None = None
         self._tasks: dict[str, TaskID] = {}
         self._at: dict[str, tuple[int, int]] = {}  # done and total of stages
@@ -192,8 +192,8 @@ class DelayedProgress:
             for stage, (done, total) in self._at.copy().items()
             if done < total or not total
         ]
-        kept = "what is said above holds" if self.said else self._kept
-        return (f" at {', '.join(at)}" if at else "") + (f": {kept}" if kept else "")
+        rest = "what is said above holds" if self.said else self._rest
+        return (f" at {', '.join(at)}" if at else "") + (f": {rest}" if rest else "")
 
     def say(self, text: str) -> None:
         """Write text for people on stderr, above the bars."""
@@ -366,7 +366,7 @@ def spare_text(margins: Mapping[str, float], world: World) -> str:
     """
     from regionik.verification.self_collision import MARGIN_RANGE
 
-    asked = _asked(world)
+    asked = _required_number(world)
     parts = []
     for name, value in margins.items():
         capped = name in ("arm", "self", "contact") and value >= MARGIN_RANGE
@@ -376,7 +376,7 @@ def spare_text(margins: Mapping[str, float], world: World) -> str:
     return ", ".join(parts)
 
 
-def _asked(world: World) -> dict[str, tuple[str, float]]:
+def _required_number(world: World) -> dict[str, tuple[str, float]]:
     """Return what a world allows at most ("of") or demands at least ("over"), if it is one number above 0."""
     rules, criteria = world.rules, world.rules.criteria
     cones = {target.cone for target in world.task if target.direction is not None}

@@ -84,10 +84,10 @@ def plan_world(
         raise InputError(f"{html}: the plan and the page need two different files")
     began = time.monotonic()
     with DelayedProgress("plan", _NOTHING) as progress, explain_no_plan(as_json, progress):
-        scene = skipping(read_world_to_plan(world, progress), skip)
+        loaded = skipping(read_world_to_plan(world, progress), skip)
         from regionik.pipeline import plan
 
-        found = plan(scene, seed=seed, say=progress.say if progress.shown and not as_json else None)
+        found = plan(loaded, seed=seed, say=progress.say if progress.shown and not as_json else None)
         seconds = time.monotonic() - began
         written = _write_plan(found, output, html, progress)
     print_message(plan_summary(found, seconds, written))
@@ -105,7 +105,9 @@ def plan_world(
         print_json({"ok": True, **figures, **out, "files": file_names(written)})
 
 
-def _write_plan(found: Plan, output: Path | None, html: Path | None, progress: DelayedProgress) -> list[Path]:
+def _write_plan(
+    planned: Plan, output: Path | None, html: Path | None, progress: DelayedProgress
+) -> list[Path]:
     """Make the contents of all files before any is written: an interrupt before that leaves none."""
     from regionik.storage.files import write_atomic
 
@@ -114,12 +116,12 @@ def _write_plan(found: Plan, output: Path | None, html: Path | None, progress: D
         progress("write", 0, 2)
         from regionik.storage.plan_document import plan_to_text
 
-        contents[output] = plan_to_text(found)
+        contents[output] = plan_to_text(planned)
     if html is not None:
         progress("write", 1, 2)
         from regionik.view.page import html_page
 
-        contents[html] = html_page(found)
+        contents[html] = html_page(planned)
     progress("write", 2, 2)
     for path, content in contents.items():
         write_atomic(path, content)
@@ -190,11 +192,11 @@ def retime_plan(
     timed.save(output)
     print_message(f"{timed.world.name}: {timed.motion.time[-1]:.2f} s, {len(timed.motion)} states")
     if "tool" in timed.stats["timing"]:
-        _print_held_speed(timed.stats["timing"]["tool"])
+        _print_constant_speed(timed.stats["timing"]["tool"])
     print_message(f"wrote {output}")
 
 
-def _print_held_speed(tool: dict[str, Any]) -> None:
+def _print_constant_speed(tool: dict[str, Any]) -> None:
     """Print for what share of its time the tool holds its speed, and what keeps it from it where."""
     print_message(f"  the tool holds {tool['asked']:g} m/s for {tool['held']:.0%} of its time on the path")
     corners = len(tool["corners"])

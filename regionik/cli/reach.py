@@ -87,16 +87,16 @@ def reach_targets(
     with DelayedProgress("reach", kept) as progress:
         from regionik.output.answers import parse_targets, stream_answers
 
-        scene = read_world(world, progress)
+        loaded = read_world(world, progress)
         if streams and table is not None and output is not None:
             with _executor(workers or workers_for(_lines(table)), dask) as (pool, ahead):
-                count, total = stream_answers(scene, table, output, pool, ahead, base)
+                count, total = stream_answers(loaded, table, output, pool, ahead, base)
         else:
-            asked = parse_targets(scene, target or [], table)
+            asked = parse_targets(loaded, target or [], table)
             with _executor(workers or workers_for(len(asked)), dask) as (pool, _):
-                count, total = _reach_at_once(scene, asked, base, output, as_json, pool)
+                count, total = _reach_at_once(loaded, asked, base, output, as_json, pool)
     there = "" if base is None else f" from {_pose_text(base)}"
-    print_message(f"{scene.name}: {count} of {total} targets are reachable{there}")
+    print_message(f"{loaded.name}: {count} of {total} targets are reachable{there}")
     if count < total:
         raise typer.Exit(NO)
 
@@ -119,7 +119,7 @@ def _pose_text(base: tuple[float, float, float]) -> str:
 
 
 def _reach_at_once(
-    scene: World,
+    world: World,
     targets: list[Target],
     base: tuple[float, float, float] | None,
     output: Path | None,
@@ -130,9 +130,9 @@ def _reach_at_once(
     from regionik.output.answers import answers_document, write_answers
     from regionik.reachability.reach import reach
 
-    answer = reach(scene, targets, base=base, executor=pool)
+    answer = reach(world, targets, base=base, executor=pool)
     if output is not None:
-        write_answers(answer, scene.robot.chain.names, output)
+        write_answers(answer, world.robot.chain.names, output)
     if as_json:
         print_json(answers_document(answer))
     elif output is None:
@@ -201,32 +201,32 @@ def map_reach(
     if check and height is not None:
         raise InputError("--check and --height: expected one of them, a slice has no best place")
     with DelayedProgress("field") as progress:
-        scene = read_world(world, progress)
+        loaded = read_world(world, progress)
         from regionik.output.export import write_field
         from regionik.reachability.field import reach_field, reach_slice
         from regionik.worlds.readers.csv_path import read_csv
         from regionik.worlds.scene import Target
         from regionik.worlds.toolpath import targets_along
 
-        if check and scene.rules.heading == "face_target":
+        if check and loaded.rules.heading == "face_target":
             raise InputError("--check: rules.heading: face_target turns the base at every target")
         if height is not None:
             chosen: tuple[Target, ...] = ()
-            found = reach_slice(scene, height, cell)
+            found = reach_slice(loaded, height, cell)
         else:
-            chosen = scene.task if targets is None else targets_along(read_csv(targets), Target.cone)
-            found = reach_field(scene, chosen, cell)
+            chosen = loaded.task if targets is None else targets_along(read_csv(targets), Target.cone)
+            found = reach_field(loaded, chosen, cell)
         write_field(found, output)
-        checked = _checked_text(scene, found, chosen) if check else ""
-    print_message(f"{scene.name}: {found.summary}{checked}")
+        checked = _checked_text(loaded, found, chosen) if check else ""
+    print_message(f"{loaded.name}: {found.summary}{checked}")
     print_message(f"wrote {output}")
 
 
-def _checked_text(scene: World, found: Field, targets: Sequence[Target]) -> str:
+def _checked_text(world: World, field: Field, targets: Sequence[Target]) -> str:
     """Say how many targets have a clear posture from the best place of a field."""
     from regionik.reachability.reach import reach
 
-    answers = [(int(reach(scene, targets, base=pose).reachable.sum()), pose) for pose in found.best]
+    answers = [(int(reach(world, targets, base=pose).reachable.sum()), pose) for pose in field.best]
     if not answers:
         return ""
     count, (x, y, yaw) = max(answers, key=lambda one: one[0])
@@ -252,21 +252,21 @@ def find_stops(
     check_output(output, (".geojson",), [world])
     check_output(picture, (".svg", ".png"))
     with DelayedProgress("stops", "nothing is written") as progress, explain_no_plan(as_json, progress):
-        scene = skipping(read_world(world, progress), skip)
+        loaded = skipping(read_world(world, progress), skip)
         if criterion is not None:
-            scene = replace(scene, rules=replace(scene.rules, stop_criterion=_stop_criterion(criterion)))
+            loaded = replace(loaded, rules=replace(loaded.rules, stop_criterion=_stop_criterion(criterion)))
         from regionik.parking.stops import find_served
         from regionik.scene import scene_of
 
-        found, parking, skipped = find_served(scene_of(scene))
-        _write_stops(scene, found, output, picture)
+        found, parking, skipped = find_served(scene_of(loaded))
+        _write_stops(loaded, found, output, picture)
     written = [path for path in (output, picture) if path is not None]
     if as_json:
         from regionik.storage.plan_document import skipped_document
 
         document = {
             "ok": True,
-            "world": scene.name,
+            "world": loaded.name,
             "stops": json_values(found),
             "unconfirmed": _unconfirmed(found),
             "stats": parking.stats(len(found)),
@@ -275,10 +275,10 @@ def find_stops(
         print_json({**document, "files": file_names(written)})
     else:
         _print_stops(found)
-    count = len(scene.task)
+    count = len(loaded.task)
     served = f"{count - len(skipped)} of {count}" if skipped else f"{count}"
     print_message(
-        f"{scene.name}: {len(found)} stops for {served} set-points; "
+        f"{loaded.name}: {len(found)} stops for {served} set-points; "
         f"fewer than {parking.lower} are not possible"
     )
     print_message(_confirmed_text(found))
@@ -296,23 +296,23 @@ def _stop_criterion(criterion: str) -> StopCriterion:
     return cast(StopCriterion, criterion)
 
 
-def _write_stops(scene: World, found: tuple[Stop, ...], output: Path | None, picture: Path | None) -> None:
+def _write_stops(world: World, some: tuple[Stop, ...], output: Path | None, picture: Path | None) -> None:
     if output is not None:
         from regionik.output.answers import stops_geojson
         from regionik.storage.files import json_text, write_atomic
 
-        write_atomic(output, json_text(stops_geojson(found)))
+        write_atomic(output, json_text(stops_geojson(some)))
     if picture is not None:
         from regionik.view.figures import plot_stops
 
-        plot_stops(scene, found, picture)
+        plot_stops(world, some, picture)
 
 
-def _print_stops(found: tuple[Stop, ...]) -> None:
-    told, doubts = any(stop.probability is not None for stop in found), bool(_unconfirmed(found))
+def _print_stops(some: tuple[Stop, ...]) -> None:
+    told, doubts = any(stop.probability is not None for stop in some), bool(_unconfirmed(some))
     more = "  probability    " * told + "  unconfirmed" * doubts
     print(f"stop  set-points      x [m]     y [m]  yaw [rad]  tolerance [m]{more}".rstrip())
-    for n, stop in enumerate(found, 1):
+    for n, stop in enumerate(some, 1):
         x, y, yaw = stop.base.tolist()
         span = f"{stop.first + 1} to {stop.last + 1}"
         likely = "" if stop.probability is None else f"  at least {percent_text(stop.probability)}"
@@ -322,14 +322,14 @@ def _print_stops(found: tuple[Stop, ...]) -> None:
         print(f"{n:4d}  {span:12s} {x:z9.3f} {y:z9.3f} {yaw:z10.3f} {stop.tolerance:14.4f}{likely}{doubt}")
 
 
-def _unconfirmed(found: tuple[Stop, ...]) -> list[int]:
+def _unconfirmed(some: tuple[Stop, ...]) -> list[int]:
     """Set-points at which no clear posture is known from their stop."""
-    return sorted(i for stop in found for i in stop.unconfirmed)
+    return sorted(i for stop in some for i in stop.unconfirmed)
 
 
-def _confirmed_text(found: tuple[Stop, ...]) -> str:
+def _confirmed_text(some: tuple[Stop, ...]) -> str:
     """Say for how many set-points a clear posture is known, which areas do not look at."""
-    every, doubts = sum(len(stop.setpoints) for stop in found), _unconfirmed(found)
+    every, doubts = sum(len(stop.setpoints) for stop in some), _unconfirmed(some)
     if not doubts:
         return f"  confirmed: from its stop each of the {every} set-points has a posture that is clear"
     return (
@@ -362,22 +362,22 @@ def explain_world(
     with DelayedProgress("why") as progress:
         if len(target or []) > 1:
             raise InputError(f"--target: expected one target, got {len(target or [])}")
-        scene = read_world(world, progress)
+        loaded = read_world(world, progress)
         from regionik.output.answers import parse_targets
         from regionik.pipeline import why
 
-        chosen = parse_targets(scene, target, None)[0] if target else None
-        found = why(scene, chosen, say=None if as_json else progress.say)
+        chosen = parse_targets(loaded, target, None)[0] if target else None
+        found = why(loaded, chosen, say=None if as_json else progress.say)
     if html is not None:
         from regionik.view.page import to_html
         from regionik.view.world_picture import picture_of_explanation
 
-        to_html(scene if found is None else picture_of_explanation(scene, found, chosen), html)
+        to_html(loaded if found is None else picture_of_explanation(loaded, found, chosen), html)
         print_message(f"wrote {html}")
     if as_json:
         print_json({"ok": True} if found is None else explanation_document(found))
     if found is None:
-        print_message(f"{scene.name}: nothing stands in the way")
+        print_message(f"{loaded.name}: nothing stands in the way")
         return
     print_explanation(found, progress)
     raise typer.Exit(NO)

@@ -22,8 +22,8 @@ def irreducible(scene: Scene, constraints: Iterable[Constraint], closed: Closed)
     every = tuple(constraints)
     bare = tuple(one for one in every if one.kind != "obstacle")
 
-    def rules_out(kept: Sequence[Constraint]) -> bool:
-        return closed(relaxed(scene, every, kept))
+    def rules_out(remaining: Sequence[Constraint]) -> bool:
+        return closed(relaxed(scene, every, remaining))
 
     return deletion_filter(bare if rules_out(bare) else every, rules_out)
 
@@ -41,32 +41,32 @@ def deletion_filter(items: Sequence[Item], holds: Callable[[Sequence[Item]], boo
     """
 
     @cache
-    def held(places: tuple[int, ...]) -> bool:
+    def holds_at(places: tuple[int, ...]) -> bool:
         return holds([items[k] for k in places])
 
-    def left(kept: tuple[int, ...], some: tuple[int, ...]) -> tuple[int, ...]:
+    def left(remaining: tuple[int, ...], some: tuple[int, ...]) -> tuple[int, ...]:
         """What is kept when as many of some of it as can be are left out."""
-        rest = tuple(k for k in kept if k not in some)
-        if held(rest):
-            kept = rest
+        rest = tuple(k for k in remaining if k not in some)
+        if holds_at(rest):
+            remaining = rest
         elif len(some) > 1:
             half = len(some) // 2
-            return left(left(kept, some[:half]), some[half:])
+            return left(left(remaining, some[:half]), some[half:])
         tell("causes", some[-1] + 1, len(items))
-        return kept
+        return remaining
 
     every, before = tuple(range(len(items))), None
-    kept = left(every, every) if every else every
-    while kept != before:
-        before = kept
+    remaining = left(every, every) if every else every
+    while remaining != before:
+        before = remaining
         for k in before:
-            kept = left(kept, (k,))
-    return tuple(items[k] for k in kept)
+            remaining = left(remaining, (k,))
+    return tuple(items[k] for k in remaining)
 
 
-def relaxed(scene: Scene, constraints: Iterable[Constraint], kept: Iterable[Constraint]) -> Scene:
+def relaxed(scene: Scene, constraints: Iterable[Constraint], remaining: Iterable[Constraint]) -> Scene:
     """A world without the constraints that are not kept."""
-    names = {(one.kind, one.name) for one in kept}
+    names = {(one.kind, one.name) for one in remaining}
     for one in constraints:
         if (one.kind, one.name) not in names:
             scene = one.relax(scene)

@@ -222,15 +222,15 @@ def places_open(gap: float) -> str:
     return f"Places for the base up to {gap:.4f} m across are not ruled out"
 
 
-def joint_causes(scene: Scene, kept: Sequence[Constraint], *, proven: bool) -> str:
+def joint_causes(scene: Scene, remaining: Sequence[Constraint], *, proven: bool) -> str:
     """A sentence on irreducible causes; where it rests on inner areas alone it says so first."""
-    if not kept and proven:
+    if not remaining and proven:
         return f"The arm of {scene.robot.name} on its mount is too short, whatever else is taken away."
     unproven = "By inner areas alone, which prove nothing, what stands in the way"
     what = "What rules it out" if proven else unproven
-    if not kept:
+    if not remaining:
         return f"{what} is the arm of {scene.robot.name} on its mount, whatever else is taken away."
-    names = [_name(scene, one) for one in kept]
+    names = [_name(scene, one) for one in remaining]
     if len(names) == 1:
         return f"{what} is {names[0]}, by itself."
     return f"{what} is {join(names)} together; without any one of them the rest does not."

@@ -11,8 +11,8 @@ import shapely
 from shapely.geometry import LineString
 from shapely.geometry.base import BaseGeometry
 
+from regionik.areas.free_space import FreeSpace, Index, into_span
 from regionik.areas.layers import Geometries, grow
-from regionik.areas.standing import Index, Standing, into_span
 from regionik.explain.causes import deletion_filter
 from regionik.explain.constraints import CELLS, EDGE, join, no_way_to, setpoint_at, spot
 from regionik.planners.driving.footprint_planner import passage_width
@@ -79,19 +79,19 @@ def barrier(scene: Scene, here: Array, there: Array) -> Barrier | None:
     return None
 
 
-def poses_in(standing: Standing, components: Geometries, side: Index) -> Array:
+def poses_in(free_space: FreeSpace, components: Geometries, side: Index) -> Array:
     """A place inside each of some components, the largest first, and a heading of its side (n, 3)."""
     order = np.argsort(-shapely.area(components), kind="stable")[:FEW].tolist()
     spots = [shapely.point_on_surface(components[k]) for k in order]
     yaws = [into_span(sum(span) / 2 if np.isfinite(span).all() else 0.0, span)
-            for span in (standing.sides[side[k]].span for k in order)]  # fmt: skip
+            for span in (free_space.sides[side[k]].span for k in order)]  # fmt: skip
     return np.array([[p.x, p.y, yaw] for p, yaw in zip(spots, yaws, strict=True)])
 
 
-def _parted(standing: Standing, here: Array, there: Array) -> bool:
+def _parted(free_space: FreeSpace, here: Array, there: Array) -> bool:
     """True if the base gets from a pose to none of some."""
-    own = standing.piece_at(here[:2], float(here[2]))
-    return all(standing.piece_at(pose[:2], float(pose[2])) != own for pose in there)
+    own = free_space.piece_at(here[:2], float(here[2]))
+    return all(free_space.piece_at(pose[:2], float(pose[2])) != own for pose in there)
 
 
 def _together(scene: Scene, parts: Callable[[Scene], bool], way: LineString) -> tuple[str, ...]:
@@ -105,9 +105,9 @@ def _together(scene: Scene, parts: Callable[[Scene], bool], way: LineString) -> 
         if name in off:
             off[name] = min(off[name], float(shadow.core.distance(way)))
     every = sorted(off, key=lambda name: -off[name]) + ([CELLS] if scene.floor.cells else [])
-    kept = deletion_filter(every, lambda names: parts(_keeping(scene, names)))
+    remaining = deletion_filter(every, lambda names: parts(_keeping(scene, names)))
     given = [solid.name for solid in scene.world.obstacles]
-    return tuple(sorted(kept, key=lambda name: given.index(name) if name in given else len(given)))
+    return tuple(sorted(remaining, key=lambda name: given.index(name) if name in given else len(given)))
 
 
 def _keeping(scene: Scene, names: Sequence[str]) -> Scene:
@@ -150,7 +150,7 @@ def beyond(scene: Scene, i: int, here: BaseGeometry, areas: BaseGeometry) -> Set
     )
 
 
-def walled_off(scene: Scene, i: int, found: Barrier, closest: str) -> Explanation:
+def walled_off(scene: Scene, i: int, wall: Barrier, closest: str) -> Explanation:
     """Explain that the arm is clear at set-point i at most from floor that the base does not get to.
 
     ``closest`` tells of the contact of the posture nearest to being clear, if it was none that is.
@@ -159,9 +159,9 @@ def walled_off(scene: Scene, i: int, found: Barrier, closest: str) -> Explanatio
     reason = (
         f"{no_way_to(setpoint_at(scene.task, i))}: from where the base gets to, the arm was clear in none of "
         f"the postures that were looked at{at_best}, and its other known places are on floor "
-        f"{found.floor_words}: {found.words}."
+        f"{wall.floor_words}: {wall.words}."
     )
-    return Explanation("ladder-broken", i, reason, found.causes())
+    return Explanation("ladder-broken", i, reason, wall.causes())
 
 
 def narrow_passage(scene: Scene, here: BaseGeometry, there: BaseGeometry) -> str:

@@ -8,7 +8,7 @@ import shapely
 from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.touching import TOUCH
+from regionik.areas.touching import BOUND_ROUNDING
 from regionik.explain.changes import one_lift_off
 from regionik.explain.constraints import join, no_way_to, rounded_down, setpoint_at, with_rules
 from regionik.explain.cut_off import crossed, narrow_floor, narrow_passage
@@ -33,7 +33,7 @@ from regionik.worlds.obstacles import Shadow
 from regionik.worlds.scene import Target, World
 from regionik.worlds.self_collision import base_name
 
-LEAST_AREA = 1e-12  # of a place that counts [m2]
+MIN_AREA = 1e-12  # of a place that counts [m2]
 
 
 def no_place(scene: Scene, i: int, targets: Sequence[Target] | None = None) -> Explanation:
@@ -91,7 +91,7 @@ def _blocked_above(scene: Scene, target: Target) -> list[RejectedPart]:
         return []
     footprint = base_name(scene.robot)
     found = rejected_by_obstacles(scene, reach_of(bare, target), target)
-    return [part for part in found if part.part != footprint and part.polygon.area > LEAST_AREA]
+    return [part for part in found if part.part != footprint and part.polygon.area > MIN_AREA]
 
 
 def _under(
@@ -142,7 +142,7 @@ def _out_of_reach(
         return reason, (Cause("floor", "edge of the floor", off),), ()
     kind: CauseKind = "limits" if target.direction is None else "direction"
     anywhere, known = (" from anywhere", "") if reach.is_empty else ("", " is known that")
-    posture = f"no posture {_wanted(scene, target)}{known}"
+    posture = f"no posture {_missing_postures(scene, target)}{known}"
     reason = f"{lead}{anywhere}: {posture} brings the tool of {scene.robot.name} there."
     return reason, (Cause(kind, scene.robot.name),), ()
 
@@ -156,7 +156,7 @@ def _places(scene: Scene, reach: BaseGeometry, *, proven: bool) -> BaseGeometry:
     return shapely.union_all([side.free for side in sides])
 
 
-def _wanted(scene: Scene, target: Target) -> str:
+def _missing_postures(scene: Scene, target: Target) -> str:
     """Words for the postures that are missing for a target within the arm's height and length."""
     if target.direction is None:
         return "within limits"
@@ -246,13 +246,15 @@ def too_close(scene: Scene, base: Array) -> tuple[str, float] | None:
     """The obstacle nearest to a base (3,) that stands too close to it, and its distance [m]."""
     ground = scene.ground
     found = ground.nearest(scene.robot.outline(base))
-    return None if found is None or found[1] >= ground.clearance - TOUCH else found
+    return None if found is None or found[1] >= ground.clearance - BOUND_ROUNDING else found
 
 
 def _is_off_floor(world: World, outline: BaseGeometry) -> bool:
     """True where an outline lies off the floor by more than what counts as touching its edge."""
     floor = world.drivable_floor
-    return not (floor.covers(outline) or shapely.buffer(floor, TOUCH, join_style="mitre").covers(outline))
+    return not (
+        floor.covers(outline) or shapely.buffer(floor, BOUND_ROUNDING, join_style="mitre").covers(outline)
+    )
 
 
 def invalid_plan(world: World, violations: Sequence[Violation]) -> Explanation:

@@ -15,7 +15,7 @@ SHARE = 0.01
 _STEPS = 64
 _SPLIT = 16
 _CLOSE = 0.02  # part by which the least that holds may be missed
-_ASKED_BELOW = 0.97  # of an amount that holds, checked too before it is accepted
+_RECHECKED_SHARE = 0.97  # of an amount that holds, checked too before it is accepted
 _COARSE = 24  # steps along each of many directions
 _BEST = 4  # directions that are searched closely
 _TURNS = (0.4, 0.2, 0.1, 0.05, 0.02)  # of the best direction, to find a better one [rad]
@@ -107,19 +107,19 @@ def confirmed(holds: Holds, amount: float, most: float, seen: Holds | None = Non
     """
     tried = sorted({min(grid_above(amount * factor), most) for factor in _GROWTH})
     if seen is not None:
-        tried = _led(seen, tried)
+        tried = _holding_amounts(seen, tried)
     k = next((k for k, one in enumerate(tried) if holds(one)), len(tried))
     if k == len(tried):
         return None
     if k:
         return GRID.narrowed(holds, tried[k - 1], tried[k])
-    below = grid_above(_ASKED_BELOW * tried[0] - FINE)
+    below = grid_above(_RECHECKED_SHARE * tried[0] - FINE)
     if below <= 0 or below >= tried[0] or not holds(below):
         return tried[0]
     return GRID.narrowed(holds, 0.0, below)
 
 
-def _led(seen: Holds, tried: list[float]) -> list[float]:
+def _holding_amounts(seen: Holds, tried: list[float]) -> list[float]:
     """Amounts from the least on that is seen to hold; the most of all where none is."""
     k = next((k for k, one in enumerate(tried) if seen(one)), None)
     if k is None:

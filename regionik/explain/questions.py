@@ -61,7 +61,7 @@ PROOF, SEARCH = 30_000, 1_500  # cells of postures looked at for a cause, and fo
 LENGTHS = 0.01 * 3.0 ** np.arange(5)  # of moves that are tried with the arm [m]
 FARTHER = 1.05  # than areas have it, from which on other directions are looked at
 SLACK = (1.0, 1.05)  # of what areas ask for, tried in plans
-ASKED = 4  # steps of one length that are asked with the arm
+MAX_ARM_QUESTIONS = 4  # steps of one length that are asked with the arm
 CLOSE = Scan(1, 1.5 * FINE, 0.05, grid_above)  # for what is asked with the arm
 HALVED = Scan(1, 1e-5, 0.0)
 COARSE = Scan(12, FINE, 0.01)  # for what is dear to ask
@@ -220,7 +220,7 @@ class TargetQuestion(_OneTarget):
         steps, lengths = steps_around(move)
         low = 0.0
         for length in (one for one in lengths if one < longest):
-            for way in steps.directions[steps.opens(length * steps.directions)][:ASKED]:
+            for way in steps.directions[steps.opens(length * steps.directions)][:MAX_ARM_QUESTIONS]:
                 change = move.along(way, length)
                 if self.holds(change.at(length)):
                     return change.repair(CLOSE.narrowed(self._holds_at(change), low, length))

@@ -22,28 +22,28 @@ _WORDS: dict[Verdict, str] = {
 }
 
 
-def failures_of(found: Explanation) -> tuple[SetpointFailure, ...]:
+def failures_of(explanation: Explanation) -> tuple[SetpointFailure, ...]:
     """Set-points of an explanation that cannot be done, whichever others are."""
-    if found.failures or found.setpoint is None or found.verdict not in ALONE:
-        return found.failures
-    return (SetpointFailure(found.setpoint, found.verdict, found.reason),)
+    if explanation.failures or explanation.setpoint is None or explanation.verdict not in ALONE:
+        return explanation.failures
+    return (SetpointFailure(explanation.setpoint, explanation.verdict, explanation.reason),)
 
 
-def together(found: Sequence[Explanation]) -> Explanation:
+def together(explanations: Sequence[Explanation]) -> Explanation:
     """One explanation of several: what the first says, and the set-points of all.
 
     A proof comes before all that is none.
     """
-    first = next((one for one in found if one.verdict == "unreachable"), found[0])
-    return replace(first, failures=in_order(failure for one in found for failure in failures_of(one)))
+    first = next((one for one in explanations if one.verdict == "unreachable"), explanations[0])
+    return replace(first, failures=in_order(failure for one in explanations for failure in failures_of(one)))
 
 
-def naming_all(found: Explanation, count: int) -> Explanation:
+def naming_all(explanation: Explanation, count: int) -> Explanation:
     """The explanation after a sentence on all its set-points, of ``count``, where there are several."""
-    failures = failures_of(found)
+    failures = failures_of(explanation)
     if len(failures) < 2:
-        return found
-    return replace(found, reason=f"{all_in_words(failures, count)} {found.reason}")
+        return explanation
+    return replace(explanation, reason=f"{all_in_words(failures, count)} {explanation.reason}")
 
 
 def in_order(failures: Iterable[SetpointFailure]) -> tuple[SetpointFailure, ...]:
@@ -98,19 +98,21 @@ def _spans(setpoints: Sequence[int]) -> list[tuple[str, int]]:
     return found
 
 
-def renumbered(found: Explanation, kept: Sequence[int], count: int) -> Explanation:
+def renumbered(explanation: Explanation, remaining: Sequence[int], count: int) -> Explanation:
     """An explanation about some of ``count`` set-points, with the numbers that they have among all of them.
 
-    ``kept`` has the index among all of each.
+    ``remaining`` has the index among all of each.
     """
-    if list(kept) == list(range(count)) or found.setpoint is None:
-        return found
+    if list(remaining) == list(range(count)) or explanation.setpoint is None:
+        return explanation
     failures = tuple(
-        replace(one, setpoint=kept[one.setpoint], reason=_renamed(one.reason, one.setpoint, kept, count))
-        for one in found.failures
+        replace(
+            one, setpoint=remaining[one.setpoint], reason=_renamed(one.reason, one.setpoint, remaining, count)
+        )
+        for one in explanation.failures
     )
-    reason = _renamed(found.reason, found.setpoint, kept, count)
-    return replace(found, setpoint=kept[found.setpoint], reason=reason, failures=failures)
+    reason = _renamed(explanation.reason, explanation.setpoint, remaining, count)
+    return replace(explanation, setpoint=remaining[explanation.setpoint], reason=reason, failures=failures)
 
 
 @contextmanager
@@ -122,12 +124,12 @@ def naming_as_given(order: Sequence[int]) -> Iterator[None]:
         raise NoPlanFound(renumbered(no.explanation, order, len(order))) from None
 
 
-def _renamed(reason: str, i: int, kept: Sequence[int], count: int) -> str:
+def _renamed(reason: str, i: int, remaining: Sequence[int], count: int) -> str:
     """A reason with the set-point that it is about by its number among all."""
-    if len(kept) == 1 < count:
-        return as_setpoint(reason, kept[i], count)
-    own = rf"([Ss])et-point {i + 1} of {len(kept)}(?!\d)"
-    return re.sub(own, rf"\g<1>et-point {kept[i] + 1} of {count}", reason)
+    if len(remaining) == 1 < count:
+        return as_setpoint(reason, remaining[i], count)
+    own = rf"([Ss])et-point {i + 1} of {len(remaining)}(?!\d)"
+    return re.sub(own, rf"\g<1>et-point {remaining[i] + 1} of {count}", reason)
 
 
 def as_setpoint(reason: str, i: int, count: int) -> str:

@@ -27,14 +27,14 @@ def leaving_out(
     """
     failures = tuple[SetpointFailure, ...]()
     while True:
-        left, kept = _without(scene, failures)
+        left, remaining = _without(scene, failures)
         try:
             return attempt(left), tuple(_skipped(scene, one) for one in failures)
         except NoPlanFound as no:
-            found = failures_of(renumbered(no.explanation, kept, len(scene.task)))
-            if not found or len(found) == len(kept):
+            found = failures_of(renumbered(no.explanation, remaining, len(scene.task)))
+            if not found or len(found) == len(remaining):
                 refusal = explained(left, no.explanation)
-                raise NoPlanFound(_of_all(scene, failures, refusal, kept)) from None
+                raise NoPlanFound(_of_all(scene, failures, refusal, remaining)) from None
             failures = in_order([*failures, *found])
 
 
@@ -42,14 +42,14 @@ def naming_each(scene: Scene, first: Explanation, attempt: Callable[[Scene], obj
     """The first refusal of an attempt, with all the set-points that it refuses, one time after the other."""
     found = [first]
     while failures := failures_of(together(found)):
-        left, kept = _without(scene, failures)
-        if not kept:
+        left, remaining = _without(scene, failures)
+        if not remaining:
             break
         try:
             attempt(left)
             break
         except NoPlanFound as no:
-            found.append(renumbered(no.explanation, kept, len(scene.task)))
+            found.append(renumbered(no.explanation, remaining, len(scene.task)))
             if not failures_of(found[-1]):
                 break
     return replace(first, failures=failures)
@@ -61,20 +61,20 @@ def as_given(count: int, skipped: Sequence[Skipped]) -> list[int]:
     return [i for i in range(count) if i not in gone]
 
 
-def with_skipped(found: Plan, skipped: tuple[Skipped, ...]) -> Plan:
+def with_skipped(planned: Plan, skipped: tuple[Skipped, ...]) -> Plan:
     """The plan with the set-points that it leaves out, and the index as given of those that it does."""
     if not skipped:
-        return found
-    kept = as_given(len(found.world.task) + len(skipped), skipped)
-    order = [kept[i] for i in found.stats.get("order", range(len(kept)))]
-    return replace(found, stats={**found.stats, "order": order}, skipped=skipped)
+        return planned
+    remaining = as_given(len(planned.world.task) + len(skipped), skipped)
+    order = [remaining[i] for i in planned.stats.get("order", range(len(remaining)))]
+    return replace(planned, stats={**planned.stats, "order": order}, skipped=skipped)
 
 
 def _without(scene: Scene, failures: Sequence[SetpointFailure]) -> tuple[Scene, list[int]]:
     """The world without some set-points, and the index as given of each that is left."""
     gone = {one.setpoint for one in failures}
-    kept = [i for i in range(len(scene.task)) if i not in gone]
-    return (scene.changed(task=tuple(scene.task[i] for i in kept)) if gone else scene), kept
+    remaining = [i for i in range(len(scene.task)) if i not in gone]
+    return (scene.changed(task=tuple(scene.task[i] for i in remaining)) if gone else scene), remaining
 
 
 def _skipped(scene: Scene, failure: SetpointFailure) -> Skipped:
@@ -82,13 +82,13 @@ def _skipped(scene: Scene, failure: SetpointFailure) -> Skipped:
 
 
 def _of_all(
-    scene: Scene, failures: Sequence[SetpointFailure], refusal: Explanation, kept: Sequence[int]
+    scene: Scene, failures: Sequence[SetpointFailure], refusal: Explanation, remaining: Sequence[int]
 ) -> Explanation:
     """A refusal of the set-points that are left, with those that were left out."""
     count = len(scene.task)
     if not failures:
         return refusal
-    told = renumbered(refusal, kept, count)
+    told = renumbered(refusal, remaining, count)
     out, be = numbered([one.setpoint for one in failures], count), "are" if len(failures) > 1 else "is"
     every = in_order([*failures, *failures_of(told)])
     if len(every) == count:

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from shapely.geometry import Point
 from shapely.ops import nearest_points
 
-from regionik.areas.layers import GUARD, grow
-from regionik.areas.standing import LEAST_AREA
+from regionik.areas.free_space import MIN_AREA
+from regionik.areas.layers import ROUNDING_MARGIN, grow
 from regionik.explain.changes import Move
 from regionik.explain.constraints import without_obstacle
 from regionik.explain.minimal_change import FINE, Opens, circle, sphere
@@ -53,7 +53,7 @@ def steps_around(move: Move) -> tuple[Steps, tuple[float, ...]]:
     ), lengths
 
 
-def near_setpoint(scene: Scene, i: int) -> Scene:
+def scene_of_setpoint(scene: Scene, i: int) -> Scene:
     """The world of one set-point alone; of a crowded map only what is near it, however a repair moves it.
 
     Obstacles that are moved come from there: they are near the set-point, or are no cause.
@@ -102,15 +102,15 @@ def obstacle_steps(move: Move) -> Steps | None:
     solid = next(solid for solid in scene.world.obstacles if solid.name == move.name)
     shadow = solid.shadow(scene.robot.body_height, above=0.0)
     areas = path_areas(without_obstacle(scene, move.name), scene.task)
-    room = shapely.union_all(areas.inner[shapely.area(areas.inner) > LEAST_AREA])
+    room = shapely.union_all(areas.inner[shapely.area(areas.inner) > MIN_AREA])
     if shadow is None or room.is_empty:
         return None
-    taken = grow(shadow, ground.clearance + ground.far + GUARD, inner=True)
+    taken = grow(shadow, ground.clearance + ground.far + ROUNDING_MARGIN, inner=True)
     spot = scene.task[0].position
 
     def opens(steps: Array) -> NDArray[np.bool_]:
         moved = np.array([shapely.transform(taken, lambda xy, by=by: xy + by) for by in steps], dtype=object)
-        found: NDArray[np.bool_] = shapely.area(shapely.difference(room, moved)) > LEAST_AREA
+        found: NDArray[np.bool_] = shapely.area(shapely.difference(room, moved)) > MIN_AREA
         for k in np.flatnonzero(found):
             found[k] = solid.distance(spot - [*steps[k], 0.0]) >= 0
         return found

@@ -33,7 +33,7 @@ Asked = Callable[[Scene], bool]
 SHARES = (0.5, 1.0)  # of a clearance, or of the radius of the circle to park in, that is given up
 LENGTHS = (0.1, 0.3)  # of moves [m]
 SPARE_TRIES = 100  # of searches for repairs, beside as many as half of those of the search that failed
-ASKED = 2  # of the smallest repairs, whether the whole path is planned with them
+MAX_PLANNED_REPAIRS = 2  # of the smallest repairs, whether the whole path is planned with them
 FEW = 4  # set-points, up to which a whole path is asked about where a part of it can be planned
 TRIES_EACH = 2  # besides, for each set-point, of plans from a start that is mended
 START, LOWERED = (
@@ -67,7 +67,7 @@ def mended_motion(scene: Scene, quick: Explanation, plans: Asked, made: int = 0)
     # the search is made once more, and goes on.
     lifts = [one for one in helped if one.kind == "lift-off"]
     others = [one for one in smallest_first(scene, helped) if one not in lifts]
-    for some, tries in ((lifts, 2 * made + SPARE_TRIES), (others[: ASKED - len(lifts)], most)):
+    for some, tries in ((lifts, 2 * made + SPARE_TRIES), (others[: MAX_PLANNED_REPAIRS - len(lifts)], most)):
         with suppress(TooManyTriesError), at_most(tries):
             for one in some:
                 small += [one] if part is scene or plans(repaired(scene, one, i)) else []
@@ -124,7 +124,7 @@ def mended_start(scene: Scene, quick: Explanation, blocked: Asked, plans: Asked)
     solids = (move_obstacle(scene, cause.name) for cause in quick.causes if cause.kind == "obstacle")
     moves = [move_start(scene), *(move for move in solids if move is not None)]
     found += [one for one in map(_shortest, moves) if one is not None and not blocked(repaired(scene, one))]
-    repairs = list(_told(scene, smallest_first(scene, found), plans))
+    repairs = list(_confirmed(scene, smallest_first(scene, found), plans))
     told = mended(repairs, [f"move {move.name} by up to {FARTHEST:g} m" for move in moves])
     return replace(quick, reason=f"{quick.reason} {told}", repairs=tuple(repairs))
 
@@ -134,12 +134,12 @@ def tries_for(scene: Scene) -> int:
     return SPARE_TRIES + TRIES_EACH * len(scene.task)
 
 
-def _told(scene: Scene, found: Iterable[Repair], plans: Asked) -> Iterator[Repair]:
+def _confirmed(scene: Scene, repairs: Iterable[Repair], plans: Asked) -> Iterator[Repair]:
     """Yield repairs of a start that tell whether the path is planned with them, as far as tries go."""
     most = tries_for(scene)
     with counted() as tries:
         begun = tries.made
-        for one in found:
+        for one in repairs:
             left = begun + most - tries.made
             words = f", which frees the start; {most} tries did not show whether the path is planned then"
             with suppress(TooManyTriesError), at_most(left):

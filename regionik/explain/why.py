@@ -12,7 +12,7 @@ from regionik.explain.constraints import Constraint, joint_causes, mended, place
 from regionik.explain.pairs import pair
 from regionik.explain.questions import Oracles, Question, TargetQuestion
 from regionik.explain.several import failures_of, in_order, naming_all
-from regionik.explain.steps import near_setpoint
+from regionik.explain.steps import scene_of_setpoint
 from regionik.planners.progress import track
 from regionik.scene import Scene
 from regionik.worlds.errors import Cause, Explanation, Repair, SetpointFailure
@@ -35,12 +35,12 @@ def explained(question: Question, quick: Explanation, say: Say = unsaid) -> Expl
     """
     scene = question.scene
     say(quick.reason)
-    kept = irreducible(scene, question.constraints, question.closed)
-    why = f"{joint_causes(scene, kept, proven=bool(question.proof))} {question.proof}".strip()
+    remaining = irreducible(scene, question.constraints, question.closed)
+    why = f"{joint_causes(scene, remaining, proven=bool(question.proof))} {question.proof}".strip()
     say(why)
-    repairs = _repairs(question, kept, say)
-    causes = tuple(cause_of(one, quick) for one in kept) or (arm_too_short(scene, quick),)
-    told = mended(repairs, () if repairs else tried(question, kept))
+    repairs = _repairs(question, remaining, say)
+    causes = tuple(cause_of(one, quick) for one in remaining) or (arm_too_short(scene, quick),)
+    told = mended(repairs, () if repairs else tried(question, remaining))
     reason = " ".join(part for part in (quick.reason, why, told) if part)
     return replace(quick, reason=reason, causes=causes, repairs=repairs)
 
@@ -82,7 +82,7 @@ def explained_target(
     scene: Scene, i: int, quick: Explanation, oracles: Oracles, say: Say = unsaid
 ) -> Explanation:
     """Return `explained` for a set-point whose inner area is empty; if undecided, `reach` is asked first."""
-    asked = near_setpoint(scene, i)
+    asked = scene_of_setpoint(scene, i)
     if quick.verdict == "undecided":
         quick = _by_itself(quick, oracles.reach(asked), i, len(scene.task))
     return explained(

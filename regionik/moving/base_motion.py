@@ -9,19 +9,19 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from regionik.areas.standing import Index, Standing
+from regionik.areas.free_space import FreeSpace, Index
 from regionik.ladder import Ladder
 from regionik.planners.collision.robot_motion import bases_between
 from regionik.planners.driving.footprint import fits
 from regionik.planners.driving.footprint_scene import FootprintScene
 from regionik.planners.geometry.polylines import leg_lengths
-from regionik.postures.poses import LARGEST_BEND, Pose, axis_of, configuration_pose, pose_of
+from regionik.postures.poses import MAX_JOINT_CHANGE, Pose, axis_of, configuration_pose, pose_of
 from regionik.scene import Scene
 from regionik.values import Configuration
 from regionik.worlds.arrays import Array
 from regionik.worlds.drives import displacement
 
-WAYS = 16  # directions of drawing back
+RETREAT_DIRECTIONS = 16  # directions of drawing back
 TURN_STRIDE = 0.1  # largest turn of the base between two states [rad]
 
 
@@ -29,14 +29,14 @@ TURN_STRIDE = 0.1  # largest turn of the base between two states [rad]
 class Candidate:
     """A configuration at a set-point, and the component its base stands in."""
 
-    found: Configuration
+    configuration: Configuration
     component: int
     way: tuple[Pose, ...] = ()  # to it, with the tool on its path, of one that was found by going on
 
     @property
     def pose(self) -> Pose:
         """Base and arm."""
-        return configuration_pose(self.found)
+        return configuration_pose(self.configuration)
 
 
 class BasePath(NamedTuple):
@@ -79,7 +79,7 @@ class BasePaths(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class StandingPaths:
+class StationaryPaths:
     """The base stands still while the tool goes on."""
 
     scene: Scene
@@ -94,7 +94,7 @@ class Driver(ABC):
     """One kind of base that moves: by its footprint, proven free, where it has no other way."""
 
     scene: Scene
-    standing: Standing
+    free_space: FreeSpace
     seed: int  # of sampling planners
     methods: dict[str, int] = field(default_factory=dict)  # number of moves that each made
 
@@ -129,7 +129,7 @@ class Driver(ABC):
         efforts = ways + np.abs(moves[:, 2])
         total = float(efforts.sum())
         shares = efforts / total if total > 0 else np.full(len(moves), 1.0 / max(len(moves), 1))
-        most = float(np.abs(change).max()) / LARGEST_BEND
+        most = float(np.abs(change).max()) / MAX_JOINT_CHANGE
         rows: list[Pose] = []
         last = here
         for move, way, share, base in zip(moves, ways, shares, route[1:], strict=True):
@@ -158,9 +158,9 @@ class Driver(ABC):
         """
         robot, axis = self.scene.robot, axis_of(self.scene.robot, at.base)
         away = float(np.arctan2(*(axis - robot.tool(at.base, at.joints)[:2, 3])[::-1]))
-        turns = sorted(range(WAYS), key=lambda k: (min(k, WAYS - k), k))
+        turns = sorted(range(RETREAT_DIRECTIONS), key=lambda k: (min(k, RETREAT_DIRECTIONS - k), k))
         for k in turns if far > 0 else turns[:1]:
-            angle = away + 2 * np.pi * k / WAYS
+            angle = away + 2 * np.pi * k / RETREAT_DIRECTIONS
             spot = axis + far * np.array([np.cos(angle), np.sin(angle)])
             back = Pose(pose_of(robot, spot, at.base[2]), at.joints)
             states = self.direct(at, back, label)

@@ -17,9 +17,9 @@ import numpy as np
 import shapely
 from shapely.geometry import Point
 
-from regionik.areas.held_reach import held_reach
+from regionik.areas.free_space import FreeSpace, away, into_span, into_spans, spread
 from regionik.areas.reachable import reach_model
-from regionik.areas.standing import Standing, away, into_span, into_spans, spread
+from regionik.areas.sampled_reach import sampled_reach
 from regionik.ladder import Ladder
 from regionik.mfabrik import Solver, solver_for
 from regionik.moving.base_motion import Candidate
@@ -31,7 +31,7 @@ from regionik.planners.avoidance.clear_posture import (
     clear_posture_at_pose,
     quick_clear_posture,
 )
-from regionik.planners.collision.proximity import Touch
+from regionik.planners.collision.proximity import Proximity
 from regionik.planners.driving.footprint import fits
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.polygons import clamp
@@ -39,7 +39,7 @@ from regionik.planners.search.box_search import Verdict
 from regionik.planners.search.fixed_base import PostureTask
 from regionik.planners.solvers.aims import in_columns
 from regionik.postures.arm import aim_of
-from regionik.postures.arm_guard import SPARE, Guard
+from regionik.postures.collision_checker import MAX_SPARE, CollisionChecker
 from regionik.postures.poses import Pose, axis_of, facing, pose_of
 from regionik.postures.serial_solver import serial_solver
 from regionik.scene import Scene
@@ -48,18 +48,19 @@ from regionik.worlds.arms import turned_back
 from regionik.worlds.arrays import Array
 from regionik.worlds.joints import nearest_turn
 
-PLACES = 24  # of the base, looked through in one component
-PITCHES = 48  # of the last link, looked through at every place
-FAR = 1.5  # change of an endless joint from which on the other way round is tried too [rad]
-MENDED = 4  # postures led round what they touch, where no other is clear
-SEARCHED = 2  # of their places, at which all postures are looked for
-BOXES = 20_000  # of postures weighed there
-NEAREST = 4  # components by heading that are looked through, and more where nothing is clear in them
+MAX_PLACES = 24  # of the base, looked through in one component
+MAX_PITCHES = 48  # of the last link, looked through at every place
+MIN_FAR_TURN = 1.5  # change of an endless joint from which on the other way round is tried too [rad]
+MAX_MENDED = 4  # postures led round what they touch, where no other is clear
+MAX_SEARCHED = 2  # of their places, at which all postures are looked for
+MAX_BOXES = 20_000  # of postures weighed there
+# components by heading that are looked through, and more where nothing is clear in them
+MAX_NEAR_COMPONENTS = 4
 TURN_WEIGHT = 0.3  # what a turn of the base counts against driving to them [m/rad]
-GIVEN_UP = 16  # tries in a row at one component that led round nothing, after which no more are made
-HEADINGS = 16  # of a base on wheels from which base and joints may go on together
-STARTS = 8  # of postures at a pose to which a base on wheels comes with the tool lifted
-KEPT = 2  # postures that a place offers to one that asks
+MAX_FUTILE_TRIES = 16  # tries in a row at one component that led round nothing, after which no more are made
+MAX_HEADINGS = 16  # of a base on wheels from which base and joints may go on together
+MAX_STARTS = 8  # of postures at a pose to which a base on wheels comes with the tool lifted
+MAX_POSTURES_PER_PLACE = 2  # postures that a place offers to one that asks
 
 
 @dataclass(eq=False)
@@ -70,19 +71,19 @@ class Evidence:
     postures: int = 0  # that were tried
     clear: int = 0  # how many of the postures were clear
     proven: int = 0  # places at which there is proven to be no clear posture
-    best: Touch | None = None  # of the posture that came nearest to being clear
+    best: Proximity | None = None  # of the posture that came nearest to being clear
     room: float = -np.inf  # by how much that one keeps its distance; negative where it does not [m]
-    stood: list[Array] = field(default_factory=list)  # poses (3,) of the base in clear postures
+    clear_bases: list[Array] = field(default_factory=list)  # poses (3,) of the base in clear postures
 
-    def add(self, base: Array, touch: Touch, room: float) -> None:
+    def add(self, base: Array, proximity: Proximity, room: float) -> None:
         """Note a posture that was tried on a pose of the base (3,)."""
         self.postures += 1
-        if touch.kind == "none":
+        if proximity.kind == "none":
             self.clear += 1
-            if not self.stood or not np.array_equal(base, self.stood[-1]):
-                self.stood.append(base)
+            if not self.clear_bases or not np.array_equal(base, self.clear_bases[-1]):
+                self.clear_bases.append(base)
         if room > self.room:
-            self.best, self.room = touch, room
+            self.best, self.room = proximity, room
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,9 +91,9 @@ class ConfigurationSampler:
     """Finds clear configurations for the set-points of a world."""
 
     scene: Scene
-    guard: Guard
+    collision: CollisionChecker
     ladder: Ladder
-    standing: Standing
+    free_space: FreeSpace
     seed: int
     # Of a base on wheels; of another, and of one that stands still, there is none
     layers: LayeredSearch | None = None
@@ -145,11 +146,11 @@ class ConfigurationSampler:
         self, i: int, components: Sequence[int], here: Pose, nominal: Candidate
     ) -> Iterator[Candidate]:
         """What M-FABRIK found, where it is clear."""
-        reached = nominal.found.converged and nominal.component in components
+        reached = nominal.configuration.converged and nominal.component in components
         if reached and self.clear(i, nominal.pose):
             yield from self._turns(nominal, here)
 
-    def roomy(self, i: int, components: Sequence[int], start: Pose) -> Iterator[Candidate]:
+    def far_from_limits(self, i: int, components: Sequence[int], start: Pose) -> Iterator[Candidate]:
         """Clear configurations at headings all round, of each the one farthest from joint limits first.
 
         The base is brought under the arm, or as near as its area lets it. Its arm turns back what the base is
@@ -160,7 +161,7 @@ class ConfigurationSampler:
             return
         robot, axis = self.scene.robot, axis_of(self.scene.robot, start.base)
         found = list[tuple[int, float, Candidate]]()
-        for yaw in start.base[2] + 2 * np.pi * np.arange(HEADINGS) / HEADINGS:
+        for yaw in start.base[2] + 2 * np.pi * np.arange(MAX_HEADINGS) / MAX_HEADINGS:
             there = [k for k in components if away(wrap(yaw), self._span(k)) == 0]
             for k in self._by_nearness(there, start)[:1]:
                 flat = self.ladder.flat(k)
@@ -189,12 +190,12 @@ class ConfigurationSampler:
 
     def _sought(self, i: int, components: Sequence[int], here: Pose) -> Iterator[Candidate]:
         """What else is clear: as M-FABRIK goes on from here, led round, or elsewhere in the area."""
-        if not self.guard.on:
+        if not self.collision.enabled:
             return
         target, near, rest = self.scene.task[i], components, list[int]()
-        if len(self.standing.sides) > 1:  # those of some headings only by nearness
+        if len(self.free_space.sides) > 1:  # those of some headings only by nearness
             ordered = self._by_nearness(components, here)
-            near, rest = ordered[:NEAREST], ordered[NEAREST:]
+            near, rest = ordered[:MAX_NEAR_COMPONENTS], ordered[MAX_NEAR_COMPONENTS:]
         for k in near:
             onward = self.solver(k)(target, here.base, here.joints)
             if onward.converged:
@@ -255,7 +256,7 @@ class ConfigurationSampler:
     def other_postures(self, i: int, base: Array, k: int) -> Iterator[Candidate]:
         """Clear postures at a base pose that lie near to some drawn within the joints' limits."""
         solver, target = self.solver(k, float(base[2])), self.scene.task[i]
-        for start in held_reach(self.scene.robot).postures(base, target.position, STARTS):
+        for start in sampled_reach(self.scene.robot).postures(base, target.position, MAX_STARTS):
             one = solver.least_change(target, base, start)
             if one is not None:
                 candidate = Candidate(replace(one, base=base), k)
@@ -264,25 +265,25 @@ class ConfigurationSampler:
 
     def _turns(self, candidate: Candidate, here: Pose) -> Iterator[Candidate]:
         """A candidate, its endless joints turned the shorter way from here, then each the longer way."""
-        chain, found = self.scene.robot.chain, candidate.found
+        chain, found = self.scene.robot.chain, candidate.configuration
         turns = chain.turning & np.isinf(chain.upper - chain.lower)  # without end
         change = found.joints - here.joints
         near = here.joints + np.where(turns, nearest_turn(change), change)
         turned = (near != found.joints).any()
-        yield replace(candidate, found=replace(found, joints=near)) if turned else candidate
-        for k in np.flatnonzero(turns & (np.abs(near - here.joints) > FAR)).tolist():
+        yield replace(candidate, configuration=replace(found, joints=near)) if turned else candidate
+        for k in np.flatnonzero(turns & (np.abs(near - here.joints) > MIN_FAR_TURN)).tolist():
             far = near - 2 * np.pi * np.sign(near - here.joints) * (np.arange(chain.dof) == k)
-            yield replace(candidate, found=replace(found, joints=far))
+            yield replace(candidate, configuration=replace(found, joints=far))
 
     def clear(self, i: int, at: Pose) -> bool:
         """True if the arm keeps clear; what it comes near to is kept as evidence."""
-        return not self.guard.on or self._room(i, at) == np.inf
+        return not self.collision.enabled or self._room(i, at) == np.inf
 
     def _room(self, i: int, at: Pose) -> float:
         """Margin of the arm's distance, infinite where it is clear; kept as evidence [m]."""
-        touch = self.guard.touch(at)
-        room = self.guard.room(touch)
-        self._seen(i, at.base).add(at.base, touch, room)
+        proximity = self.collision.nearest(at)
+        room = self.collision.room(proximity)
+        self._seen(i, at.base).add(at.base, proximity, room)
         return room
 
     def _seen(self, i: int, base: Array) -> Evidence:
@@ -294,11 +295,11 @@ class ConfigurationSampler:
     def around(self, i: int, candidate: Candidate) -> Iterator[Candidate]:
         """The base stays; the arm goes round what it touches, by FABRIK with avoiding rotations."""
         key, target = (i, candidate.component), self.scene.task[i]
-        if self._futile.get(key, 0) >= GIVEN_UP:
+        if self._futile.get(key, 0) >= MAX_FUTILE_TRIES:
             return
         around: list[Candidate] = []
         if target.direction is None:
-            around = list(self._asked(i, candidate, quick_clear_posture))
+            around = list(self._by_search(i, candidate, quick_clear_posture))
         elif not self.scene.model(target).shows_all_postures:  # else all were looked at
             around = list(self._looked(i, candidate))
         self._futile[key] = 0 if around else self._futile.get(key, 0) + 1
@@ -309,33 +310,35 @@ class ConfigurationSampler:
         robot = self.scene.robot
         arm = serial_solver(robot.chain, float(robot.mount[2]), self.scene.rules.tolerance)
         quest = arm.goal_for(self.scene.task[i])
-        base, contact = candidate.found.base, self.guard.contact
+        base, contact = candidate.configuration.base, self.collision.contact
         found = clear_posture_at_pose(
-            self.guard.bodies, base, quest.aim, candidate.found.joints, quest.effort,
-            contact=contact, margin=SPARE, seed=self.seed,
+            self.collision.bodies, base, quest.aim, candidate.configuration.joints, quest.effort,
+            contact=contact, margin=MAX_SPARE, seed=self.seed,
         )  # fmt: skip
         if found is not None:
             yield from self._faced(i, candidate, *found[:2])
 
-    def _asked(self, i: int, candidate: Candidate, ask: Callable[..., ClearPosture]) -> Iterator[Candidate]:
-        base, target = candidate.found.base, self.scene.task[i].position
-        guard, tolerance = self.guard, self.scene.rules.tolerance
-        task = PostureTask(guard.bodies, base, target, guard.contact, tolerance, SPARE)
-        found = ask(task, candidate.found.joints, seed=self.seed)
+    def _by_search(
+        self, i: int, candidate: Candidate, ask: Callable[..., ClearPosture]
+    ) -> Iterator[Candidate]:
+        base, target = candidate.configuration.base, self.scene.task[i].position
+        collision, tolerance = self.collision, self.scene.rules.tolerance
+        task = PostureTask(collision.bodies, base, target, collision.contact, tolerance, MAX_SPARE)
+        found = ask(task, candidate.configuration.joints, seed=self.seed)
         self._seen(i, base).proven += found.verdict == Verdict.RULED_OUT
         if found.joints is not None:
             yield from self._faced(i, candidate, found.joints, found.error)
 
     def _faced(self, i: int, candidate: Candidate, joints: Array, error: float) -> Iterator[Candidate]:
         """Other joints at a candidate, if clear; a base that must face the target turns under the arm."""
-        at = Pose(candidate.found.base, joints)
+        at = Pose(candidate.configuration.base, joints)
         if self.scene.rules.heading == "face_target":
             at = facing(self.scene.robot, at)
             if away(float(at.base[2]), self._span(candidate.component)) > 0:
                 return
         if self.clear(i, at):
-            found = replace(candidate.found, base=at.base, joints=at.joints, error=error)
-            yield replace(candidate, found=found)
+            found = replace(candidate.configuration, base=at.base, joints=at.joints, error=error)
+            yield replace(candidate, configuration=found)
 
     def _elsewhere(self, i: int, k: int, here: Pose) -> Iterator[Candidate]:
         """Clear postures at places of the base in a component, near places first."""
@@ -343,21 +346,23 @@ class ConfigurationSampler:
         places = self._spread(k)
         for m in np.argsort(np.hypot(*(places - axis).T), kind="stable").tolist():
             found = self._at(i, k, m)
-            change = [float(np.abs(candidate.found.joints - here.joints).max()) for candidate in found]
-            for n in np.argsort(change, kind="stable")[:KEPT].tolist():
+            change = [
+                float(np.abs(candidate.configuration.joints - here.joints).max()) for candidate in found
+            ]
+            for n in np.argsort(change, kind="stable")[:MAX_POSTURES_PER_PLACE].tolist():
                 yield found[n]
 
     def _mended(self, i: int, components: Sequence[int]) -> Iterator[Candidate]:
         """The postures nearest to being clear, led round what they touch; then all at their places."""
         nearly = [one for k in components for one in self._nearly.get(k, [])]
-        nearest = [candidate for _, candidate in sorted(nearly, key=lambda one: -one[0])[:MENDED]]
+        nearest = [candidate for _, candidate in sorted(nearly, key=lambda one: -one[0])[:MAX_MENDED]]
         for candidate in nearest:
             yield from self.around(i, candidate)
         if self.scene.task[i].direction is None:
-            for candidate in nearest[:SEARCHED]:
+            for candidate in nearest[:MAX_SEARCHED]:
                 if candidate not in self._searched:  # from wherever the robot comes it is the same search
-                    ask = partial(clear_posture, most_boxes=BOXES)
-                    self._searched[candidate] = list(self._asked(i, candidate, ask))
+                    ask = partial(clear_posture, most_boxes=MAX_BOXES)
+                    self._searched[candidate] = list(self._by_search(i, candidate, ask))
                 yield from self._searched[candidate]
 
     def _at(self, i: int, k: int, m: int) -> list[Candidate]:
@@ -366,7 +371,7 @@ class ConfigurationSampler:
         if key not in self._clear:
             target, place = self.scene.task[i], self._spread(k)[m]
             base = pose_of(self.scene.robot, place, self._heading(k, target.position, place))
-            found = self.solver(k).self_motion(target, base, self.scene.robot.carry, PITCHES)
+            found = self.solver(k).self_motion(target, base, self.scene.robot.carry, MAX_PITCHES)
             self._seen(i, base)
             candidates = [Candidate(one, k) for one in found]
             rooms = [self._room(i, candidate.pose) for candidate in candidates]
@@ -387,12 +392,12 @@ class ConfigurationSampler:
 
     def _span(self, k: int) -> tuple[float, float]:
         """Headings of a component [rad]."""
-        return self.standing.sides[int(self.ladder.side[k])].span
+        return self.free_space.sides[int(self.ladder.side[k])].span
 
     @cached_property
     def _spans(self) -> Array:
         """Headings of each side, (s, 2) [rad]."""
-        return np.array([side.span for side in self.standing.sides])
+        return np.array([side.span for side in self.free_space.sides])
 
     def solver(self, k: int, heading: float | None = None) -> Solver:
         """M-FABRIK inside a component, at any heading of its slab or at one."""
@@ -401,5 +406,5 @@ class ConfigurationSampler:
 
     def _spread(self, k: int) -> Array:
         if k not in self._places:
-            self._places[k] = spread(self.ladder.component[k], PLACES, self.seed)
+            self._places[k] = spread(self.ladder.component[k], MAX_PLACES, self.seed)
         return self._places[k]

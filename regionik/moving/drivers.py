@@ -19,9 +19,9 @@ import shapely
 from shapely.geometry import LineString, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
+from regionik.areas.free_space import FreeSpace, into_span, into_spans
 from regionik.areas.ground import EVERY
-from regionik.areas.layers import GUARD, Geometries
-from regionik.areas.standing import Standing, into_span, into_spans
+from regionik.areas.layers import ROUNDING_MARGIN, Geometries
 from regionik.ladder import Ladder
 from regionik.moving.base_motion import TURN_STRIDE, BasePath, Driver, halting, simultaneous
 from regionik.planners.driving.arcs import WheeledPath, arc_end
@@ -33,23 +33,23 @@ from regionik.planners.driving.point_planner import NoPathError, drive_point, dr
 from regionik.planners.driving.pose_planner import drive_wheeled, steered_path
 from regionik.planners.geometry.polygons import FlatPolygon, segment_in_either
 from regionik.planners.geometry.polylines import spread_along
-from regionik.postures.poses import LARGEST_BEND, Pose, axis_of, pose_of
+from regionik.postures.poses import MAX_JOINT_CHANGE, Pose, axis_of, pose_of
 from regionik.scene import Scene
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.drives import displacement
 
-INSET = 0.002  # kept from the edge of what two areas share, where there is room [m]
+EDGE_INSET = 0.002  # kept from the edge of what two areas share, where there is room [m]
 ROUNDING = 1e-6  # by which ends of a way may lie off the floor [m]
-LEADS = [sign * 0.01 * 1.5**k for k in range(16) for sign in (1, -1)]  # straight ahead and back [m]
-TURN_PART = 0.1  # of a turn about the arm axis, which a base frame elsewhere does by short slides [rad]
+LEAD_LENGTHS = [sign * 0.01 * 1.5**k for k in range(16) for sign in (1, -1)]  # straight ahead and back [m]
+MAX_TURN_PART = 0.1  # of a turn about the arm axis, which a base frame elsewhere does by short slides [rad]
 
 
-def driver_for(scene: Scene, standing: Standing, seed: int) -> Driver:
+def driver_for(scene: Scene, free_space: FreeSpace, seed: int) -> Driver:
     """Return the driver that suits a base and where it may stand."""
     if scene.robot.drive.rolls:
-        return WheeledDriver(scene, standing, seed)
-    at_any_heading = len(standing.sides) == 1
-    return (AnyHeadingDriver if at_any_heading else ByHeadingDriver)(scene, standing, seed)
+        return WheeledDriver(scene, free_space, seed)
+    at_any_heading = len(free_space.sides) == 1
+    return (AnyHeadingDriver if at_any_heading else ByHeadingDriver)(scene, free_space, seed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +120,7 @@ class AnyHeadingDriver(Driver):
         way += abs(turn) * float(np.hypot(*robot.mount[:2]))
         step = self.scene.rules.step * 0.999
         bend = float(np.abs(there.joints - here.joints).max())
-        parts = max(abs(turn) / TURN_STRIDE, bend / LARGEST_BEND, way / step)
+        parts = max(abs(turn) / TURN_STRIDE, bend / MAX_JOINT_CHANGE, way / step)
         shares, axes = spread_along(np.array(route), step, int(np.ceil(parts)))
         bases = np.column_stack([np.zeros((len(shares), 2)), here.base[2] + shares * turn])
         bases[:, :2] = axes - axis_of(robot, bases)
@@ -145,13 +145,13 @@ class AnyHeadingDriver(Driver):
         """It turns, which a fixed heading forbids."""
         if self.scene.rules.heading == "fixed":
             return self
-        return ByHeadingDriver(self.scene, self.standing, self.seed, self.methods)
+        return ByHeadingDriver(self.scene, self.free_space, self.seed, self.methods)
 
     def paths(self, ladder: Ladder) -> AnyHeadingPaths:
         return AnyHeadingPaths(ladder, self)
 
     def _piece(self, label: int) -> BaseGeometry:
-        return self.standing.pieces.polygon[label]
+        return self.free_space.pieces.polygon[label]
 
     def _flat(self, label: int) -> FlatPolygon:
         """A piece of the free floor for kernels, kept."""
@@ -167,11 +167,11 @@ class ByHeadingDriver(Driver):
     def route(self, here: Pose, there: Pose, label: int, berth: float = 0.0) -> Array:
         """Of the base, (n, 3)."""
         ground, robot = self.scene.ground_between(here.base, there.base), self.scene.robot
-        clearance = ground.clearance + GUARD + berth
+        clearance = ground.clearance + ROUNDING_MARGIN + berth
         found = drive_footprint(
             robot.footprint, ground.floor, here.base, there.base,
             obstacles=ground.shadows, clearance=clearance,
-            upper=ground.upper(robot.mount[:2], GUARD + berth), seed=self.seed,
+            upper=ground.upper(robot.mount[:2], ROUNDING_MARGIN + berth), seed=self.seed,
         )  # fmt: skip
         self.count(found.method)
         return found.poses
@@ -212,7 +212,7 @@ class WheeledDriver(Driver):
         if fits(self.room, *here.base):
             return [here]
         x, y, yaw = here.base
-        for length in LEADS:
+        for length in LEAD_LENGTHS:
             there = replace(here, base=np.array(arc_end(x, y, yaw, length, 0.0)))
             room = self.scene.footprint_between(here.base, there.base)
             if fits(self.room, *there.base) and arc_is_free(room, here.base, length, 0.0):
@@ -305,7 +305,7 @@ class ByHeadingPaths:
         if not len(pairs):
             return None
         spots, yaws = _nearest_to(areas, *ends), np.full(len(pairs), here[2])
-        one, other = self.driver.standing.spans[self.ladder.side[pairs.T]]
+        one, other = self.driver.free_space.spans[self.ladder.side[pairs.T]]
         for span in (one, other, one):  # neighbouring slabs share the heading between them
             yaws = into_spans(yaws, *span.T)
         ways = sum(np.linalg.norm(spots - end, axis=1) for end in ends)
@@ -342,7 +342,7 @@ class ByHeadingPaths:
         group = int(self.ladder.group[k])
         if group not in self._slabs:
             members, part, side = self.ladder.group == group, self.ladder.component, self.ladder.side
-            spans = {s: one.span for s, one in enumerate(self.driver.standing.sides)}
+            spans = {s: one.span for s, one in enumerate(self.driver.free_space.sides)}
             every = [s for s, span in spans.items() if span == EVERY]
             self._slabs[group] = tuple(
                 Slab(*spans[s], shapely.union_all(part[members & np.isin(side, [s, *every])]), Polygon())
@@ -382,7 +382,7 @@ def _short_turns(poses: Array) -> Array:
     for pose in poses[1:]:
         last = rows[-1]
         to = np.array([pose[0], pose[1], into_span(float(last[2]), (pose[2], pose[2]))])
-        count = max(1, int(np.ceil(abs(to[2] - last[2]) / TURN_PART)))
+        count = max(1, int(np.ceil(abs(to[2] - last[2]) / MAX_TURN_PART)))
         rows += [last + (m + 1) / count * (to - last) for m in range(count)]
     return np.array(rows)
 
@@ -403,7 +403,7 @@ def _at_any_heading(axes: Array) -> Array:
 def _shared_area(one: Geometries, other: Geometries) -> Geometries:
     """What areas share pair by pair, without its rim where there is room."""
     shared = shapely.intersection(one, other)
-    inside = shapely.buffer(shared, -INSET)
+    inside = shapely.buffer(shared, -EDGE_INSET)
     return np.asarray(np.where(shapely.is_empty(inside), shared, inside))
 
 

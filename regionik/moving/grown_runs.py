@@ -16,12 +16,12 @@ from regionik.moving.base_motion import Candidate
 from regionik.moving.path_search import PathSearch, SearchStep
 from regionik.planners.progress import tell
 from regionik.planners.tries import count_tries
-from regionik.postures.poses import Pose, Row
+from regionik.postures.poses import MotionState, Pose
 from regionik.worlds.arrays import Array
 
-ROOM = 0.1  # share of a joint's range that is left to its limits where a run goes back to
-FEW = 60  # set-points that runs may go through and get no farther in any case
-WAYS = 2, 12  # times as many as the farthest of them went, and on wheels
+MIN_LIMIT_SHARE = 0.1  # share of a joint's range that is left to its limits where a run goes back to
+MIN_SETPOINT_BUDGET = 60  # set-points that runs may go through and get no farther in any case
+SETPOINT_BUDGET_FACTORS = 2, 12  # times as many as the farthest of them went, and on wheels
 
 Seeds = Callable[[int], Iterator[Candidate]]  # configurations at a set-point, the likeliest first
 
@@ -84,13 +84,15 @@ class RunGrowth:
 
     def _in_vain(self, passed: list[int]) -> bool:
         """Whether no more seeds are tried, by the set-points that runs from those before went through."""
-        return sum(passed) > max(FEW, WAYS[self.search.scene.robot.drive.rolls] * max(passed))
+        return sum(passed) > max(
+            MIN_SETPOINT_BUDGET, SETPOINT_BUDGET_FACTORS[self.search.scene.robot.drive.rolls] * max(passed)
+        )
 
     def _grown(self, i: int, seed: Candidate, within: range) -> GrownRun:
         """The run through a configuration at set-point i, inside a range of set-points."""
         home = self._home(seed)
-        before = self._led(seed, range(i - 1, within.start - 1, -1), home)
-        after = self._led(seed, range(i + 1, within.stop), home)
+        before = self._continued(seed, range(i - 1, within.start - 1, -1), home)
+        after = self._continued(seed, range(i + 1, within.stop), home)
         first = i - len(before)
         met = [seed, *before][::-1]
         steps = [_begun(met[0])]
@@ -99,12 +101,12 @@ class RunGrowth:
         steps += [_step(k, there.way[:-1], there) for k, there in enumerate(after, i)]
         return GrownRun(first, steps)
 
-    def _led(self, here: Candidate, setpoints: range, home: Array | None) -> list[Candidate]:
+    def _continued(self, here: Candidate, setpoints: range, home: Array | None) -> list[Candidate]:
         """Configurations at set-points to which base and joints go on together, as far as they do."""
         found = list[Candidate]()
         for k in setpoints:
             count_tries()
-            there = self.search.led(k, here, home, back=setpoints.step < 0, still=self.still)
+            there = self.search.resolved_candidate(k, here, home, back=setpoints.step < 0, still=self.still)
             if there is None:
                 break
             found.append(there)
@@ -119,8 +121,10 @@ class RunGrowth:
         if self.search.scene.robot.drive.rolls:
             return None
         chain = self.search.scene.robot.chain
-        room = np.where(np.isfinite(chain.upper - chain.lower), ROOM * (chain.upper - chain.lower), 0.0)
-        home: Array = np.clip(seed.found.joints, chain.lower + room, chain.upper - room)
+        room = np.where(
+            np.isfinite(chain.upper - chain.lower), MIN_LIMIT_SHARE * (chain.upper - chain.lower), 0.0
+        )
+        home: Array = np.clip(seed.configuration.joints, chain.lower + room, chain.upper - room)
         return home
 
 
@@ -130,4 +134,4 @@ def _begun(first: Candidate) -> SearchStep:
 
 def _step(i: int, way: Sequence[Pose], there: Candidate) -> SearchStep:
     """The step from set-point i to a candidate at the next, by the states strictly between."""
-    return SearchStep(there, [Row(pose, "step", i) for pose in way], iter(()))
+    return SearchStep(there, [MotionState(pose, "step", i) for pose in way], iter(()))

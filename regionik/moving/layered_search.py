@@ -19,35 +19,36 @@ import shapely
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_cdt
 
+from regionik.areas.free_space import FreeSpace, into_spans
 from regionik.areas.ground import united
-from regionik.areas.held_reach import held_reach
-from regionik.areas.standing import Standing, into_spans
+from regionik.areas.sampled_reach import sampled_reach
 from regionik.ladder import Ladder
 from regionik.planners.driving.arcs import path_of_motions
 from regionik.planners.driving.pose_lattice import HEADINGS, LatticeMove, car_moves, relax, spin_moves
 from regionik.planners.driving.pose_planner import REEDS_SHEPP, SPIN, Steering, steer
-from regionik.planners.driving.reeds_shepp import MOTIONS
+from regionik.planners.driving.reeds_shepp import MAX_MOTIONS
 from regionik.planners.progress import track
 from regionik.planners.tries import count_tries
 from regionik.postures.families import BACK, FRONT
 from regionik.postures.poses import axis_of
-from regionik.reach_rows import reach_rows
+from regionik.reach_table import reach_table
 from regionik.scene import Scene
 from regionik.worlds.arms import has_pivot
 from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.joints import nearest_turn
 
-ACROSS = 36  # cells across the areas of half the set-points
-CELL = 0.01, 0.08  # least and largest [m]
+CELLS_ACROSS = 36  # cells across the areas of half the set-points
+CELL_SIZES = 0.01, 0.08  # least and largest [m]
 TURN_WEIGHT = 0.5  # cost of turning with the tool on its path against driving [m/rad]
-LIFT = 1e3  # cost of a lift-off, more than any driving [m]
-EDGE = 0.5  # cost of standing at the edge of an area against driving, for each metre of the tool's path
-DEPTH = 0.12  # from the edge of an area beyond which that costs nothing [m]
-AHEAD, STRIDE, BEHIND = 384, 256, 32  # set-points computed together, passed before anew, and then kept
-STEERED = 16  # poses, and as many blocks of them, to which the way is steered
-BLOCK = 3  # cells across a block
-ROUND = 10.0  # cost of a way that steering does not find [m]
-INSIDE = 1e-9  # slack of headings [rad]
+LIFT_COST = 1e3  # cost of a lift-off, more than any driving [m]
+EDGE_COST = 0.5  # cost of standing at the edge of an area against driving, for each metre of the tool's path
+MAX_EDGE_DEPTH = 0.12  # from the edge of an area beyond which that costs nothing [m]
+# set-points computed together, passed before anew, and then kept
+LAYERS_AHEAD, LAYER_STRIDE, LAYERS_BEHIND = 384, 256, 32
+MAX_STEERED_POSES = 16  # poses, and as many blocks of them, to which the way is steered
+BLOCK_CELLS = 3  # cells across a block
+DETOUR_COST = 10.0  # cost of a way that steering does not find [m]
+HEADING_SLACK = 1e-9  # slack of headings [rad]
 
 Labels = NDArray[np.intp]
 
@@ -70,7 +71,7 @@ class LayeredSearch:
     ladder: Ladder
     keep: Mask  # (m,) components that pruning left
     breaks: tuple[int, ...]  # set-points before which it lifts the tool
-    standing: Standing
+    free_space: FreeSpace
     _layers: dict[int, Layer] = field(default_factory=dict)
 
     def onward(self, i: int, components: Sequence[int], here: Array) -> Iterator[tuple[Array, int]]:
@@ -87,7 +88,7 @@ class LayeredSearch:
         They are counted as far as costs are computed together.
         """
         least = float(self.layer(i).value.min(initial=np.inf))
-        return None if np.isinf(least) else int(least // LIFT)
+        return None if np.isinf(least) else int(least // LIFT_COST)
 
     def heading(self, i: int, axis: Array) -> float | None:
         """Heading of the cheapest node near a place of the arm axis; None without nodes [rad]."""
@@ -102,12 +103,12 @@ class LayeredSearch:
     def layer(self, i: int) -> Layer:
         """Nodes of a set-point, computed together with those of many after it."""
         last = self.ladder.count - 1
-        worn = i >= min(self._layers, default=0) + STRIDE and last not in self._layers
+        worn = i >= min(self._layers, default=0) + LAYER_STRIDE and last not in self._layers
         if i not in self._layers or worn:
-            first = max(0, i - BEHIND)
+            first = max(0, i - LAYERS_BEHIND)
             self._layers.clear()
             after: Layer | None = None
-            for j in track("base ways", range(first, min(first + AHEAD, last + 1))[::-1]):
+            for j in track("base ways", range(first, min(first + LAYERS_AHEAD, last + 1))[::-1]):
                 after = self._layers[j] = self._valued(j, after)
         return self._layers[i]
 
@@ -126,11 +127,11 @@ class LayeredSearch:
                 if (low < high).all():
                     mine, other = (_box(low - start, high - start) for start in (corner, after.corner))
                     value[mine] = np.where(free[mine], after.value[other], np.inf)
-            value[free] = np.minimum(value[free], LIFT + after.value.min(initial=np.inf))
+            value[free] = np.minimum(value[free], LIFT_COST + after.value.min(initial=np.inf))
         hop = [target.position for target in self.scene.task[i : i + 2]]
         stride = float(np.linalg.norm(hop[-1] - hop[0]))  # of the tool, on from here
         for one, where in zip(value, free, strict=True):
-            one += EDGE * stride * _nearness(where, max(1, round(DEPTH / self.cell)))
+            one += EDGE_COST * stride * _nearness(where, max(1, round(MAX_EDGE_DEPTH / self.cell)))
             relax(one, where, self._moves)
         return Layer(corner, owner, value)
 
@@ -145,11 +146,11 @@ class LayeredSearch:
         owner = np.full((len(self._facings), len(HEADINGS), *shape), -1, dtype=np.intp)
         grid = np.indices((1, *shape))[:, 0].reshape(3, -1).T
         shapely.prepare(ladder.component[kept])
-        spans = [self.standing.sides[side].span for side in ladder.side[kept].tolist()]
-        faced = [np.abs(into_spans(self._yaws, *span) - self._yaws) < INSIDE for span in spans]
+        spans = [self.free_space.sides[side].span for side in ladder.side[kept].tolist()]
+        faced = [np.abs(into_spans(self._yaws, *span) - self._yaws) < HEADING_SLACK for span in spans]
         for h in range(len(self._yaws)):
             base = self._poses(corner, grid + np.array([h, 0, 0]))
-            reached, axes = self._reached(i, base), axis_of(self.scene.robot, base)
+            reached, axes = self._likely_reach(i, base), axis_of(self.scene.robot, base)
             for k, near in zip(kept[::-1], faced[::-1], strict=True):
                 f = self._facings.index(ladder.family[k].facing)
                 if near[h]:
@@ -158,7 +159,7 @@ class LayeredSearch:
         shapely.destroy_prepared(ladder.component[kept])
         return corner, owner
 
-    def _reached(self, i: int, base: Array) -> Mask:
+    def _likely_reach(self, i: int, base: Array) -> Mask:
         """Mask of the base poses (n, 3) of one heading from which the arm likely reaches a set-point.
 
         Areas hold for a base that turns for its arm. One on wheels turns for its way, and where the pivot is
@@ -168,14 +169,16 @@ class LayeredSearch:
         robot, target, yaw = self.scene.robot, self.scene.task[i], float(base[0, 2])
         if self.scene.model(target).turns_freely(self.scene.rules, (yaw, yaw)):
             return np.ones(len(base), dtype=bool)
-        held = held_reach(robot).holds(base, target.position)
+        held = sampled_reach(robot).holds(base, target.position)
         if target.direction is None or has_pivot(robot.chain):
             return held
-        area = united(reach_rows(self._held, [target], (FRONT, BACK), inner=True, span=(yaw, yaw))[2])
+        area = united(
+            reach_table(self._fixed_heading, [target], (FRONT, BACK), inner=True, span=(yaw, yaw))[2]
+        )
         return held & shapely.contains_xy(area, axis_of(robot, base))
 
     @cached_property
-    def _held(self) -> Scene:
+    def _fixed_heading(self) -> Scene:
         """The world of a base that keeps its heading."""
         return self.scene.changed(rules=replace(self.scene.rules, heading="fixed"))
 
@@ -194,11 +197,13 @@ class LayeredSearch:
         far = self._least(here, poses)
         total = value + far
         order = np.argsort(total, kind="stable")
-        block = nodes[order, 2] // BLOCK * layer.owner.shape[3] + nodes[order, 3] // BLOCK
+        block = nodes[order, 2] // BLOCK_CELLS * layer.owner.shape[3] + nodes[order, 3] // BLOCK_CELLS
         first = np.unique(block, return_index=True)[1]
-        some = order[np.union1d(np.arange(min(STEERED, len(order))), np.sort(first)[:STEERED])]
+        some = order[
+            np.union1d(np.arange(min(MAX_STEERED_POSES, len(order))), np.sort(first)[:MAX_STEERED_POSES])
+        ]
         ways = np.array([self._steered(i, here, pose) for pose in poses[some]])
-        cost = value[some] + np.where(np.isinf(ways), ROUND + far[some], ways)
+        cost = value[some] + np.where(np.isinf(ways), DETOUR_COST + far[some], ways)
         for m in np.argsort(cost, kind="stable").tolist():
             yield poses[some[m]], int(owner[some[m]]), bool(np.isfinite(ways[m]))
 
@@ -212,7 +217,7 @@ class LayeredSearch:
 
     def _steered(self, i: int, here: Array, there: Array) -> float:
         """Cost of steering to a pose of set-point i, infinite where that is not free or leaves nodes [m]."""
-        ways = np.empty((MOTIONS, 2))
+        ways = np.empty((MAX_MOTIONS, 2))
         cost = float(steer(self.scene.footprint, self._steering, here, there, np.inf, ways))
         if np.isinf(cost) or i == 0:
             return cost
@@ -265,7 +270,7 @@ class LayeredSearch:
     def cell(self) -> float:
         """Width of the lattice's cells [m]."""
         low, high = np.split(shapely.bounds(self.ladder.component[self.keep]), 2, axis=1)
-        return float(np.clip(np.median(np.max(high - low, axis=1)) / ACROSS, *CELL))
+        return float(np.clip(np.median(np.max(high - low, axis=1)) / CELLS_ACROSS, *CELL_SIZES))
 
     def _poses(self, corner: Index, nodes: Index) -> Array:
         """Base poses (n, 3) of nodes (n, 3): heading, and cell from a corner."""

@@ -17,17 +17,17 @@ import numpy as np
 from regionik.ladder import Ladder
 from regionik.mfabrik import Solver, solver_between
 from regionik.moving.base_motion import BasePath, BasePaths, Candidate
-from regionik.moving.resolved_states import TO_SPARE, ResolvedStates
-from regionik.planners.collision.proximity import Touch
+from regionik.moving.resolved_states import SPARE_CLEARANCE, ResolvedStates
+from regionik.planners.collision.proximity import Proximity
 from regionik.planners.driving.footprint import arc_is_free, slide_is_free
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.polylines import between, laid_out
 from regionik.planners.solvers.aims import in_columns
 from regionik.postures.arm import aim_of, deviation, goal_between, goals_between
-from regionik.postures.arm_guard import Guard
+from regionik.postures.collision_checker import CollisionChecker
 from regionik.postures.families import Family
-from regionik.postures.poses import LARGEST_BEND, Pose, Row, arrays, configuration_pose, pose_of
+from regionik.postures.poses import MAX_JOINT_CHANGE, MotionState, Pose, arrays, configuration_pose, pose_of
 from regionik.scene import Scene
 from regionik.values import Configuration
 from regionik.worlds.arms import pivot_index, reach_bound, with_pivot
@@ -37,14 +37,15 @@ from regionik.worlds.scene import Target
 TOOL_STRIDE = 0.05  # longest way of base or tool between two states on the path [m]
 REACH_STRIDE = 0.06  # of the tool where base and arm go on together, at most, as a share of the arm's reach
 TURN_STRIDE = 0.1  # of its frame [rad]
-SOLVE_TOLERANCE = 0.1  # arms between set-points are solved to this share of the tolerance
+SOLVE_TOLERANCE_SHARE = 0.1  # arms between set-points are solved to this share of the tolerance
 SAG_SHARE = 0.3  # share of the path tolerance that motion between two states may use
 TURN_SLACK = 1e-7  # rounding allowed at the edge of a cone [rad]
-DEEPEST = 6  # halvings before a segment counts as discontinuous
-LOOKED_AT = np.array([0.25, 0.5, 0.75])  # shares of the way between two states
-AT_ONCE = 16  # states tried in one call: after one that fails, the rest is tried anew
-HALVINGS = 4, 0  # of a hop of base and joints together before it counts as blocked, and of one on wheels
-CLOSEST = 3  # halvings before a motion that is not proven clear counts as blocked
+MAX_SEGMENT_HALVINGS = 6  # halvings before a segment counts as discontinuous
+CHECKED_SHARES = np.array([0.25, 0.5, 0.75])  # shares of the way between two states
+MAX_STATES_AT_ONCE = 16  # states tried in one call: after one that fails, the rest is tried anew
+# of a hop of base and joints together before it counts as blocked, and of one on wheels
+MAX_HOP_HALVINGS = 4, 0
+MAX_PROOF_HALVINGS = 3  # halvings before a motion that is not proven clear counts as blocked
 
 
 class SegmentPoint(NamedTuple):
@@ -60,7 +61,7 @@ class PathSegment:
     """Motion of base, tool and arm from one set-point to the next, even from knot to knot of its way."""
 
     base: BasePath
-    asked: tuple[Target, Target]  # at both set-points
+    goals: tuple[Target, Target]  # at both set-points
     joints: Array  # (2, dof) postures wished for there
     family: tuple[Family, Family]
     stride: float  # longest part of the base's way, or of the tool's, between two states [m]
@@ -69,7 +70,7 @@ class PathSegment:
     @property
     def bare(self) -> bool:
         """True if the tool may be turned as it will."""
-        return self.asked[0].direction is None and self.asked[1].direction is None
+        return self.goals[0].direction is None and self.goals[1].direction is None
 
     @property
     def points(self) -> Array:
@@ -88,7 +89,7 @@ class PathSegment:
 
     @cached_property
     def _laid(self) -> tuple[Array, Array, Index, Array]:
-        spots = np.array([target.position for target in self.asked])
+        spots = np.array([target.position for target in self.goals])
         return laid_out(self.base.knots, self.base.tool, spots, self.joints, self.stride)
 
     def target(self, at: SegmentPoint) -> Target:
@@ -99,7 +100,7 @@ class PathSegment:
 
     @cached_property
     def _at_knots(self) -> list[Target]:
-        return [goal_between(*self.asked, tool) for tool in self.base.tool.tolist()]
+        return [goal_between(*self.goals, tool) for tool in self.base.tool.tolist()]
 
     def families(self, at: SegmentPoint) -> list[Family]:
         """Posture families at both ends of a leg."""
@@ -127,31 +128,31 @@ class PathFollower:
 
     scene: Scene
     ladder: Ladder
-    guard: Guard
+    collision: CollisionChecker
     paths: BasePaths
     # What the arm met first on the way on from a set-point
-    stops: dict[int, Touch] = field(default_factory=dict)
+    stops: dict[int, Proximity] = field(default_factory=dict)
     _solvers: dict[Family, Solver] = field(default_factory=dict)
 
-    def follow(self, i: int, here: Candidate, goal: Candidate) -> list[Row] | None:
+    def follow(self, i: int, here: Candidate, goal: Candidate) -> list[MotionState] | None:
         """From set-point i to i + 1; None where the arm would have to jump, or would touch something."""
         ends = self.scene.task[i], self.scene.task[i + 1]
-        joints = np.array([here.found.joints, goal.found.joints])
+        joints = np.array([here.configuration.joints, goal.configuration.joints])
         families = self.ladder.family[here.component], self.ladder.family[goal.component]
         stride = min(TOOL_STRIDE, self.scene.rules.step)
         try:
             for base in self.paths.between(here.component, goal.component, here.pose.base, goal.pose.base):
                 found = self._states(PathSegment(base, ends, joints, families, stride), here.pose)
-                if isinstance(found, Touch):
+                if isinstance(found, Proximity):
                     self.stops.setdefault(i, found)
                     return None
                 if found is not None:
-                    return [Row(one, "step", i) for one in found]
+                    return [MotionState(one, "step", i) for one in found]
         except NoPathError:
             pass
         return None
 
-    def _states(self, segment: PathSegment, here: Pose) -> list[Pose] | Touch | None:
+    def _states(self, segment: PathSegment, here: Pose) -> list[Pose] | Proximity | None:
         """States on a way that keep the tool to its own and the arm clear, or what the arm would touch.
 
         What holds is taken, up to a hop that does not: that one is halved, as often as it may help.
@@ -159,9 +160,9 @@ class PathFollower:
         ahead = segment.places()[::-1]  # the next one last
         passed, at = [here], SegmentPoint(0, 0.0)
         while ahead:
-            tried = [at, *ahead[: -AT_ONCE - 1 : -1]]
+            tried = [at, *ahead[: -MAX_STATES_AT_ONCE - 1 : -1]]
             states, missing = self._solved(segment, tried, passed[-1])
-            count, touch = self._proven(segment, tried[: len(states) + 1], [passed[-1], *states])
+            count, proximity = self._proven(segment, tried[: len(states) + 1], [passed[-1], *states])
             passed += states[:count]
             at, ahead = tried[count], ahead[: len(ahead) - count]
             if count == len(states) and not missing:
@@ -169,9 +170,11 @@ class PathFollower:
             if count == len(states):  # a place out of reach: it is so however the tool comes there
                 return None
             leg, share, depth = ahead.pop()
-            if touch is not None and (depth >= CLOSEST or not self.guard.clear(states[count])):
-                return touch
-            if depth >= DEEPEST:
+            if proximity is not None and (
+                depth >= MAX_PROOF_HALVINGS or not self.collision.clear(states[count])
+            ):
+                return proximity
+            if depth >= MAX_SEGMENT_HALVINGS:
                 return None
             done = at.share if at.leg == leg else 0.0
             ahead += [SegmentPoint(leg, share, depth + 1), SegmentPoint(leg, (done + share) / 2, depth + 1)]
@@ -186,17 +189,17 @@ class PathFollower:
         solver = self._solver(segment.families(places[0])[0])
         if not (segment.bare and solver.compiled):
             state = _solve(solver, segment, places[0], near, segment.wish(near, here, places[0]))
-            if state is None or not self.guard.proves(state, TO_SPARE):
-                state = self._led_round(segment, places[0], near) or state
+            if state is None or not self.collision.proves(state, SPARE_CLEARANCE):
+                state = self._avoiding(segment, places[0], near) or state
             return ([], True) if state is None else ([state], False)
         leg, share = _columns(places)
         points, wished = (between(knots, leg, share) for knots in (segment.points, segment.wished))
         rows = points, segment.base.places(leg, share), wished
-        found = solver.along(*rows, LARGEST_BEND / 2, near.base, near.joints)
+        found = solver.along(*rows, MAX_JOINT_CHANGE / 2, near.base, near.joints)
         states = [Pose(*state) for state in zip(*found, strict=True)]
         return states, len(states) < len(places)
 
-    def _led_round(self, segment: PathSegment, at: SegmentPoint, near: Pose) -> Pose | None:
+    def _avoiding(self, segment: PathSegment, at: SegmentPoint, near: Pose) -> Pose | None:
         """State at one place, the arm led round what it would touch; a heading that is free goes along."""
         place = segment.base.places(*_columns([at]))[0]
         bound = not np.isnan(place[2])
@@ -206,20 +209,20 @@ class PathFollower:
 
     @cached_property
     def _resolved(self) -> ResolvedStates:
-        return ResolvedStates(self.scene, self.guard)
+        return ResolvedStates(self.scene, self.collision)
 
     def _proven(
         self, segment: PathSegment, places: list[SegmentPoint], poses: list[Pose]
-    ) -> tuple[int, Touch | None]:
+    ) -> tuple[int, Proximity | None]:
         line = between(segment.points, *_columns(places))
-        asked = [] if segment.bare else [segment.target(place) for place in places]
-        return proven_hops(self.guard, poses, line, asked)
+        goals = [] if segment.bare else [segment.target(place) for place in places]
+        return proven_hops(self.collision, poses, line, goals)
 
     def _solver(self, family: Family) -> Solver:
         """Solver for what lies between set-points, kept for families that are asked for again."""
         if family not in self._solvers:
             solver = solver_between(self.scene, family)
-            self._solvers[family] = replace(solver, tolerance=solver.tolerance * SOLVE_TOLERANCE)
+            self._solvers[family] = replace(solver, tolerance=solver.tolerance * SOLVE_TOLERANCE_SHARE)
         return self._solvers[family]
 
 
@@ -233,7 +236,7 @@ class ResolvedMotion:
     """
 
     scene: Scene
-    guard: Guard
+    collision: CollisionChecker
 
     def onward(
         self,
@@ -252,13 +255,14 @@ class ResolvedMotion:
         """
         a, b = self.scene.task[i], self.scene.task[i - 1 if back else i + 1]
         count = self._count(a, b)
-        least = 0.5 ** (HALVINGS[self.scene.robot.drive.rolls] - 0.5) / count  # share that is not halved
+        # share that is not halved
+        least = 0.5 ** (MAX_HOP_HALVINGS[self.scene.robot.drive.rolls] - 0.5) / count
         ahead, passed, at = list(np.arange(count, 0, -1) / count), [here], 0.0  # the next share last
         while ahead:
-            tried = [at, *ahead[: -AT_ONCE - 1 : -1]]
-            asked = _goals(a, b, tried)
-            states = self._led(asked, passed[-1], home, still)
-            done = self._held(asked[: len(states)], states)
+            tried = [at, *ahead[: -MAX_STATES_AT_ONCE - 1 : -1]]
+            goals = _goals(a, b, tried)
+            states = self._states_along(goals, passed[-1], home, still)
+            done = self._valid_hops(goals[: len(states)], states)
             passed += states[1 : done + 1]
             at = tried[done]
             del ahead[len(ahead) - done :]
@@ -268,10 +272,12 @@ class ResolvedMotion:
                 ahead.append((at + ahead[-1]) / 2)
         return passed[1:]
 
-    def _led(self, asked: list[Target], near: Pose, home: Array | None, still: Sequence[int]) -> list[Pose]:
+    def _states_along(
+        self, goals: list[Target], near: Pose, home: Array | None, still: Sequence[int]
+    ) -> list[Pose]:
         """States at targets from ``near`` at the first, one from the other, as far as they are found."""
         states = [near]
-        for target in asked[1:]:
+        for target in goals[1:]:
             pose = self.states.state(in_columns([aim_of(target)]), states[-1], still, home=home)
             if pose is None or math.dist(states[-1].base[:2], pose.base[:2]) > self.scene.rules.step:
                 break
@@ -280,7 +286,7 @@ class ResolvedMotion:
 
     @cached_property
     def states(self) -> ResolvedStates:
-        return ResolvedStates(self.scene, self.guard)
+        return ResolvedStates(self.scene, self.collision)
 
     def _count(self, a: Target, b: Target) -> int:
         """Number of hops from one set-point to the next, a stride at most each."""
@@ -300,10 +306,10 @@ class ResolvedMotion:
             for a, b, rolled, turn in hops
         )
 
-    def _held(self, asked: list[Target], poses: list[Pose]) -> int:
+    def _valid_hops(self, goals: list[Target], poses: list[Pose]) -> int:
         """Number of hops on which the base's way is free, and the tool led along its path, the arm clear."""
-        line = np.array([target.position for target in asked])
-        count = proven_hops(self.guard, poses, line, asked)[0]
+        line = np.array([target.position for target in goals])
+        count = proven_hops(self.collision, poses, line, goals)[0]
         while count and not self.drives(poses[: count + 1]):
             count -= 1
         return count
@@ -317,30 +323,30 @@ def _goals(a: Target, b: Target, shares: list[float]) -> list[Target]:
 
 
 def proven_hops(
-    guard: Guard, poses: list[Pose], line: Array, asked: list[Target]
-) -> tuple[int, Touch | None]:
+    collision: CollisionChecker, poses: list[Pose], line: Array, goals: list[Target]
+) -> tuple[int, Proximity | None]:
     """Number of hops that lead the tool as asked, jump nowhere and are clear, and what stops the next.
 
-    The tool goes along a ``line`` (n, 3), turned as ``asked`` in each of n poses, if in any.
+    The tool goes along a ``line`` (n, 3), turned as ``goals`` in each of n poses, if in any.
     """
     bases, joints = arrays(poses)
-    sag = SAG_SHARE * guard.rules.planned_path_tolerance
-    count = guard.led(bases, joints, line, LOOKED_AT, sag)
-    if asked:
-        tools = guard.tools(bases[: count + 1], joints[: count + 1], LOOKED_AT)
-        turned = [turned_as_asked(*hop) for hop in zip(asked[:-1], asked[1:], tools, strict=False)]
+    sag = SAG_SHARE * collision.rules.planned_path_tolerance
+    count = collision.count_on_line(bases, joints, line, CHECKED_SHARES, sag)
+    if goals:
+        tools = collision.tools(bases[: count + 1], joints[: count + 1], CHECKED_SHARES)
+        turned = [follows_orientation(*hop) for hop in zip(goals[:-1], goals[1:], tools, strict=False)]
         count = [*turned, False].index(False)
-    return guard.proven(bases[: count + 1], joints[: count + 1])
+    return collision.proven(bases[: count + 1], joints[: count + 1])
 
 
-def turned_as_asked(p: Target, q: Target, tools: Array) -> bool:
-    """True if tool frames on the way between two targets, at `LOOKED_AT`, are turned as asked."""
+def follows_orientation(p: Target, q: Target, tools: Array) -> bool:
+    """True if tool frames on the way between two targets, at `CHECKED_SHARES`, are turned as asked."""
     if p.direction is None or q.direction is None:
         return True
-    asked = goals_between(p, q, LOOKED_AT)
-    off = [deviation(one, tool[:3, :3]) for one, tool in zip(asked, tools, strict=True)]
+    goals = goals_between(p, q, CHECKED_SHARES)
+    off = [deviation(one, tool[:3, :3]) for one, tool in zip(goals, tools, strict=True)]
     between_them = abs(off[0] - 2 * off[1] + off[2]) / 8  # that a parabola rises above these three
-    return all(angle + between_them <= one.cone + TURN_SLACK for angle, one in zip(off, asked, strict=True))
+    return all(angle + between_them <= one.cone + TURN_SLACK for angle, one in zip(off, goals, strict=True))
 
 
 def _solve(solver: Solver, segment: PathSegment, at: SegmentPoint, near: Pose, wished: Array) -> Pose | None:
@@ -356,7 +362,11 @@ def _solve(solver: Solver, segment: PathSegment, at: SegmentPoint, near: Pose, w
     others = (np.arange(chain.dof) != pivot_index(chain))[-len(wished) :]
     wished = np.where(others, wished, near.joints)  # the heading decides on the pivot
     found: Configuration | None = solver.hold(tool, base, wished)
-    if found is None or not found.converged or np.abs(found.joints - wished)[others].max() > LARGEST_BEND / 2:
+    if (
+        found is None
+        or not found.converged
+        or np.abs(found.joints - wished)[others].max() > MAX_JOINT_CHANGE / 2
+    ):
         found = solver.least_change(tool, base, wished)
     if found is None:
         return None

@@ -13,11 +13,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from regionik.areas.standing import Standing
+from regionik.areas.free_space import FreeSpace
 from regionik.explain import arm_failures, failures
 from regionik.explain.cut_off import Barrier, barrier, poses_in, walled_off
 from regionik.ladder import Ladder
-from regionik.moving.base_motion import Candidate, StandingPaths
+from regionik.moving.base_motion import Candidate, StationaryPaths
 from regionik.moving.configuration_sampling import ConfigurationSampler, Evidence
 from regionik.moving.drivers import driver_for
 from regionik.moving.layered_search import LayeredSearch
@@ -26,15 +26,15 @@ from regionik.moving.transit import TransitPlanner
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.progress import tell
 from regionik.planners.tries import count_tries
-from regionik.postures.arm_guard import Guard
-from regionik.postures.poses import Pose, Row, arrays, axis_of, columns, lifted_rows
+from regionik.postures.collision_checker import CollisionChecker
+from regionik.postures.poses import MotionState, Pose, arrays, axis_of, lifted_states, untimed_motion
 from regionik.scene import Scene
 from regionik.values import Configuration, Motion
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 
-HARD_TRIES = 3  # candidates that are worth a search in the space of the whole robot
-PATIENCE = 200  # candidates tried without getting farther before the search ends
+MAX_WHOLE_BODY_TRIES = 3  # candidates that are worth a search in the space of the whole robot
+MAX_STALLED_CANDIDATES = 200  # candidates tried without getting farther before the search ends
 
 Ahead = Callable[[int, Candidate], Iterator[Candidate]]
 Carry = Callable[[Pose, Pose, int], list[Pose] | None]
@@ -54,7 +54,7 @@ class SearchStep:
     """A candidate of a run, how the tool came there, and what may follow."""
 
     candidate: Candidate
-    rows: list[Row]
+    states: list[MotionState]
     ahead: Iterator[Candidate]
 
 
@@ -68,23 +68,30 @@ class PathSearch:
     transits: TransitPlanner
 
     @property
-    def guard(self) -> Guard:
-        return self.sampler.guard
+    def collision(self) -> CollisionChecker:
+        return self.sampler.collision
 
-    def start(self) -> list[Row]:
+    def start(self) -> list[MotionState]:
         """The state that the robot starts in, if any; raises NoPlanFound where its arm is not clear there."""
-        start, guard = self.scene.start, self.guard
+        start, collision = self.scene.start, self.collision
         if start is None:
             return []
         here = Pose(start.base, start.joints)
-        touch = guard.touch(here)
-        if guard.on and touch.kind != "none":
-            raise NoPlanFound(arm_failures.blocked_arm(self.scene, guard.words(touch), guard.cause(touch)))
-        return [Row(here, "transit", -1)]
+        proximity = collision.nearest(here)
+        if collision.enabled and proximity.kind != "none":
+            raise NoPlanFound(
+                arm_failures.blocked_arm(self.scene, collision.words(proximity), collision.cause(proximity))
+            )
+        return [MotionState(here, "transit", -1)]
 
     def arrive(
-        self, i: int, here: Pose | None, candidates: Iterable[Candidate], plain: Carry, hard: int = HARD_TRIES
-    ) -> tuple[list[Row], Candidate] | None:
+        self,
+        i: int,
+        here: Pose | None,
+        candidates: Iterable[Candidate],
+        plain: Carry,
+        hard: int = MAX_WHOLE_BODY_TRIES,
+    ) -> tuple[list[MotionState], Candidate] | None:
         """Get to a candidate at set-point i with the tool lifted; without ``here`` the robot begins there.
 
         ``plain`` plans transits to all; to the few of the least bend a ``hard`` one is searched for with base
@@ -97,7 +104,7 @@ class PathSearch:
             if way is None:
                 continue
             way = self.transits.shortened(here, way, candidate.pose, int(floor[candidate.component]))
-            return lifted_rows(here, way, candidate.pose, i - 1, self.scene.robot.drive), candidate
+            return lifted_states(here, way, candidate.pose, i - 1, self.scene.robot.drive), candidate
         return None
 
     def _transits(
@@ -108,7 +115,7 @@ class PathSearch:
             count_tries()
             asked.append(candidate)
             yield candidate, plain(here, candidate.pose, int(floor[candidate.component]))
-        asked.sort(key=lambda one: float(np.abs(one.found.joints - here.joints).max()))
+        asked.sort(key=lambda one: float(np.abs(one.configuration.joints - here.joints).max()))
         for candidate in asked[:hard]:
             count_tries()
             yield candidate, self.transits.sampled(here, candidate.pose, int(floor[candidate.component]))
@@ -127,13 +134,13 @@ class PathSearch:
 
     def step(self, k: int, here: Candidate, goal: Candidate, ahead: Ahead) -> SearchStep | None:
         """The step from a candidate to one at set-point k; None where the tool cannot be led there."""
-        rows = [Row(pose, "step", k - 1) for pose in goal.way] or self._followed(k - 1, here, goal)
-        if rows is None or not self.sampler.meets(rows[-1].pose):  # the arm is solved anew on the way
+        states = [MotionState(pose, "step", k - 1) for pose in goal.way] or self._followed(k - 1, here, goal)
+        if states is None or not self.sampler.meets(states[-1].pose):  # the arm is solved anew on the way
             return None
-        arrived = self._arrived(k, goal, rows[-1].pose)
-        return SearchStep(arrived, rows[:-1], ahead(k, arrived))
+        arrived = self._arrived(k, goal, states[-1].pose)
+        return SearchStep(arrived, states[:-1], ahead(k, arrived))
 
-    def led(
+    def resolved_candidate(
         self, k: int, here: Candidate, home: Array | None, *, back: bool, still: Sequence[int]
     ) -> Candidate | None:
         """The candidate at set-point k to which base and joints go on together; None where they do not.
@@ -145,12 +152,12 @@ class PathSearch:
             return None
         return self._arrived(k, found, found.pose)
 
-    def _followed(self, i: int, here: Candidate, goal: Candidate) -> list[Row] | None:
+    def _followed(self, i: int, here: Candidate, goal: Candidate) -> list[MotionState] | None:
         """Motion from set-point i to the next; where the base stands in no area, its way is proven free."""
-        rows, resolved = self.follower.follow(i, here, goal), self.sampler.resolved
-        if rows is None or resolved is None or self._in_area(here):
-            return rows
-        return rows if resolved.drives([here.pose, *(row.pose for row in rows)]) else None
+        states, resolved = self.follower.follow(i, here, goal), self.sampler.resolved
+        if states is None or resolved is None or self._in_area(here):
+            return states
+        return states if resolved.drives([here.pose, *(state.pose for state in states)]) else None
 
     def _in_area(self, one: Candidate) -> bool:
         axis = axis_of(self.scene.robot, one.pose.base)
@@ -158,58 +165,62 @@ class PathSearch:
 
     def _arrived(self, i: int, candidate: Candidate, pose: Pose) -> Candidate:
         """The candidate as the motion reaches it; iterations stay those of M-FABRIK."""
-        tool: Array = self.guard.tools(*arrays([pose, pose]), np.zeros(1))[0, 0, :3, 3]
+        tool: Array = self.collision.tools(*arrays([pose, pose]), np.zeros(1))[0, 0, :3, 3]
         error = math.dist(tool, self.scene.task[i].position)
         good = error <= self.scene.rules.tolerance
-        found = replace(candidate.found, base=pose.base, joints=pose.joints, error=error, converged=good)
-        return replace(candidate, found=found)
+        found = replace(
+            candidate.configuration, base=pose.base, joints=pose.joints, error=error, converged=good
+        )
+        return replace(candidate, configuration=found)
 
-    def joined(self, rows: list[Row], candidates: list[Candidate]) -> JoinedMotion:
+    def joined(self, states: list[MotionState], candidates: list[Candidate]) -> JoinedMotion:
         """The states of a finished search."""
         methods = dict(sorted(self.transits.driver.methods.items()))
-        return JoinedMotion(columns(rows), tuple(candidate.found for candidate in candidates), methods)
+        return JoinedMotion(
+            untimed_motion(states), tuple(candidate.configuration for candidate in candidates), methods
+        )
 
     def why_not(self, i: int, here: Pose | None, goal: Candidate | None = None) -> Explanation:
         """Explain what stands in the arm's way at set-point i, or on the way there from ``here``."""
-        guard, seen = self.guard, self.sampler.evidence.get(i, Evidence())
+        collision, seen = self.collision, self.sampler.evidence.get(i, Evidence())
         if not seen.postures:
             return arm_failures.no_posture(self.scene, i)
         if here is None and seen.clear:
             return arm_failures.no_fitting_posture(self.scene, i, seen.clear, seen.postures)
-        touch, cut_off = seen.best, here is not None and seen.clear > 0
+        proximity, cut_off = seen.best, here is not None and seen.clear > 0
         walls = None if here is None else self._walls(i, here, seen)
         if walls is not None:
-            closest = "" if touch is None or touch.kind == "none" else guard.words(touch)
+            closest = "" if proximity is None or proximity.kind == "none" else collision.words(proximity)
             return walled_off(self.scene, i, walls, closest)
         if cut_off and self.transits.refusals:
             return failures.no_drive(self.scene, i, self.transits.refusals[0])
         if here is not None and cut_off and goal is not None:
             try:
                 piece = int(self.sampler.ladder.floor[goal.component])
-                touch = self.transits.obstruction(here, goal.pose, piece)
+                proximity = self.transits.obstruction(here, goal.pose, piece)
             except NoPathError as refusal:  # it drives to other places of this set-point only
                 return failures.no_drive(self.scene, i, refusal)
         closest, cause = "no single thing stands in the way", Cause("limits", self.scene.robot.name)
-        if touch is not None and touch.kind != "none":
-            closest, cause = guard.words(touch), guard.cause(touch)
+        if proximity is not None and proximity.kind != "none":
+            closest, cause = collision.words(proximity), collision.cause(proximity)
         looked = len(seen.places), seen.postures, seen.proven
         return arm_failures.no_clear_posture(self.scene, i, looked, closest, cause, cut_off=cut_off)
 
     def _walls(self, i: int, here: Pose, seen: Evidence) -> Barrier | None:
         """What cuts off the floor from which alone the arm may be clear at set-point i; None where not so."""
-        ladder, standing, robot = self.sampler.ladder, self.sampler.standing, self.scene.robot
+        ladder, free_space, robot = self.sampler.ladder, self.sampler.free_space, self.scene.robot
 
         def piece(base: Array) -> int | None:
-            return standing.piece_at(axis_of(robot, base), float(base[2]))
+            return free_space.piece_at(axis_of(robot, base), float(base[2]))
 
         own = piece(here.base)
-        if any(piece(base) == own for base in seen.stood):
+        if any(piece(base) == own for base in seen.clear_bases):
             return None
         beyond = (ladder.target == i) & (ladder.floor != own)
         if not beyond.any():
             return None
         at = np.array([*axis_of(robot, here.base), here.base[2]])
-        return barrier(self.scene, at, poses_in(standing, ladder.component[beyond], ladder.side[beyond]))
+        return barrier(self.scene, at, poses_in(free_space, ladder.component[beyond], ladder.side[beyond]))
 
 
 @dataclass(eq=False)
@@ -225,7 +236,7 @@ class RunSearch:
     tried: int = 0  # candidates since it got farther
     seen: set[Candidate] = field(default_factory=set)
 
-    def longest(self, patience: int = PATIENCE) -> list[SearchStep]:
+    def longest(self, patience: int = MAX_STALLED_CANDIDATES) -> list[SearchStep]:
         """The longest run found when so many candidates have been tried without getting farther."""
         tell("run", len(self.best), self.count)
         while self.steps and len(self.best) < self.count and self.tried < patience:
@@ -252,26 +263,26 @@ class RunSearch:
 
 
 def path_search(
-    scene: Scene, ladder: Ladder, standing: Standing, seed: int, layers: LayeredSearch | None
+    scene: Scene, ladder: Ladder, free_space: FreeSpace, seed: int, layers: LayeredSearch | None
 ) -> PathSearch:
     """The search of a world, its base moving while the tool is on its path; on wheels by a layered graph."""
-    search = search_from_places(scene, ladder, standing, seed)
+    search = search_from_places(scene, ladder, free_space, seed)
     follower = replace(search.follower, paths=search.transits.driver.paths(ladder))
-    sampler = replace(search.sampler, layers=layers, resolved=ResolvedMotion(scene, search.guard))
+    sampler = replace(search.sampler, layers=layers, resolved=ResolvedMotion(scene, search.collision))
     return replace(search, sampler=sampler, follower=follower)
 
 
-def search_from_places(scene: Scene, ladder: Ladder, standing: Standing, seed: int) -> PathSearch:
+def search_from_places(scene: Scene, ladder: Ladder, free_space: FreeSpace, seed: int) -> PathSearch:
     """The search of a world, its base standing while the tool is on its path."""
-    guard = scene.guard
+    collision = scene.collision
     return PathSearch(
         scene,
-        ConfigurationSampler(scene, guard, ladder, standing, seed),
-        PathFollower(scene, ladder, guard, StandingPaths(scene)),
-        transit_planner(scene, standing, seed),
+        ConfigurationSampler(scene, collision, ladder, free_space, seed),
+        PathFollower(scene, ladder, collision, StationaryPaths(scene)),
+        transit_planner(scene, free_space, seed),
     )
 
 
-def transit_planner(scene: Scene, standing: Standing, seed: int) -> TransitPlanner:
+def transit_planner(scene: Scene, free_space: FreeSpace, seed: int) -> TransitPlanner:
     """The planner of motions with the tool lifted."""
-    return TransitPlanner(scene, scene.guard, driver_for(scene, standing, seed))
+    return TransitPlanner(scene, scene.collision, driver_for(scene, free_space, seed))

@@ -17,24 +17,24 @@ from typing import NamedTuple
 
 import numpy as np
 
-from regionik.moving.state_keeper import ARM_MARGIN, StateKeeper
+from regionik.moving.state_constraints import ARM_MARGIN, StateConstraints
 from regionik.planners.collision.proximity import NearPairs
 from regionik.planners.driving.arcs import arc_end
 from regionik.planners.smoothing.quadratic_program import least_weighted
 from regionik.planners.solvers.aims import ANGLE_LENGTH, missed_by
 from regionik.planners.solvers.damped_least_squares import POSITION, Aims
-from regionik.postures.arm_guard import Guard
-from regionik.postures.poses import LARGEST_BEND, Pose
+from regionik.postures.collision_checker import CollisionChecker
+from regionik.postures.poses import MAX_JOINT_CHANGE, Pose
 from regionik.scene import Scene
 from regionik.worlds.arrays import Array
 from regionik.worlds.limits import Speeds
 
-ROUNDS = 20  # of Newton's method
-PATIENCE = 4  # of these that bring the tool no nearer than it was, after which it ends
-EXACT = 1e-6  # miss of the tool, angles as lengths [m]
-TO_SPARE = 0.002  # of what is near, left for the way between states [m]
-HOMEWARD = 0.2  # share of the way home that joints are wished to go in a step
-NEAREST = 0.999  # share of the way from the middle of a joint's range to its end that weighs most
+MAX_NEWTON_STEPS = 20  # of Newton's method
+MAX_STALLED_STEPS = 4  # of these that bring the tool no nearer than it was, after which it ends
+TOOL_TOLERANCE = 1e-6  # miss of the tool, angles as lengths [m]
+SPARE_CLEARANCE = 0.002  # of what is near, left for the way between states [m]
+HOMEWARD_SHARE = 0.2  # share of the way home that joints are wished to go in a step
+MAX_RANGE_SHARE = 0.999  # share of the way from the middle of a joint's range to its end that weighs most
 
 
 class _HalfSpace(NamedTuple):
@@ -49,14 +49,14 @@ class ResolvedStates:
     """Finds states of a robot in a world."""
 
     scene: Scene
-    guard: Guard
+    collision: CollisionChecker
 
     def state(
         self,
         aim: Aims,
         start: Pose,
         still: Sequence[int] = (),
-        bend: float = LARGEST_BEND,
+        bend: float = MAX_JOINT_CHANGE,
         home: Array | None = None,
     ) -> Pose | None:
         """The state that meets one aim by the least motion from a start; None for none.
@@ -70,7 +70,7 @@ class ResolvedStates:
         motion, rows = np.zeros(len(self._speeds)), self._floor_rows(start)
         wished = np.zeros(len(motion))
         if home is not None:
-            wished[n:] = HOMEWARD * (home - start.joints)
+            wished[n:] = HOMEWARD_SHARE * (home - start.joints)
         low, high = np.full((2, len(motion)), [[-np.inf], [np.inf]])
         low[n:] = np.maximum(chain.lower - start.joints, -bend)
         high[n:] = np.minimum(chain.upper - start.joints, bend)
@@ -79,19 +79,19 @@ class ResolvedStates:
         low[fixed] = high[fixed] = 0.0
         cone, missed = ANGLE_LENGTH * float(aim.cones[0]), list[float]()
         led = 3 if cone > 0 or aim.kinds[0] == POSITION else 6  # equations; a cone is a half-space
-        for _ in range(ROUNDS):
+        for _ in range(MAX_NEWTON_STEPS):
             pose = self._moved(start, motion)
             here = np.concatenate([pose.base, pose.joints])[None]
             (miss,), (J,) = missed_by(self.scene.robot, aim, here)
             turned = float(np.linalg.norm(miss[3:]))
-            missed.append(max(math.hypot(*miss[:3], max(turned - cone, 0.0)), EXACT))
-            near, met = None, missed[-1] == EXACT
-            if self.guard.on and (met or len(missed) == 1):  # between these those of the first hold
-                near = self._keeper.near(here)
+            missed.append(max(math.hypot(*miss[:3], max(turned - cone, 0.0)), TOOL_TOLERANCE))
+            near, met = None, missed[-1] == TOOL_TOLERANCE
+            if self.collision.enabled and (met or len(missed) == 1):  # between these those of the first hold
+                near = self._constraints.near(here)
             tight = abs(motion[1]) * self.scene.robot.drive.turning_radius > abs(motion[0]) + 1e-12
-            if met and (near is None or near.room.min(initial=np.inf) > self.guard.spare) and not tight:
+            if met and (near is None or near.room.min(initial=np.inf) > self.collision.spare) and not tight:
                 return pose
-            if min(missed[-PATIENCE:]) > min(missed):
+            if min(missed[-MAX_STALLED_STEPS:]) > min(missed):
                 return None
             J = self._by_motion(J, start, motion)
             rows += _cone_rows(miss[3:], J[3:], motion, cone, first=len(missed) == 1)
@@ -125,22 +125,22 @@ class ResolvedStates:
 
     def _floor_rows(self, start: Pose) -> list[_HalfSpace]:
         """How the footprint may go on towards what it is near to."""
-        spaces = self._keeper.on_floor(np.concatenate([start.base, start.joints])[None])
+        spaces = self._constraints.on_floor(np.concatenate([start.base, start.joints])[None])
         ways = self._by_motion(spaces.normal, start, np.zeros(len(self._speeds)))
         return [_HalfSpace(*one) for one in zip(ways, np.minimum(spaces.least, 0.0), strict=True)]
 
     def _near_rows(self, near: NearPairs, here: Array, start: Pose, motion: Array) -> list[_HalfSpace]:
         """How the arm may go on towards what it is near to; most of the way where there is much."""
-        room = near.room - self.guard.spare - TO_SPARE
-        changes = self._by_motion(self._keeper.approach(near, here), start, motion)
+        room = near.room - self.collision.spare - SPARE_CLEARANCE
+        changes = self._by_motion(self._constraints.approach(near, here), start, motion)
         most = np.maximum(np.maximum(room / 2, room - ARM_MARGIN), 0.0)
-        least = np.where(room > -TO_SPARE, -most, -room)
+        least = np.where(room > -SPARE_CLEARANCE, -most, -room)
         return [_HalfSpace(*one) for one in zip(changes, (changes @ motion + least).tolist(), strict=True)]
 
     @cached_property
-    def _keeper(self) -> StateKeeper:
-        return StateKeeper(
-            self.scene.robot, self.guard, self.scene.footprint, np.empty(0, dtype=object), np.zeros(1)
+    def _constraints(self) -> StateConstraints:
+        return StateConstraints(
+            self.scene.robot, self.collision, self.scene.footprint, np.empty(0, dtype=object), np.zeros(1)
         )
 
     def _moved(self, here: Pose, motion: Array) -> Pose:
@@ -156,7 +156,7 @@ class ResolvedStates:
         half = np.where(high > low, (high - low) / 2, 1.0)
         arm = motion[self.base_parts :]
         off = np.where(ranged, joints + arm - (low + high) / 2, 0.0) / half
-        near = np.minimum(np.abs(off), NEAREST)
+        near = np.minimum(np.abs(off), MAX_RANGE_SHARE)
         weight = 1 + np.where(off * arm > 0, near / (1 - near**2) ** 2, 0.0)
         return self._speeds * np.concatenate([np.ones(self.base_parts), 1 / np.sqrt(weight)])
 

@@ -16,25 +16,26 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from regionik.moving.base_motion import TURN_STRIDE, Driver
-from regionik.postures.arm_guard import Guard
-from regionik.postures.poses import LARGEST_BEND, Pose, arrays, distinct, pose_between
+from regionik.postures.collision_checker import CollisionChecker
+from regionik.postures.poses import MAX_JOINT_CHANGE, Pose, arrays, distinct, pose_between
 from regionik.scene import Scene
 from regionik.worlds.arrays import Array
 from regionik.worlds.drives import displacement
 from regionik.worlds.limits import Speeds
 
-DETOUR = 1.02  # times the least way or time, which is short enough
-TRIES, PATIENCE = 200, 60  # shortcuts looked at, and how many of them in vain one after the other
-SAVED = 1e-4  # by a shortcut at least [m]
-QUICKER_TRIES, QUICKER_PATIENCE = 100, 24
-SAVED_TIME = 0.02  # [s]
+GOOD_COST_RATIO = 1.02  # times the least way or time, which is short enough
+# shortcuts looked at, and how many of them in vain one after the other
+MAX_SHORTCUTS, MAX_FAILED_SHORTCUTS = 200, 60
+MIN_SAVED_LENGTH = 1e-4  # by a shortcut at least [m]
+MAX_QUICKER_SHORTCUTS, MAX_FAILED_QUICKER = 100, 24
+MIN_SAVED_TIME = 0.02  # [s]
 NEARLY = 0.999  # of how far apart states may be
 FILLED = 1e-9  # by which a state may lie beside the motion between others that makes it needless [m], [rad]
-JOINED = 1e-6  # shares of a way or of a hop nearer to each other are one state
+SAME_SHARE = 1e-6  # shares of a way or of a hop nearer to each other are one state
 
 Pace = Literal["straight", "even", "kept"]  # straight, along the way as it is at one speed, or as it was
-EACH: tuple[Pace, ...] = "straight", "even", "kept"
-PACES = [(base, arm) for base in EACH for arm in EACH][:-1]  # all but as it was
+PACE_KINDS: tuple[Pace, ...] = "straight", "even", "kept"
+PACES = [(base, arm) for base in PACE_KINDS for arm in PACE_KINDS][:-1]  # all but as it was
 
 
 class Course(NamedTuple):
@@ -48,7 +49,7 @@ class Course(NamedTuple):
 class Shortcuts:
     """Shortcuts on one piece of the free floor."""
 
-    guard: Guard  # proves the arm clear
+    collision: CollisionChecker  # proves the arm clear
     driver: Driver  # and the base on the floor
     piece: int
 
@@ -57,12 +58,12 @@ class Shortcuts:
         if self.driver.scene.robot.drive.rolls:
             return poses
         rng, failed = np.random.default_rng(self.driver.seed), 0
-        least = DETOUR * travel([poses[0], poses[-1]]) + SAVED
+        least = GOOD_COST_RATIO * travel([poses[0], poses[-1]]) + MIN_SAVED_LENGTH
         u, v = 0.0, len(poses) - 1.0  # the whole first
-        for _ in range(TRIES):
-            if failed == PATIENCE or travel(poses) <= least:
+        for _ in range(MAX_SHORTCUTS):
+            if failed == MAX_FAILED_SHORTCUTS or travel(poses) <= least:
                 break
-            found = self._taken(poses, (u, v), PACES[0], travel, SAVED)
+            found = self._taken(poses, (u, v), PACES[0], travel, MIN_SAVED_LENGTH)
             poses, failed = (poses, failed + 1) if found is None else (found, 0)
             u, v = np.sort(rng.uniform(0, len(poses) - 1, 2)).tolist()
         return poses
@@ -72,15 +73,15 @@ class Shortcuts:
         clock = Clock(self.driver.scene)
         rng, failed = np.random.default_rng(self.driver.seed), 0
         least = clock.whole([poses[0], poses[-1]])
-        for k in range(QUICKER_TRIES):
+        for k in range(MAX_QUICKER_SHORTCUTS):
             times = clock.times(poses)
-            if failed == QUICKER_PATIENCE or clock.whole(poses) <= DETOUR * least + SAVED_TIME:
+            if failed == MAX_FAILED_QUICKER or clock.whole(poses) <= GOOD_COST_RATIO * least + MIN_SAVED_TIME:
                 break
             first = k < len(PACES)  # the whole, at each pace
             span = np.array([0.0, times[-1]]) if first else np.sort(rng.uniform(0, times[-1], 2))
             paces = PACES[k] if first else PACES[rng.integers(len(PACES))]
             u, v = np.interp(span, times, np.arange(len(times))).tolist()
-            found = self._taken(poses, (u, v), paces, clock.whole, SAVED_TIME)
+            found = self._taken(poses, (u, v), paces, clock.whole, MIN_SAVED_TIME)
             poses, failed = (poses, failed + 1) if found is None else (found, 0)
         return poses
 
@@ -93,13 +94,13 @@ class Shortcuts:
         saved: float,
     ) -> list[Pose] | None:
         """The motion with another one between two places, in states; None without gain or proof."""
-        u, v = (round(end) if abs(end - round(end)) < JOINED else end for end in ends)
+        u, v = (round(end) if abs(end - round(end)) < SAME_SHARE else end for end in ends)
         i, j = int(u), int(np.ceil(v))
         here, there = (self._at(poses, end) for end in (u, v))
         states = self._between(distinct([here, *poses[i + 1 : j], there]), *paces)
         part = self._thinned(distinct([poses[i], *states, poses[j]]))
         whole = [*poses[:i], *part, *poses[j + 1 :]]
-        if not states or cost(whole) > cost(poses) - saved or not self.guard.passes(part):
+        if not states or cost(whole) > cost(poses) - saved or not self.collision.passes(part):
             return None
         return whole
 
@@ -121,7 +122,7 @@ class Shortcuts:
         moves[:, :3] = displacement(start[:3], np.array(to)[:, :3])
         part, whole = moves
         way, turn, bend = float(np.hypot(*whole[:2])), abs(float(whole[2])), float(np.abs(whole[3:]).max())
-        stride = max(way / scene.rules.step, turn / TURN_STRIDE, bend / LARGEST_BEND)
+        stride = max(way / scene.rules.step, turn / TURN_STRIDE, bend / MAX_JOINT_CHANGE)
         if stride > NEARLY or not (square := whole @ whole):
             return False
         filled = pose_between(here, there, float(part @ whole / square), scene.robot.drive)
@@ -147,9 +148,9 @@ class Shortcuts:
         """States of base and arm together, no farther apart than a plan's may be."""
         k = np.clip(np.searchsorted(drives.share, swings.share), 1, len(drives.share) - 1)
         off = np.abs(drives.share[[k - 1, k]] - swings.share).min(axis=0)
-        share = np.sort(np.concatenate([drives.share, swings.share[off > JOINED]]))
+        share = np.sort(np.concatenate([drives.share, swings.share[off > SAME_SHARE]]))
         bends = np.abs(np.diff(_rows_at(swings, share), axis=0)).max(axis=1)
-        parts = np.maximum(np.ceil(bends / LARGEST_BEND * 1.001), 1).astype(int).tolist()
+        parts = np.maximum(np.ceil(bends / MAX_JOINT_CHANGE * 1.001), 1).astype(int).tolist()
         cuts = [k + np.arange(count) / count for k, count in enumerate(parts)]
         share = np.interp(np.concatenate([*cuts, [len(parts)]]), np.arange(len(share)), share)
         index = np.interp(share, drives.share, np.arange(len(drives.share)))

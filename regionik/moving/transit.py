@@ -14,11 +14,11 @@ from itertools import islice, pairwise
 import numpy as np
 
 from regionik.moving.base_motion import Driver
-from regionik.moving.shortcuts import DETOUR, SAVED, Clock, Shortcuts, travel
-from regionik.planners.collision.proximity import Touch
+from regionik.moving.shortcuts import GOOD_COST_RATIO, MIN_SAVED_LENGTH, Clock, Shortcuts, travel
+from regionik.planners.collision.proximity import Proximity
 from regionik.planners.driving.point_planner import NoPathError, drive_point
 from regionik.planners.driving.sampling import PlanningProblem, connect
-from regionik.postures.arm_guard import Guard
+from regionik.postures.collision_checker import CollisionChecker
 from regionik.postures.poses import Pose, arm_states, axis_of, distinct, pose_of
 from regionik.scene import Scene
 from regionik.worlds.arms import has_pivot, pivot_index
@@ -29,12 +29,13 @@ from regionik.worlds.robot import Robot
 
 WITHDRAWALS = (0.0, 0.1, 0.2, 0.4, 0.6)  # how far the base draws back before the arm folds [m]
 BERTHS = (0.0, 0.04, 0.08, 0.16)  # kept from the edge of the free floor beyond what the base needs [m]
-ITERATIONS, ARM_ITERATIONS = 3000, 1000  # of RRTConnect, for the whole robot and for the arm alone
-STRIDE = 1.0  # its longest motion, metres and radians together
-WINDING = 1.1  # times the least way is short enough
-FAR = 1e3  # longer than any leg of a way [m]
-ROUNDS, PATIENCE, ROUND_ITERATIONS = 16, 4, 1000  # of RRTConnect for shorter ways; rounds in vain in turn
-STATIONS = 3  # places to fold at that are looked at, from where the robot is on
+MAX_ITERATIONS, MAX_ARM_ITERATIONS = 3000, 1000  # of RRTConnect, for the whole robot and for the arm alone
+MAX_STRIDE = 1.0  # its longest motion, metres and radians together
+GOOD_LENGTH_RATIO = 1.1  # times the least way is short enough
+MAX_LEG = 1e3  # longer than any leg of a way [m]
+# of RRTConnect for shorter ways; rounds in vain in turn
+MAX_ROUNDS, MAX_FAILED_ROUNDS, MAX_ROUND_ITERATIONS = 16, 4, 1000
+MAX_FOLD_PLACES = 3  # places to fold at that are looked at, from where the robot is on
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +43,7 @@ class TransitPlanner:
     """Moves the robot with its tool lifted."""
 
     scene: Scene
-    guard: Guard
+    collision: CollisionChecker
     driver: Driver
     # Why the base found no way, one for each time it did not
     refusals: list[NoPathError] = field(default_factory=list)
@@ -51,19 +52,19 @@ class TransitPlanner:
     def sampled(self, here: Pose, there: Pose, piece: int) -> list[Pose] | None:
         """States strictly between two poses, on a way found in the space of the whole robot or of its arm."""
         direct = self.driver.direct(here, there, piece)
-        if direct is not None and self.guard.passes([here, *direct, there]):
+        if direct is not None and self.collision.passes([here, *direct, there]):
             self.driver.count("straight")
             return direct
         try:
             lead = self.driver.onto(here, piece)
         except NoPathError:
             return None
-        if not self.guard.passes(lead):
+        if not self.collision.passes(lead):
             return None
         way, method = None, "whole body"
         if not self.scene.robot.drive.rolls:
-            body = WholeBodyPlanner(self.scene, self.guard, self.driver, piece)
-            way = body.way(lead[-1], there, self.driver.seed, ITERATIONS)
+            body = WholeBodyPlanner(self.scene, self.collision, self.driver, piece)
+            way = body.way(lead[-1], there, self.driver.seed, MAX_ITERATIONS)
         if way is None:
             way, method = self._arm_first(lead[-1], there, piece), "arm alone"
         if way is None:
@@ -77,7 +78,7 @@ class TransitPlanner:
         The arm is driven as it is carried, or as it is at either end, what did not work before last; it moves
         where the robot stands, or where the base has drawn back to.
         """
-        leaving, coming = (list(islice(self._stations(at, piece), STATIONS)) for at in (here, there))
+        leaving, coming = (list(islice(self._stations(at, piece), MAX_FOLD_PLACES)) for at in (here, there))
         carried = {"carry": self.scene.robot.carry, "here": here.joints, "there": there.joints}
         for name in sorted(carried, key=lambda name: self._missed.get(name, 0)):
             joints = carried[name]
@@ -96,22 +97,22 @@ class TransitPlanner:
     def arm_way(self, here: Pose, joints: Array) -> list[Pose] | None:
         """States after a pose, to the last with other joints, the base standing; None for none."""
         there, chain = Pose(here.base, joints), self.scene.robot.chain
-        if not self.guard.proves(there):
+        if not self.collision.proves(there):
             return None
         if np.array_equal(here.joints, joints):
             return []
 
         def goes(a: Pose, b: Pose) -> bool:
-            return self.guard.passes([a, *arm_states(a, b), b])
+            return self.collision.passes([a, *arm_states(a, b), b])
 
         path: Array | None = np.stack([here.joints, joints])
         if not goes(here, there):
             problem = PlanningProblem(
                 *joint_box(chain, here.joints, joints), here.joints, joints,
-                lambda q: self.guard.proves(Pose(here.base, q)),
+                lambda q: self.collision.proves(Pose(here.base, q)),
                 lambda p, q: goes(Pose(here.base, p), Pose(here.base, q)),
             )  # fmt: skip
-            path = connect(problem, seed=self.driver.seed, iterations=ARM_ITERATIONS, stride=STRIDE)
+            path = connect(problem, seed=self.driver.seed, iterations=MAX_ARM_ITERATIONS, stride=MAX_STRIDE)
         if path is None:
             return None
         poses = shortened([Pose(here.base, q) for q in path], goes)
@@ -122,7 +123,7 @@ class TransitPlanner:
         yield [at]
         for far in WITHDRAWALS[1:]:
             ways = ([at, *back] for back in self.driver.retreats(at, far, piece))
-            yield from islice((way for way in ways if self.guard.passes(way)), 1)
+            yield from islice((way for way in ways if self.collision.passes(way)), 1)
 
     def folded(self, here: Pose, there: Pose, piece: int) -> list[Pose] | None:
         """States strictly between two poses on one piece of free floor; None where the arm cannot pass so.
@@ -137,14 +138,14 @@ class TransitPlanner:
             self.refusals.append(refusal)
             return None
         plain = [*lead[1:], *self._carried(lead[-1], there, route)]
-        if self.guard.passes([here, *plain, there]):
+        if self.collision.passes([here, *plain, there]):
             return plain
-        if not self.guard.passes(lead):
+        if not self.collision.passes(lead):
             return None
         way = self._withdrawn(lead[-1], there, piece)
         if way is None:
             way = self.driver.states(lead[-1], there, route)
-            way = way if self.guard.passes([lead[-1], *way, there]) else None
+            way = way if self.collision.passes([lead[-1], *way, there]) else None
         return None if way is None else [*lead[1:], *way]
 
     def _withdrawn(self, here: Pose, there: Pose, piece: int) -> list[Pose] | None:
@@ -161,7 +162,7 @@ class TransitPlanner:
         Where shortcuts alone do not make it short, other ways of base and arm are looked for that are shorter
         by so much that the arm may move more for it.
         """
-        shortcuts = Shortcuts(self.guard, self.driver, piece)
+        shortcuts = Shortcuts(self.collision, self.driver, piece)
         return shortcuts.quicker(self._shortest(shortcuts, [here, *way, there]))[1:-1]
 
     def rejoined(self, here: Pose, old: list[Pose], there: Pose, piece: int) -> list[Pose] | None:
@@ -171,33 +172,36 @@ class TransitPlanner:
         farther round than before.
         """
         lead, tail = self.driver.direct(here, old[0], piece), self.driver.direct(old[-1], there, piece)
-        folded, shortcuts = self.folded(here, there, piece), Shortcuts(self.guard, self.driver, piece)
+        folded, shortcuts = self.folded(here, there, piece), Shortcuts(self.collision, self.driver, piece)
         ways = [] if folded is None else [[here, *folded, there]]
         if lead is not None and tail is not None:
             ways.append(distinct([here, *lead, *old, *tail, there]))
-        clear = [shortcuts.quicker(shortcuts.shorter(way)) for way in ways if self.guard.passes(way)]
+        clear = [shortcuts.quicker(shortcuts.shorter(way)) for way in ways if self.collision.passes(way)]
         best = min(clear, key=Clock(self.scene).whole)[1:-1] if clear else self.sampled(here, there, piece)
         if best is None:
             return None
         way = self.shortened(here, best, there, piece)
-        return way if self._detour([here, *way, there]) <= max(WINDING, self._detour(old)) else None
+        return way if self._detour([here, *way, there]) <= max(GOOD_LENGTH_RATIO, self._detour(old)) else None
 
     def _detour(self, poses: list[Pose]) -> float:
         """How far the base goes, the least way for its arm axis being 1."""
-        return travel(poses) / (self._least(poses[0], poses[-1]) + SAVED)
+        return travel(poses) / (self._least(poses[0], poses[-1]) + MIN_SAVED_LENGTH)
 
     def _shortest(self, shortcuts: Shortcuts, poses: list[Pose]) -> list[Pose]:
         """The shortest motion found with the same ends."""
         here, there, best, failed = poses[0], poses[-1], shortcuts.shorter(poses), 0
-        if self.scene.robot.drive.rolls or travel(best) <= WINDING * travel([here, there]) + SAVED:
+        if (
+            self.scene.robot.drive.rolls
+            or travel(best) <= GOOD_LENGTH_RATIO * travel([here, there]) + MIN_SAVED_LENGTH
+        ):
             return best
         least = self._least(here, there)
-        for k in range(ROUNDS):
-            if failed == PATIENCE or travel(best) <= WINDING * least + SAVED:
+        for k in range(MAX_ROUNDS):
+            if failed == MAX_FAILED_ROUNDS or travel(best) <= GOOD_LENGTH_RATIO * least + MIN_SAVED_LENGTH:
                 break
-            most = travel(best) / DETOUR
-            body = WholeBodyPlanner(self.scene, self.guard, self.driver.shaped(), shortcuts.piece, most)
-            other = body.way(here, there, self.driver.seed * ROUNDS + k, ROUND_ITERATIONS)
+            most = travel(best) / GOOD_COST_RATIO
+            body = WholeBodyPlanner(self.scene, self.collision, self.driver.shaped(), shortcuts.piece, most)
+            other = body.way(here, there, self.driver.seed * MAX_ROUNDS + k, MAX_ROUND_ITERATIONS)
             short = best if other is None else shortcuts.shorter([here, *other, there])
             best, failed = (short, 0) if travel(short) <= most else (best, failed + 1)
         return best
@@ -210,7 +214,7 @@ class TransitPlanner:
         robot = self.scene.robot
         a, b = (axis_of(robot, pose.base) for pose in (here, there))
         try:
-            way = drive_point(self.scene.ground.outer.free, a, b, step=FAR).points
+            way = drive_point(self.scene.ground.outer.free, a, b, step=MAX_LEG).points
         except NoPathError:  # an end is off it by rounding
             way = np.array([a, b])
         turned = 2 * np.hypot(*robot.mount[:2])
@@ -221,7 +225,7 @@ class TransitPlanner:
         for between in ((), (lifted(self.scene.robot, here), lifted(self.scene.robot, there))):
             stations = distinct([here, *between, there])
             way = [row for a, b in pairwise(stations) for row in [*arm_states(a, b), b]]
-            if self.guard.passes([here, *way]):
+            if self.collision.passes([here, *way]):
                 return way[:-1]
         return None
 
@@ -243,13 +247,16 @@ class TransitPlanner:
         found = self.arm_way(here, there.joints)
         return None if found is None else found[:-1]
 
-    def obstruction(self, here: Pose, there: Pose, piece: int) -> Touch | None:
-        """First touch of an arm that is folded, driven and unfolded without looking."""
+    def obstruction(self, here: Pose, there: Pose, piece: int) -> Proximity | None:
+        """First obstruction of an arm that is folded, driven and unfolded without looking."""
         lead = self.driver.onto(here, piece)
         route = self.driver.route(lead[-1], there, piece)
         poses = [*lead, *self._carried(lead[-1], there, route), there]
-        met = next((touch for touch in map(self.guard.touch, poses) if touch.kind != "none"), None)
-        return met or self.guard.stop(poses)  # a proof only tells that it ended, not how deep
+        met = next(
+            (proximity for proximity in map(self.collision.nearest, poses) if proximity.kind != "none"), None
+        )
+        # a proof only tells that it ended, not how deep
+        return met or self.collision.first_obstruction(poses)
 
     def _carried(self, here: Pose, there: Pose, route: Array) -> list[Pose]:
         """Fold where the robot stands, drive in the carry posture, unfold; short ways without folding."""
@@ -266,7 +273,7 @@ class TransitPlanner:
             for berth in BERTHS:
                 route = self.driver.route(lead[-1], there, piece, berth)
                 drive = [*lead[1:], *self.driver.states(lead[-1], there, route)]
-                if self.guard.passes([here, *drive, there]):
+                if self.collision.passes([here, *drive, there]):
                     return drive
         except NoPathError:
             pass
@@ -278,7 +285,7 @@ class TransitPlanner:
             for back in self.driver.retreats(here, far, piece):
                 folded = lifted(self.scene.robot, back[-1])
                 way = [*back, *arm_states(back[-1], folded), folded]
-                if self.guard.passes([here, *way]):
+                if self.collision.passes([here, *way]):
                     return way
         return None
 
@@ -317,7 +324,7 @@ class WholeBodyPlanner:
     """
 
     scene: Scene
-    guard: Guard
+    collision: CollisionChecker
     driver: Driver
     piece: int
     most: float = np.inf  # [m]
@@ -328,10 +335,10 @@ class WholeBodyPlanner:
         problem = PlanningProblem(
             *self._box(start, goal), start, goal,
             lambda q: travel([here, at := self._pose(q), there]) < self.most
-            and self.driver.inside(at, self.piece) and self.guard.proves(at),
+            and self.driver.inside(at, self.piece) and self.collision.proves(at),
             lambda p, q: self._goes(self._pose(p), self._pose(q)),
         )  # fmt: skip
-        path = connect(problem, seed=seed, iterations=iterations, stride=STRIDE)
+        path = connect(problem, seed=seed, iterations=iterations, stride=MAX_STRIDE)
         if path is None:
             return None
         poses = shortened([here, *(self._pose(q) for q in path[1:-1]), there], self._goes)
@@ -341,7 +348,7 @@ class WholeBodyPlanner:
     def _goes(self, here: Pose, there: Pose) -> bool:
         """True if a straight motion stays on the free floor and keeps the arm clear."""
         states = self.driver.direct(here, there, self.piece)
-        return states is not None and self.guard.passes([here, *states, there])
+        return states is not None and self.collision.passes([here, *states, there])
 
     def _row(self, pose: Pose, near: Pose) -> Array:
         """A pose as axis, heading and joints in one row, the heading within half a turn of another's."""

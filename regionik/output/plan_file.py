@@ -17,8 +17,8 @@ from regionik.storage.files import write_atomic
 from regionik.storage.plan_document import (
     PARTS,
     VERSIONS,
-    kept_figures,
     plan_to_text,
+    stored_figures,
 )
 from regionik.values import Configuration, Motion, Plan, PlannedArea, Skipped, Stop
 from regionik.worlds.documents.world_file import world_from_document
@@ -199,7 +199,7 @@ def load_plan(path: str | os.PathLike[str]) -> Plan:
         areas=tuple(_area(a, f"{where}: areas.features[{k}]") for k, a in enumerate(record.areas.features)),
         lift_offs=record.lift_offs,
         stops=tuple(_stop(s) for s in record.stops),
-        stats=kept_figures(record.stats),
+        stats=stored_figures(record.stats),
         skipped=tuple(_skipped(s, f"{where}: skipped[{k}]") for k, s in enumerate(record.skipped)),
     )
 

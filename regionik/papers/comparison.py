@@ -69,15 +69,15 @@ def _aim(robot: Robot, base: Array, target: Target) -> Aim:
 
 
 def _shifted(
-    robot: Robot, base: Array, shift: Array, joints: Array, found: SearchResult, method: ArmMethod
+    robot: Robot, base: Array, shift: Array, joints: Array, result: SearchResult, method: ArmMethod
 ) -> Configuration:
     """A configuration with the base shifted in the frame of the arm, its heading kept."""
     yaw = _yaw(robot, base)
     c, s = np.cos(yaw), np.sin(yaw)
     axis = axis_of(robot, base) + np.array([c * shift[0] - s * shift[1], s * shift[0] + c * shift[1]])
-    converged = found.error <= method.tolerance and found.angle <= method.angle_tolerance
+    converged = result.error <= method.tolerance and result.angle <= method.angle_tolerance
     pose = pose_of(robot, axis, float(base[2]))
-    return Configuration(pose, np.array(joints), found.error, found.iterations, bool(converged))
+    return Configuration(pose, np.array(joints), result.error, result.iterations, bool(converged))
 
 
 def _yaw(robot: Robot, base: Array) -> float:
@@ -96,9 +96,9 @@ def _mfabrik(world: World) -> Methods:
 def _mfabrik_in_areas(world: World) -> Methods:
     """M-FABRIK within the areas of the whole path, as plans use it."""
     scene = scene_of(world)
-    standing, _, pruned = whole_path(scene)
-    chain = choose_chain(pruned, standing, start_place(scene))
-    return list(solvers_along(scene, pruned.ladder, standing, chain))
+    free_space, _, pruned = whole_path(scene)
+    chain = choose_chain(pruned, free_space, start_place(scene))
+    return list(solvers_along(scene, pruned.ladder, free_space, chain))
 
 
 def _with_sliding_base(kind: type[ArmMethod]) -> Callable[[World], Methods]:
@@ -283,7 +283,7 @@ def _start(world: World) -> tuple[Array, Array]:
 
 def _score(world: World, name: str, answers: Sequence[Configuration], seconds: float, ours: float) -> Score:
     scene = scene_of(world)
-    robot, room, guard = scene.robot, scene.footprint, scene.guard
+    robot, room, collision = scene.robot, scene.footprint, scene.collision
     base, joints = np.array([one.base for one in answers]), np.array([one.joints for one in answers])
     tools = robot.tool(base, joints)
     missed = np.array([goal_error(target, tool) for target, tool in zip(world.task, tools, strict=True)])
@@ -301,7 +301,7 @@ def _score(world: World, name: str, answers: Sequence[Configuration], seconds: f
         median_error=float(np.median(missed[:, 0])),
         worst_error=float(missed[:, 0].max()),
         over_limits=int(over.sum()),
-        collisions=sum(guard.touch(configuration_pose(one)).kind != "none" for one in answers),
+        collisions=sum(collision.nearest(configuration_pose(one)).kind != "none" for one in answers),
         off_floor=sum(not fits(room, *one.base.tolist()) for one in answers),
     )
 

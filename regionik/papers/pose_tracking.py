@@ -51,10 +51,12 @@ class TrackedRun:
     joints: Array  # (n, 5)
 
 
-_Row = tuple[Array, Array]  # of a `TrackedRun`: base and joints
+_TrackedState = tuple[Array, Array]  # of a `TrackedRun`: base and joints
 
 
-def _rows(robot: TrackingRobot, poses: Sequence[Array], heading: float | None, elbow: int) -> Iterator[_Row]:
+def _tracked_states(
+    robot: TrackingRobot, poses: Sequence[Array], heading: float | None, elbow: int
+) -> Iterator[_TrackedState]:
     """Rows of a run, one for each pose as long as joint 1 keeps its limits."""
     arm, lift, limit = robot.arm, robot.lift, robot.pivot_limit
     first = poses[1][:2, 3] - poses[0][:2, 3] if len(poses) > 1 else np.array([1.0, 0.0])
@@ -81,7 +83,7 @@ def _rows(robot: TrackingRobot, poses: Sequence[Array], heading: float | None, e
 def _run(robot: TrackingRobot, poses: Sequence[Array], heading: float | None, elbow: int) -> TrackedRun:
     """Rows up to the first that leaves the joint limits, if any."""
     lower, upper = robot.lower - SLACK, robot.upper + SLACK
-    rows = _rows(robot, poses, heading, elbow)
+    rows = _tracked_states(robot, poses, heading, elbow)
     found = list(takewhile(lambda row: not ((row[1] < lower) | (row[1] > upper)).any(), rows))
     base, joints = zip(*found, strict=True) if found else ((), ())
     return TrackedRun(np.array(base).reshape(-1, 3), np.array(joints).reshape(-1, 5))

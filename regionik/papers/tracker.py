@@ -26,14 +26,14 @@ from regionik.planners.driving.pose_planner import drive_wheeled
 from regionik.planners.progress import tell
 from regionik.postures.arm import goals_between
 from regionik.postures.poses import (
-    LARGEST_BEND,
+    MAX_JOINT_CHANGE,
+    MotionState,
     Pose,
-    Row,
     arm_states,
     axis_of,
-    columns,
     lift_offs,
     motion_stats,
+    untimed_motion,
 )
 from regionik.scene import Scene
 from regionik.values import Configuration, Motion, Plan, PlannedArea, Report
@@ -48,7 +48,7 @@ FINEST = 6  # halvings of the segment between two set-points at most
 SAME = 1e-9  # [rad] or [m]
 # That the pivot, which may stand there for long, keeps off its limits: smooth motions overshoot [rad]
 OFF_LIMITS = 1e-3
-LARGEST_SWING = math.radians(1.0)  # by which the base turns more or less than in the step before
+MAX_SWING = math.radians(1.0)  # by which the base turns more or less than in the step before
 DRAWN = 0.005  # half the drawn width of the curves that the axis may stand on [m]
 
 
@@ -95,24 +95,24 @@ def plan_tracked(scene: Scene, seed: int) -> Plan:
     raise NoPlanFound(_none_holds(scene, reports, no_way))
 
 
-def _motion_of(scene: Scene, seed: int, found: TrackedPath) -> Motion:
+def _motion_of(scene: Scene, seed: int, path: TrackedPath) -> Motion:
     """States of all runs and of the drives to them, with the tool lifted; raises NoPathError."""
-    start, rows, k = scene.start, list[Row](), 0
+    start, states, k = scene.start, list[MotionState](), 0
     here = None if start is None else Pose(start.base, start.joints)
     if here is not None:
-        rows.append(Row(here, "transit", -1))
-    for run in found.runs:
+        states.append(MotionState(here, "transit", -1))
+    for run in path.runs:
         poses = [Pose(base, joints) for base, joints in zip(run.base, run.joints, strict=True)]
         if here is not None:
-            rows += [Row(pose, "transit", -1) for pose in _lifted(scene, seed, here, poses[0])]
+            states += [MotionState(pose, "transit", -1) for pose in _lifted(scene, seed, here, poses[0])]
         for pose in poses:
-            reached = k == 0 or found.owner[k] != found.owner[k - 1]
-            rows.append(Row(pose, "setpoint" if reached else "step", found.owner[k]))
+            reached = k == 0 or path.owner[k] != path.owner[k - 1]
+            states.append(MotionState(pose, "setpoint" if reached else "step", path.owner[k]))
             k += 1
         here = poses[-1]
-    if start is not None and same(start.base, start.joints, rows[1].pose.base, rows[1].pose.joints):
-        del rows[0]
-    return columns(rows)
+    if start is not None and same(start.base, start.joints, states[1].pose.base, states[1].pose.joints):
+        del states[0]
+    return untimed_motion(states)
 
 
 def _lifted(scene: Scene, seed: int, here: Pose, there: Pose) -> list[Pose]:
@@ -228,12 +228,12 @@ def tracked_paths(scene: Scene, robot: TrackingRobot) -> Iterator[TrackedPath]:
         starts = [start for start, one in zip(starts, found, strict=True) if not one.runs]
 
 
-def _cost(scene: Scene, found: TrackedPath) -> tuple[int, float]:
+def _cost(scene: Scene, path: TrackedPath) -> tuple[int, float]:
     """Number of drives with the tool lifted, and travel of the faster wheel besides [m]."""
-    start, first = scene.start, found.runs[0]
+    start, first = scene.start, path.runs[0]
     away = start is not None and not same(start.base, start.joints, first.base[0], first.joints[0])
-    ways = (np.abs(wheel_travel(run.base, scene.robot.gauge)).max(1).sum() for run in found.runs)
-    return len(found.runs) + away, float(sum(ways))
+    ways = (np.abs(wheel_travel(run.base, scene.robot.gauge)).max(1).sum() for run in path.runs)
+    return len(path.runs) + away, float(sum(ways))
 
 
 def same(base: Array, joints: Array, other: Array, others: Array) -> bool:
@@ -303,8 +303,8 @@ def _coarse_poses(scene: Scene, poses: Array, runs: tuple[TrackedRun, ...]) -> l
     slide, arc = robot.drive.parts(base[:-1], base[1:])
     turn = slide[:, 2]
     turn[lifted] = 0.0
-    coarse = (np.abs(arc) > rules.step) | (np.abs(bend) > LARGEST_BEND).any(1)
-    swung = np.abs(np.diff(turn)) > LARGEST_SWING
+    coarse = (np.abs(arc) > rules.step) | (np.abs(bend) > MAX_JOINT_CHANGE).any(1)
+    swung = np.abs(np.diff(turn)) > MAX_SWING
     coarse[:-1] |= swung
     coarse[1:] |= swung
     for s in (0.25, 0.5, 0.75):

@@ -13,21 +13,22 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from regionik.parking.held_postures import PostureCarrier
 from regionik.parking.parking_areas import StopGroup
 from regionik.parking.placements import PlacementSearch
+from regionik.parking.posture_carrier import PostureCarrier
 from regionik.planners.coverage.tours import VisitingOrder, shortest_order, shortest_tour_of_sets
-from regionik.postures.arm_roadmap import HeldPostures
+from regionik.postures.arm_roadmap import FixedBasePostures
 from regionik.scene import Scene
 from regionik.worlds.arms import pivot_index
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.limits import Speeds
 
-FAMILIES = 8  # of postures that are looked for
-ALIKE = 0.05  # postures that differ by less in every joint are one [rad]
-LED = 3  # rounds in which each posture is led on from the one before
-PROVEN = 12  # rounds in which what was chosen is proven, and then only what is known to hold is chosen
-ROUNDS = 120  # in all, until a tour is chosen of which every way round is known
+MAX_FAMILIES = 8  # of postures that are looked for
+SAME_POSTURE = 0.05  # postures that differ by less in every joint are one [rad]
+MAX_CONTINUATION_ROUNDS = 3  # rounds in which each posture is led on from the one before
+# rounds in which what was chosen is proven, and then only what is known to hold is chosen
+MAX_PROOF_ROUNDS = 12
+MAX_ROUNDS = 120  # in all, until a tour is chosen of which every way round is known
 ROUNDING = 1e-9  # [s]
 
 
@@ -37,10 +38,10 @@ def in_short_order(placements: PlacementSearch, group: StopGroup) -> tuple[StopG
     Where a place gives the arm its posture there are no others, and the tool keeps to its path where it can:
     the order is that of its way.
     """
-    if group.held is not None:
-        held, tour = _toured(placements.scene, group, group.held)
+    if group.postures is not None:
+        held, tour = _toured(placements.scene, group, group.postures)
         setpoints = tuple(group.setpoints[n] for n in tour.order)
-        return replace(group, setpoints=setpoints, held=held), tour.length
+        return replace(group, setpoints=setpoints, postures=held), tour.length
     scene = placements.scene
     spots = np.array([scene.task[i].position for i in group.setpoints])
     way = shortest_order(cdist(spots, spots)).order
@@ -64,12 +65,14 @@ def _velocity(scene: Scene) -> Array:
     return (scene.world.speeds or Speeds()).joint_limits(scene.robot.chain)[0]
 
 
-def _toured(scene: Scene, group: StopGroup, held: HeldPostures) -> tuple[HeldPostures, VisitingOrder]:
+def _toured(
+    scene: Scene, group: StopGroup, postures: FixedBasePostures
+) -> tuple[FixedBasePostures, VisitingOrder]:
     """Postures in the order of a tour, and the places of their set-points in the group by that order."""
-    carrier = PostureCarrier(scene.world, scene.guard, [scene.task[i] for i in group.setpoints])
-    arm = _ArmTour(carrier, held, _velocity(scene))
-    chosen, tour = arm.proven(arm.led_on(arm.branches()))
-    return replace(held, joints=chosen.joints), replace(tour, order=tuple(chosen.owner.tolist()))
+    carrier = PostureCarrier(scene.world, scene.collision, [scene.task[i] for i in group.setpoints])
+    arm = _ArmTour(carrier, postures, _velocity(scene))
+    chosen, tour = arm.proven(arm.continued(arm.branches()))
+    return replace(postures, joints=chosen.joints), replace(tour, order=tuple(chosen.owner.tolist()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +89,7 @@ class _Branches:
         """These and others that are not like one of them at the same set-point."""
         known = (self.joints[self.owner == k] for k in owner)
         off = [np.abs(rows - q).max(axis=1).min() for rows, q in zip(known, joints, strict=True)]
-        new = np.flatnonzero(np.array(off) > ALIKE)
+        new = np.flatnonzero(np.array(off) > SAME_POSTURE)
         return _Branches(np.vstack([self.joints, joints[new]]), np.concatenate([self.owner, owner[new]]))
 
 
@@ -95,25 +98,25 @@ class _ArmTour:
     """The search for a tour at one pose of the base, where a posture is known at every set-point."""
 
     carrier: PostureCarrier
-    held: HeldPostures
+    postures: FixedBasePostures
     velocity: Array  # (dof,)
 
     _seen: set[tuple[int, int]] = field(default_factory=set)  # motions between branches that were looked at
 
     def branches(self) -> _Branches:
         """The postures that are known, first, and families of others."""
-        every = np.arange(len(self.held.joints))
-        found = _Branches(self.held.joints, every)
-        for owner, joints in self.carrier.families(self.held.base, every, FAMILIES):
+        every = np.arange(len(self.postures.joints))
+        found = _Branches(self.postures.joints, every)
+        for owner, joints in self.carrier.families(self.postures.base, every, MAX_FAMILIES):
             found = found.joined(joints, owner)
         return found
 
-    def led_on(self, branches: _Branches) -> _Branches:
+    def continued(self, branches: _Branches) -> _Branches:
         """Branches, and more: along the shortest tour each posture led on from the one before."""
-        for _ in range(LED):
+        for _ in range(MAX_CONTINUATION_ROUNDS):
             far = _times(branches.joints, self.velocity)
             chosen = branches.of(np.array(self._shortest(branches, far).order))
-            more = self.carrier.led(self.held.base, chosen.owner, chosen.joints)
+            more = self.carrier.continued(self.postures.base, chosen.owner, chosen.joints)
             before, branches = len(branches.owner), branches.joined(more, chosen.owner)
             if len(branches.owner) == before:
                 break
@@ -125,9 +128,9 @@ class _ArmTour:
         Its length counts motions that are not clear by the way round.
         """
         far, left = _times(branches.joints, self.velocity), np.ones(len(branches.owner), dtype=bool)
-        holds = np.arange(len(left)) < len(self.held.joints)
-        for k in range(ROUNDS):
-            some = np.flatnonzero(left if k < PROVEN - 1 else holds)
+        holds = np.arange(len(left)) < len(self.postures.joints)
+        for k in range(MAX_ROUNDS):
+            some = np.flatnonzero(left if k < MAX_PROOF_ROUNDS - 1 else holds)
             tour = self._shortest(branches.of(some), far[np.ix_(some, some)])
             order = some[list(tour.order)]
             new = order[~holds[order]]
@@ -139,19 +142,19 @@ class _ArmTour:
 
     def _holds(self, branches: _Branches, n: int) -> bool:
         """True if a posture is clear, kept all round, and joined to the roadmap."""
-        joints, roadmap, carrier = branches.joints[n], self.held.roadmap, self.carrier
-        if not carrier.keeps(int(branches.owner[n]), self.held.base, joints):
+        joints, roadmap, carrier = branches.joints[n], self.postures.roadmap, self.carrier
+        if not carrier.serves(int(branches.owner[n]), self.postures.base, joints):
             return False
-        return roadmap is None or roadmap.joins(carrier.guard, joints)
+        return roadmap is None or roadmap.joins(carrier.collision, joints)
 
     def _ways_round(self, branches: _Branches, order: Index, far: Array) -> bool:
         """Count motions of a tour that are not clear by the way round; true where one was new."""
-        roadmap, found = self.held.roadmap, False
+        roadmap, found = self.postures.roadmap, False
         for a, b in pairwise(order.tolist() if roadmap is not None else []):
             if roadmap is None or (a, b) in self._seen:
                 continue
             self._seen.update([(a, b), (b, a)])
-            way = roadmap.way(self.carrier.guard, branches.joints[a], branches.joints[b])
+            way = roadmap.way(self.carrier.collision, branches.joints[a], branches.joints[b])
             if way is not None:
                 states = [branches.joints[a], *(pose.joints for pose in way), branches.joints[b]]
                 time = float((np.abs(np.diff(states, axis=0)) / self.velocity).max(axis=1).sum())
@@ -161,9 +164,9 @@ class _ArmTour:
 
     def _shortest(self, branches: _Branches, far: Array) -> VisitingOrder:
         """Shortest tour from the roadmap's root, in which the arm is driven, and back to it."""
-        if self.held.roadmap is None:
+        if self.postures.roadmap is None:
             return shortest_tour_of_sets(far, branches.owner)
-        root = self.held.roadmap.joints[:1]
+        root = self.postures.roadmap.joints[:1]
         ends = cdist(root / self.velocity, branches.joints / self.velocity, "chebyshev")[0]
         return shortest_tour_of_sets(far, branches.owner, ends, ends)
 

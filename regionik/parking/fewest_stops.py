@@ -13,8 +13,8 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 
+from regionik.areas.free_space import Index
 from regionik.areas.layers import Geometries
-from regionik.areas.standing import Index
 from regionik.explain.changes import smaller_circle
 from regionik.explain.constraints import no_way_to, rounded_down, setpoint_at
 from regionik.explain.failures import no_place
@@ -40,7 +40,7 @@ from regionik.planners.coverage.set_cover import (
 from regionik.planners.geometry.offsets import shrunk
 from regionik.planners.progress import track
 from regionik.pruning import cut_off_from
-from regionik.regions import outer_areas, round_outer_areas, ways_to_stand
+from regionik.regions import free_spaces_for, outer_areas, round_outer_areas
 from regionik.scene import Scene
 from regionik.worlds.arrays import Array, Mask
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
@@ -48,7 +48,7 @@ from regionik.worlds.scene import Target
 
 Unserved = tuple[list[int], ParkingAreas]  # set-points without a place to park, and the areas
 
-SURE = 0.99  # of a circle, that the rounding of shrunk areas leaves a place for
+SURE_CIRCLE_SHARE = 0.99  # of a circle, that the rounding of shrunk areas leaves a place for
 
 
 def park(scene: Scene) -> Parking:
@@ -69,8 +69,8 @@ def park_in_order(scene: Scene) -> Parking:
     """
     best: Parking | None = None
     refused = list[Unserved]()
-    for standing, facings in ways_to_stand(scene):
-        for parking_areas in parking_areas_on(scene, standing, facings):
+    for free_space, facings in free_spaces_for(scene):
+        for parking_areas in parking_areas_on(scene, free_space, facings):
             groups = parking_areas.groups()
             done = groups[-1].setpoints[-1] + 1 if groups else 0
             if done < len(scene.task):
@@ -95,10 +95,10 @@ def park_in_any_order(scene: Scene) -> Parking:
     """
     refused = list[Unserved]()
     exact = all(scene.model(target).exact for target in scene.task)
-    ways = list(ways_to_stand(scene))[1::2]
-    for standing, facings in ways if exact else ways[-1:]:
+    ways = list(free_spaces_for(scene))[1::2]
+    for free_space, facings in ways if exact else ways[-1:]:
         found: list[ParkingAreas] = []
-        for parking_areas in parking_areas_on(scene, standing, facings):
+        for parking_areas in parking_areas_on(scene, free_space, facings):
             unserved = _unserved(parking_areas)
             if unserved[0]:
                 refused.append(unserved)
@@ -126,7 +126,7 @@ def _covered(scene: Scene, parking_areas: ParkingAreas) -> Parking:
     return Parking(parking_areas, groups, lower, told, spots)
 
 
-def _bounded(scene: Scene, found: Sequence[ParkingAreas]) -> Parking:
+def _bounded(scene: Scene, parkings: Sequence[ParkingAreas]) -> Parking:
     """The bound alone, the same on every piece of floor.
 
     It is of the set-points of which no place is in two outer areas, and of more that need it.
@@ -134,7 +134,7 @@ def _bounded(scene: Scene, found: Sequence[ParkingAreas]) -> Parking:
     outer = np.array(round_outer_areas(scene, scene.task, coarse=True), dtype=object)
     lower = _fewest_by_outer_areas(scene, outer[:, None], apart_areas(outer), len(scene.task))
     told: dict[str, int | bool | str] = {"lower_bound": lower, "bound": "outer areas"}
-    return Parking(found[0], (), lower, told, elsewhere=tuple(found[1:]))
+    return Parking(parkings[0], (), lower, told, elsewhere=tuple(parkings[1:]))
 
 
 def covering_groups(scene: Scene, parking_areas: ParkingAreas, some: Sequence[int]) -> tuple[StopGroup, ...]:
@@ -238,7 +238,7 @@ def no_room(scene: Scene, i: int, parking_areas: ParkingAreas) -> Explanation:
     if not len(every):
         return no_place(scene, i)
     if not parking_areas.usable[span].any():
-        return cut_off_from(scene, i, parking_areas.piece, ladder, parking_areas.standing)
+        return cut_off_from(scene, i, parking_areas.piece, ladder, parking_areas.free_space)
     widest = max(radius(area) for area in every[parking_areas.usable[span]])
     wanted = scene.rules.stop_tolerance
     who = setpoint_at(scene.task, i)
@@ -248,7 +248,7 @@ def no_room(scene: Scene, i: int, parking_areas: ParkingAreas) -> Explanation:
     if not proven:
         reason = f"{no_way_to(who)} from a {circle}; the largest known has {widest:.4f} m, and outer areas "
         reason += "leave room for one."
-    left = rounded_down(SURE * widest, 4)
+    left = rounded_down(SURE_CIRCLE_SHARE * widest, 4)
     reason += f" A stop_tolerance of at most {left:.4f} m would do."
     causes, repairs = (Cause("floor", "room to park", wanted - widest),), (smaller_circle(scene, left),)
     return Explanation("unreachable" if proven else "undecided", i, reason, causes, repairs)

@@ -11,20 +11,20 @@ import shapely
 from numpy.typing import ArrayLike
 from shapely.geometry.base import BaseGeometry
 
+from regionik.areas.free_space import FreeSpace, PathAreas, away
 from regionik.areas.layers import Geometries
-from regionik.areas.standing import PathAreas, Standing, away
 from regionik.ladder import Ladder, Mask, build_ladder
-from regionik.parking.pivot_turns import ON_EDGE
+from regionik.parking.pivot_turns import EDGE_TOLERANCE
 from regionik.planners.coverage.set_cover import fewest_runs
 from regionik.planners.geometry.offsets import shrunk
-from regionik.postures.arm_roadmap import HeldPostures
+from regionik.postures.arm_roadmap import FixedBasePostures
 from regionik.postures.poses import axis_of
 from regionik.regions import path_areas
 from regionik.scene import Scene
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Order
 
-LEAST = 1e-3  # radius of the circle that is shown around a pose, where none is asked for [m]
+MIN_SHOWN_RADIUS = 1e-3  # radius of the circle that is shown around a pose, where none is asked for [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,34 +32,35 @@ class StopGroup:
     """Set-points that one stop can serve, and all positions that do."""
 
     setpoints: tuple[int, ...]
-    places: dict[int, BaseGeometry]  # by side of the standing; shrunk by the circle to park in
+    places: dict[int, BaseGeometry]  # by side of the free space; shrunk by the circle to park in
     # (2,) position of the arm axis from which one heading is known to serve all of them [m]
     spot: Array | None = None
     # Postures at the set-points on a pose of the base there, where a place does not give the arm its own
-    held: HeldPostures | None = None
+    postures: FixedBasePostures | None = None
     poses: Array | None = None  # (n, 3) other bases there with a clear posture at each set-point
 
     def of(self, setpoints: tuple[int, ...]) -> StopGroup:
         """Return the group for some of the set-points, in the order given."""
-        held, at = self.held, [self.setpoints.index(i) for i in setpoints]
-        return replace(self, setpoints=setpoints, held=None if held is None else held.of(at))
+        held, at = self.postures, [self.setpoints.index(i) for i in setpoints]
+        return replace(self, setpoints=setpoints, postures=None if held is None else held.of(at))
 
 
 @dataclass(frozen=True, eq=False)
 class StopPart:
-    """Set-points that are done from one place of the arm axis (2,), by the side of its standing."""
+    """Set-points that are done from one place of the arm axis (2,), by side of the free space."""
 
     side: int
     axis: Array
     setpoints: tuple[int, ...]
-    held: HeldPostures | None = None  # at the set-points, where a place does not give the arm its posture
+    # at the set-points, where a place does not give the arm its posture
+    postures: FixedBasePostures | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class ParkingAreas:
     """Areas to park in, under one way to stand and to face."""
 
-    standing: Standing
+    free_space: FreeSpace
     facings: tuple[int, ...]
     piece: int  # label of the floor that the base gets to
     areas: PathAreas
@@ -73,7 +74,7 @@ class ParkingAreas:
     @cached_property
     def floor(self) -> BaseGeometry:
         """The piece of floor that the base gets to, at any heading."""
-        return shapely.union_all(self.standing.whole(self.piece))
+        return shapely.union_all(self.free_space.whole(self.piece))
 
     def groups(self, begin: int = 0, end: int | None = None) -> list[StopGroup]:
         """Fewest groups of set-points ``begin`` to ``end`` in their order, with their places."""
@@ -91,7 +92,7 @@ class ParkingAreas:
 
     @cached_property
     def sides(self) -> list[int]:
-        """Sides of the standing on which there are areas."""
+        """Sides of the free space on which there are areas."""
         return sorted(set(self.ladder.side.tolist()))
 
     def group(self, setpoints: tuple[int, ...], order: Order) -> StopGroup:
@@ -122,12 +123,12 @@ class ParkingAreas:
         return (
             shared
             if shared.covers(shapely.Point(axis))
-            else shapely.Point(axis).buffer(max(tolerance, LEAST))
+            else shapely.Point(axis).buffer(max(tolerance, MIN_SHOWN_RADIUS))
         )
 
     def nearest(self, setpoints: Sequence[int], axis: Array, yaw: float) -> tuple[int, ...]:
         """Component of each set-point nearest to a pose in heading, then in place."""
-        off = np.array([away(yaw, side.span) for side in self.standing.sides])[self.ladder.side]
+        off = np.array([away(yaw, side.span) for side in self.free_space.sides])[self.ladder.side]
         chain = list[int]()
         for i in setpoints:
             own = np.arange(*self.ladder.rungs[i : i + 2])
@@ -143,7 +144,7 @@ class ParkingAreas:
         for i in setpoints:
             row: dict[int, tuple[float, int]] = {}
             for k in self._own(i, side):
-                if depth(self.narrow[k], axis) < -ON_EDGE:
+                if depth(self.narrow[k], axis) < -EDGE_TOLERANCE:
                     continue
                 room, before = depth(self.ladder.component[k], axis), -1
                 if rows:
@@ -205,32 +206,32 @@ class Parking:
         return {"count": count, "proven_fewest": count <= self.lower, **self.known}
 
 
-def parking_areas_on(scene: Scene, standing: Standing, facings: tuple[int, ...]) -> list[ParkingAreas]:
+def parking_areas_on(scene: Scene, free_space: FreeSpace, facings: tuple[int, ...]) -> list[ParkingAreas]:
     """Areas on each piece of floor that the base may be on."""
-    areas = path_areas(scene, facings=facings, standing=standing)
-    ladder = build_ladder(areas, len(scene.task), standing)
+    areas = path_areas(scene, facings=facings, free_space=free_space)
+    ladder = build_ladder(areas, len(scene.task), free_space)
     narrow = shrunk_by_circle(ladder.component, scene, outside=False)
     back = _linked(ladder)
     found = []
-    for piece in _pieces(scene, standing, ladder):
+    for piece in _pieces(scene, free_space, ladder):
         usable = ladder.floor == piece
         own = narrow.copy()
         own[~usable] = shapely.Polygon()
-        found.append(ParkingAreas(standing, facings, piece, areas, ladder, usable, own, back))
+        found.append(ParkingAreas(free_space, facings, piece, areas, ladder, usable, own, back))
     return found
 
 
 def reordered(scene: Scene, parking_areas: ParkingAreas, order: Sequence[int]) -> ParkingAreas:
     """Parking areas for a world of the same set-points in another order, by the index that each had."""
-    areas, standing, place = parking_areas.areas, parking_areas.standing, np.argsort(order)
+    areas, free_space, place = parking_areas.areas, parking_areas.free_space, np.argsort(order)
     moved = areas.sorted_by(place[areas.target])
-    ladder = build_ladder(moved, len(scene.task), standing)
+    ladder = build_ladder(moved, len(scene.task), free_space)
     by = np.argsort(
         place[parking_areas.ladder.target], kind="stable"
     )  # as rows of areas, so their components
     narrow, usable = parking_areas.narrow[by], parking_areas.usable[by]
     return ParkingAreas(
-        standing, parking_areas.facings, parking_areas.piece, moved, ladder, usable, narrow, _linked(ladder)
+        free_space, parking_areas.facings, parking_areas.piece, moved, ladder, usable, narrow, _linked(ladder)
     )
 
 
@@ -243,11 +244,11 @@ def _linked(ladder: Ladder) -> tuple[tuple[int, ...], ...]:
     return tuple(map(tuple, back))
 
 
-def _pieces(scene: Scene, standing: Standing, ladder: Ladder) -> list[int]:
+def _pieces(scene: Scene, free_space: FreeSpace, ladder: Ladder) -> list[int]:
     """Pieces of free floor that the base may work on: the one it starts on, or any."""
     if scene.start is None:
         return sorted(set(ladder.floor.tolist()) - {-1})
-    piece = standing.piece_at(axis_of(scene.robot, scene.start.base), float(scene.start.base[2]))
+    piece = free_space.piece_at(axis_of(scene.robot, scene.start.base), float(scene.start.base[2]))
     return [] if piece is None else [piece]
 
 

@@ -17,28 +17,28 @@ from shapely.affinity import translate
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.layers import GUARD
+from regionik.areas.layers import ROUNDING_MARGIN
 from regionik.areas.reach_model import ReachQuery
 from regionik.explain.constraints import setpoint_at
 from regionik.planners.driving.heading_slabs import convex_scene, free_at_all, outline_scene
 from regionik.planners.geometry.offsets import shrunk
 from regionik.postures.poses import axis_of
-from regionik.reach_rows import rows_of
+from regionik.reach_table import reach_table_of
 from regionik.scene import Scene
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation
 from regionik.worlds.limits import ParkingAccuracy
 
-DEVIATIONS = 5.5  # on either side of the stop within which poses count
-FIRST, MOST = 12, 96  # slices of yaw at first, and at most
-FEW = 6  # slices of an estimate
-WIDEST = 0.2  # half of a slice at the start, at most [rad]
-LIKELY = 0.01  # by which an estimate may be too low
-GAIN = 1e-4  # less than this more slices are not worth
-ARCS = 144  # vertices of a full circle
+MAX_DEVIATIONS = 5.5  # on either side of the stop within which poses count
+FIRST_SLICES, MAX_SLICES = 12, 96  # slices of yaw at first, and at most
+ESTIMATE_SLICES = 6  # slices of an estimate
+MAX_HALF_SLICE = 0.2  # half of a slice at the start, at most [rad]
+ESTIMATE_SLACK = 0.01  # by which an estimate may be too low
+MIN_GAIN = 1e-4  # less than this more slices are not worth
+CIRCLE_VERTICES = 144  # vertices of a full circle
 ROUNDING = 1e-9
-LEAST_VARIANCE = 1e-14  # added in both directions, so that none is zero [m2]
-ON_EDGE = 1e-200  # distance of an edge from the mean that counts as none, in standard deviations
+MIN_VARIANCE = 1e-14  # added in both directions, so that none is zero [m2]
+EDGE_TOLERANCE = 1e-200  # distance of an edge from the mean that counts as none, in standard deviations
 
 
 def parking_probability(scene: Scene, base: Array, setpoints: tuple[int, ...]) -> float:
@@ -49,20 +49,20 @@ def parking_probability(scene: Scene, base: Array, setpoints: tuple[int, ...]) -
     (3,), in a world with ``rules.parking``.
     """
     error = _PoseError.of(scene)
-    count = max(FIRST, int(np.ceil(DEVIATIONS * error.yaw / WIDEST)))
+    count = max(FIRST_SLICES, int(np.ceil(MAX_DEVIATIONS * error.yaw / MAX_HALF_SLICE)))
     found = _summed(scene, base, setpoints, count, proven=True)
-    while error.yaw > 0 and count < MOST:
+    while error.yaw > 0 and count < MAX_SLICES:
         count *= 2
         better = max(found, _summed(scene, base, setpoints, count, proven=True))
         gain, found = better - found, better
-        if gain < GAIN:
+        if gain < MIN_GAIN:
             break
     return max(found - ROUNDING, 0.0)
 
 
 def likely_parking_probability(scene: Scene, base: Array, setpoints: tuple[int, ...]) -> float:
     """Return `parking_probability` as the middles of few slices have it: an estimate, not a bound."""
-    return _summed(scene, base, setpoints, FEW, proven=False)
+    return _summed(scene, base, setpoints, ESTIMATE_SLICES, proven=False)
 
 
 def is_probable(scene: Scene, base: Array, setpoints: tuple[int, ...]) -> bool:
@@ -70,7 +70,7 @@ def is_probable(scene: Scene, base: Array, setpoints: tuple[int, ...]) -> bool:
     asked = scene.rules.parking
     if asked is None or asked.probability is None:
         return True
-    if likely_parking_probability(scene, base, setpoints) < asked.probability - LIKELY:
+    if likely_parking_probability(scene, base, setpoints) < asked.probability - ESTIMATE_SLACK:
         return False
     return parking_probability(scene, base, setpoints) >= asked.probability
 
@@ -110,7 +110,7 @@ class _PoseError(NamedTuple):
         """
         if self.yaw == 0:
             return np.zeros(2), np.ones(1)
-        far = float(ndtr(DEVIATIONS / np.sqrt(2)))
+        far = float(ndtr(MAX_DEVIATIONS / np.sqrt(2)))
         ends = np.sqrt(2) * ndtri(np.linspace(1 - far, far, count + 1))
         return self.yaw * ends, np.diff(ndtr(ends))
 
@@ -119,7 +119,7 @@ def _summed(scene: Scene, base: Array, setpoints: tuple[int, ...], count: int, *
     """Sum over slices of yaw, of places that are good in all of each, or else in its middle."""
     error = _PoseError.of(scene)
     ends, weights = error.slices(count)
-    far = DEVIATIONS * np.sqrt(np.maximum(np.diag(error.covariance), 0.0)) + GUARD
+    far = MAX_DEVIATIONS * np.sqrt(np.maximum(np.diag(error.covariance), 0.0)) + ROUNDING_MARGIN
     total = 0.0
     for low, high, weight in zip(ends[:-1], ends[1:], weights, strict=True):
         middle, half = float(low + high) / 2, float(high - low) / 2 if proven else 0.0
@@ -140,11 +140,11 @@ def _good_places(
     if free.is_empty:
         return free
     outline, (x0, y0, x1, y1) = scene.robot.footprint, free.bounds
-    far = float(np.hypot(*outline.T).max()) + GUARD
+    far = float(np.hypot(*outline.T).max()) + ROUNDING_MARGIN
     near = scene.ground.cut_to(shapely.box(x0 - far, y0 - far, x1 + far, y1 + far))
     if near.floor.is_empty:
         return near.floor
-    keep, ends = near.clearance + GUARD, (yaw - half, yaw + half)
+    keep, ends = near.clearance + ROUNDING_MARGIN, (yaw - half, yaw + half)
     good = free_at_all(convex_scene(outline, near.floor, near.shadows, keep, window=free), *ends)
     for upper in near.upper(scene.robot.mount[:2]):
         good &= free_at_all(outline_scene(upper, near.floor), *ends)
@@ -161,9 +161,11 @@ def _reaching(
     rules = replace(scene.rules, heading="free", execution=turning)
     off = scene.world.axis_error + half * float(np.hypot(*axis))
     axes = translate(window, *axis).buffer(off, join_style="mitre")
-    query = ReachQuery(rules, GUARD, (yaw, yaw), arcs=ARCS, proven=True, window=axes.bounds)
+    query = ReachQuery(
+        rules, ROUNDING_MARGIN, (yaw, yaw), arcs=CIRCLE_VERTICES, proven=True, window=axes.bounds
+    )
     targets = [scene.task[i] for i in setpoints]
-    which, _, shapes = rows_of(scene, targets, query)
+    which, _, shapes = reach_table_of(scene, targets, query)
     shapes = shapely.intersection(shapes, axes)
     areas = [shapely.union_all(shapes[which == n]) for n in range(len(targets))]
     common = shapely.intersection_all(areas)
@@ -189,13 +191,13 @@ def normal_probability(shape: BaseGeometry, mean: Array, covariance: Array) -> f
         return 0.0
     corners, ring = shapely.get_coordinates(rings, return_index=True)
     variances, axes = np.linalg.eigh(covariance)
-    whitened = (corners - mean) @ axes / np.sqrt(np.maximum(variances, 0.0) + LEAST_VARIANCE)
+    whitened = (corners - mean) @ axes / np.sqrt(np.maximum(variances, 0.0) + MIN_VARIANCE)
     same = ring[1:] == ring[:-1]
     a, b = whitened[:-1][same], whitened[1:][same]
     length = np.hypot(*(b - a).T)
     a, b, length = (rows[length > 0] for rows in (a, b, length))
     along, across = (b - a) / length[:, None], (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / length
-    away = np.maximum(np.abs(across), ON_EDGE)
+    away = np.maximum(np.abs(across), EDGE_TOLERANCE)
     first, last = ((one * along).sum(axis=1) for one in (a, b))
     whole = _sector(away, last) - _sector(away, first)
     signed = float((np.sign(across) * whole).sum())

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
+from regionik.areas.free_space import FreeSpace, into_span
 from regionik.areas.layers import Geometries
-from regionik.areas.standing import Standing, into_span
 from regionik.ladder import Ladder
 from regionik.mfabrik import solver_for
 from regionik.postures.families import BACK, Family
@@ -22,9 +22,9 @@ from regionik.scene import Scene
 from regionik.worlds.arms import pivot_index
 from regionik.worlds.arrays import Array, Index
 
-TURN = 1e-9  # rounding of headings [rad]
-TINY = 1e-12  # distance below which a target is on the pivot's axis [m]
-ON_EDGE = 1e-7  # how far off a place may lie that is on the edge of an area [m]
+HEADING_ROUNDING = 1e-9  # rounding of headings [rad]
+MIN_AXIS_DISTANCE = 1e-12  # distance below which a target is on the pivot's axis [m]
+EDGE_TOLERANCE = 1e-7  # how far off a place may lie that is on the edge of an area [m]
 
 
 class Turns(NamedTuple):
@@ -41,7 +41,7 @@ class PivotTurns:
     """Turns of the pivot of a world's arm, at places in its parking areas."""
 
     scene: Scene
-    standing: Standing
+    free_space: FreeSpace
     ladder: Ladder
     narrow: Geometries  # (m,) components of the ladder shrunk by the circle to park in
     _zeros: dict[int, float] = field(default_factory=dict)
@@ -59,12 +59,15 @@ class PivotTurns:
         zero = [self._plane_zero(setpoints, row, axis) for row in components]
         planes = bearing + np.array(zero)[:, None]
         joint = self.scene.robot.chain.active_joints[pivot_index(self.scene.robot.chain)]
-        span, wide = self.standing.sides[side].span, joint.upper - joint.lower
+        span, wide = self.free_space.sides[side].span, joint.upper - joint.lower
         if wide >= 2 * np.pi:
             yaws, pivoted = np.array([into_span(0.0, span)]), np.full((1, *planes.shape), np.inf)
         else:
             spare = (
-                np.arcsin(np.clip(self.scene.rules.stop_tolerance / np.maximum(off, TINY), 0.0, 1.0)) + TURN
+                np.arcsin(
+                    np.clip(self.scene.rules.stop_tolerance / np.maximum(off, MIN_AXIS_DISTANCE), 0.0, 1.0)
+                )
+                + HEADING_ROUNDING
             )
             ends = np.unique(np.mod([planes - joint.upper + spare, planes - joint.lower - spare], 2 * np.pi))
             between = (ends + np.append(ends[1:], ends[0] + 2 * np.pi)) / 2
@@ -80,7 +83,7 @@ class PivotTurns:
     def _deepest(self, setpoints: tuple[int, ...], axis: Array, side: int) -> tuple[Index, Array]:
         """The deepest component around a position by facing and set-point, -1 for none, and its room."""
         ladder, spot = self.ladder, shapely.Point(axis)
-        here = np.sort(self._tree.query(spot, predicate="dwithin", distance=ON_EDGE))
+        here = np.sort(self._tree.query(spot, predicate="dwithin", distance=EDGE_TOLERANCE))
         here = here[ladder.side[here] == side]
         room = shapely.distance(shapely.boundary(ladder.component[here]), spot)
         column = {i: n for n, i in enumerate(setpoints)}

@@ -11,9 +11,8 @@ import numpy as np
 import shapely
 from shapely.geometry import Point
 
-from regionik.areas.standing import away, into_span, spread, stands_about
+from regionik.areas.free_space import away, into_span, spread, stands_about
 from regionik.mfabrik import Solver, solver_for
-from regionik.parking.held_postures import PostureCarrier
 from regionik.parking.parking_areas import ParkingAreas, StopGroup, depth
 from regionik.parking.parking_probability import (
     is_probable,
@@ -21,10 +20,11 @@ from regionik.parking.parking_probability import (
     not_probable,
     parking_probability,
 )
-from regionik.parking.pivot_turns import ON_EDGE, PivotTurns, gathered
+from regionik.parking.pivot_turns import EDGE_TOLERANCE, PivotTurns, gathered
+from regionik.parking.posture_carrier import PostureCarrier
 from regionik.planners.coverage.set_cover import undominated
 from regionik.planners.solvers.serial_chain import chain_frames, chain_jacobian, serial_arm
-from regionik.postures.arm_roadmap import ArmRoadmap, HeldPostures
+from regionik.postures.arm_roadmap import ArmRoadmap, FixedBasePostures
 from regionik.postures.families import Family
 from regionik.postures.poses import Pose, axis_of, pose_of
 from regionik.scene import Scene
@@ -34,12 +34,13 @@ from regionik.worlds.arrays import Array, Index
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import NoPlanFound
 
-PLACES = 24  # of a stop that are looked at before the best is bettered
-TRIED, ROOMIEST = 48, 3  # poses of a stop that are asked whether they serve all of it, first for room
-CARRIED = 6  # of these, where a place gives the arm no posture, or its score takes as long
-FINEST = 1e-3  # steps by which it is bettered, at the least [m]
-COARSE, WORTH = 0.01, 1e-4  # steps [m] and gains by which a probability is bettered, at the least
-HEADING = 1e-9  # by which the pivot may be over its limits [rad]
+MAX_PLACES = 24  # of a stop that are looked at before the best is bettered
+MAX_POSES, MAX_ROOMIEST = 48, 3  # poses of a stop that are asked whether they serve all of it, first for room
+MAX_CARRIED_PLACES = 6  # of these, where a place gives the arm no posture, or its score takes as long
+MIN_STEP = 1e-3  # steps by which it is bettered, at the least [m]
+# steps [m] and gains by which a probability is bettered, at the least
+MIN_PROBABILITY_STEP, MIN_PROBABILITY_GAIN = 0.01, 1e-4
+HEADING_ROUNDING = 1e-9  # by which the pivot may be over its limits [rad]
 ROUNDING = 1e-9  # by which a circle may be smaller than asked [m]
 
 
@@ -79,7 +80,7 @@ class PlacementSearch:
     @cached_property
     def _pivot(self) -> PivotTurns:
         areas = self.parking_areas
-        return PivotTurns(self.scene, areas.standing, areas.ladder, areas.narrow)
+        return PivotTurns(self.scene, areas.free_space, areas.ladder, areas.narrow)
 
     def best(self, group: StopGroup, at: Array | None = None) -> BasePlacement | None:
         """Best placement of a stop, with the arm axis at (2,) where the criterion wants it there [m].
@@ -120,7 +121,7 @@ class PlacementSearch:
         """Best placement by the criterion alone; see `best`."""
         widest = self._leading(self.widest(group), group)
         if widest is None:
-            widest = self.widest(replace(group.of(group.setpoints[:1]), held=None))
+            widest = self.widest(replace(group.of(group.setpoints[:1]), postures=None))
         if widest is None:
             return None
         if group.poses is not None:
@@ -146,7 +147,7 @@ class PlacementSearch:
     def widest(self, group: StopGroup) -> BasePlacement | None:
         """The placement that serves most set-points, and of those the one with the largest circle found."""
         if group not in self._widest and group.poses is not None:
-            known = [] if group.held is None else [self._on(group, group.held)]
+            known = [] if group.postures is None else [self._on(group, group.postures)]
             self._widest[group] = next(chain(known, self._on_poses(group)), None)
         if group not in self._widest:
             found = [one for s in sorted(group.places) for one in self._wide(group, s)]
@@ -188,33 +189,33 @@ class PlacementSearch:
 
     def roomiest(self, group: StopGroup) -> StopGroup:
         """Group that holds, of a few of its poses that serve all of it, the one with the largest circle."""
-        if group.held is None or group.poses is None:
+        if group.postures is None or group.poses is None:
             return group
-        found = [self._on(group, group.held), *self._on_poses(group, ROOMIEST)]
+        found = [self._on(group, group.postures), *self._on_poses(group, MAX_ROOMIEST)]
         best = max(found, key=lambda one: one.tolerance)
-        held = HeldPostures(best.base, tuple(range(len(best.near))), best.near, 0.0, best.roadmap)
-        return replace(group, spot=best.axis, held=held)
+        held = FixedBasePostures(best.base, tuple(range(len(best.near))), best.near, 0.0, best.roadmap)
+        return replace(group, spot=best.axis, postures=held)
 
-    def _on(self, group: StopGroup, held: HeldPostures) -> BasePlacement:
+    def _on(self, group: StopGroup, postures: FixedBasePostures) -> BasePlacement:
         """Placement on a pose at which postures are held; they keep all round the circle that it tells."""
-        base, some = held.base, tuple(group.setpoints[n] for n in held.served)
+        base, some = postures.base, tuple(group.setpoints[n] for n in postures.served)
         axis = axis_of(self.scene.robot, base)
         components = self.parking_areas.nearest(some, axis, float(base[2]))
         targets = [self.scene.task[i] for i in some]
-        carrier = PostureCarrier(self.scene.world, self.scene.guard, targets)
-        room = carrier.widest_circle(base, held.joints, self._floor_around(axis, float(base[2])))
-        return BasePlacement(some, components, axis, base, held.joints, room, held.roadmap)
+        carrier = PostureCarrier(self.scene.world, self.scene.collision, targets)
+        room = carrier.widest_circle(base, postures.joints, self._floor_around(axis, float(base[2])))
+        return BasePlacement(some, components, axis, base, postures.joints, room, postures.roadmap)
 
     def _floor_around(self, axis: Array, yaw: float) -> float:
         """Radius of the circle of free floor around a pose [m]."""
-        sides = self.parking_areas.standing.sides
-        return max(depth(side.free, axis) for side in sides if away(yaw, side.span) <= HEADING)
+        sides = self.parking_areas.free_space.sides
+        return max(depth(side.free, axis) for side in sides if away(yaw, side.span) <= HEADING_ROUNDING)
 
-    def _on_poses(self, group: StopGroup, count: int = TRIED) -> Iterator[BasePlacement]:
+    def _on_poses(self, group: StopGroup, count: int = MAX_POSES) -> Iterator[BasePlacement]:
         """Yield placements on poses of a stop, of so many far apart, that are proven to serve all of it."""
         poses = np.empty((0, 3)) if group.poses is None else group.poses
         carrier = PostureCarrier(
-            self.scene.world, self.scene.guard, [self.scene.task[i] for i in group.setpoints]
+            self.scene.world, self.scene.collision, [self.scene.task[i] for i in group.setpoints]
         )
         every = np.arange(len(group.setpoints))
         for base in poses[farthest_first(poses, count)]:
@@ -224,22 +225,22 @@ class PlacementSearch:
 
     def _spread(self, group: StopGroup, side: int) -> Iterator[BasePlacement]:
         """Yield placements spread over one side of a stop."""
-        count = PLACES if self._gives_posture(group) and not self._is_slow else CARRIED
+        count = MAX_PLACES if self._gives_posture(group) and not self._is_slow else MAX_CARRIED_PLACES
         for spot in spread(group.places[side], count, 0):
             placement = self.at(group, spot, side)
             if placement is not None:
                 yield placement
 
-    def _served(self, found: Sequence[BasePlacement | None], group: StopGroup) -> BasePlacement | None:
+    def _served(self, placements: Sequence[BasePlacement | None], group: StopGroup) -> BasePlacement | None:
         """Of placements that serve a whole stop the best by the criterion."""
-        whole = [one for one in found if one is not None and len(one.setpoints) == len(group.setpoints)]
+        whole = [one for one in placements if one is not None and len(one.setpoints) == len(group.setpoints)]
         return max(whole, key=self._score, default=None)
 
     def _best_of_poses(self, group: StopGroup, widest: BasePlacement, at: Array | None) -> BasePlacement:
         """Best by the criterion of the placements on poses of a stop, or the one nearest to a place (2,)."""
         if at is None and self.scene.rules.stop_criterion in ("tolerance", "distance"):
             return widest
-        whole = islice(self._on_poses(group), CARRIED if self._is_slow else PLACES)
+        whole = islice(self._on_poses(group), MAX_CARRIED_PLACES if self._is_slow else MAX_PLACES)
         found = [widest, *(one for one in whole if one.setpoints == widest.setpoints)]
         if at is not None:
             return min(found, key=lambda one: float(np.hypot(*(one.axis - at))))
@@ -256,7 +257,7 @@ class PlacementSearch:
         x0, y0, x1, y1 = group.places[side].bounds
         step, score = max(x1 - x0, y1 - y0) / 8, self._score(placement)
         turns = np.arange(8) * np.pi / 4
-        finest, worth = (COARSE, WORTH) if self._is_slow else (FINEST, 1e-9)
+        finest, worth = (MIN_PROBABILITY_STEP, MIN_PROBABILITY_GAIN) if self._is_slow else (MIN_STEP, 1e-9)
         while step > finest:
             for move in step * np.column_stack([np.cos(turns), np.sin(turns)]):
                 other = self.at(group, placement.axis + move, side)
@@ -280,12 +281,12 @@ class PlacementSearch:
         chain = self.parking_areas.deepest_chain(group.setpoints, axis, side, linked)
         return None if chain is None else self._along(group, chain, axis, side)
 
-    def standing(self, group: StopGroup, pose: Pose) -> BasePlacement | None:
+    def in_place(self, group: StopGroup, pose: Pose) -> BasePlacement | None:
         """Placement where the robot stands, of those of a stop's first set-points that its posture is led to.
 
         It need not be in an area, as those of arms whose posture no place gives are not all that there is.
         """
-        sides, wanted = self.parking_areas.standing.sides, self.scene.rules.stop_tolerance
+        sides, wanted = self.parking_areas.free_space.sides, self.scene.rules.stop_tolerance
         if self._gives_posture(group) or not stands_about(
             self.scene.ground, self.scene.robot, pose.base, wanted
         ):
@@ -293,10 +294,10 @@ class PlacementSearch:
         axis, yaw = axis_of(self.scene.robot, pose.base), float(pose.base[2])
         side = min(range(len(sides)), key=lambda s: away(yaw, sides[s].span))
         carrier = PostureCarrier(
-            self.scene.world, self.scene.guard, [self.scene.task[i] for i in group.setpoints]
+            self.scene.world, self.scene.collision, [self.scene.task[i] for i in group.setpoints]
         )
         chain = self.parking_areas.nearest_chain(group.setpoints, axis, side)
-        joints = carrier.led_from(pose)
+        joints = carrier.continued_from(pose)
         count = min(len(chain), len(joints))
         if count == 0:
             return None
@@ -331,12 +332,12 @@ class PlacementSearch:
 
     def _by_pivot(
         self, group: StopGroup, chain: tuple[int, ...], axis: Array, side: int, known: float | None
-    ) -> tuple[HeldPostures | None, float]:
+    ) -> tuple[FixedBasePostures | None, float]:
         """The heading that suits the pivot at most set-points, amid its turns or one known, and room [m]."""
         joint = self.scene.robot.chain.active_joints[pivot_index(self.scene.robot.chain)]
         middle = (joint.lower + joint.upper) / 2 if np.isfinite(joint.upper - joint.lower) else 0.0
         planes = self._planes(group, chain, axis)
-        span = self.parking_areas.standing.sides[side].span
+        span = self.parking_areas.free_space.sides[side].span
         for count in range(len(planes), 0, -1):
             some = planes[:count]
             yaw = into_span(float(some.max() + some.min()) / 2 - middle, span)
@@ -349,19 +350,19 @@ class PlacementSearch:
                 base = pose_of(self.scene.robot, axis, float(np.arctan2(np.sin(yaw), np.cos(yaw))))
                 near = np.tile(self.scene.robot.carry, (count, 1))
                 near[:, pivot_index(self.scene.robot.chain)] = pivot
-                return HeldPostures(base, tuple(range(count)), near, 0.0), max(rooms)
+                return FixedBasePostures(base, tuple(range(count)), near, 0.0), max(rooms)
         return None, 0.0
 
     def _by_carrying(
         self, group: StopGroup, chain: tuple[int, ...], axis: Array, side: int
-    ) -> HeldPostures | None:
+    ) -> FixedBasePostures | None:
         """The heading from which most set-points are done."""
-        span = self.parking_areas.standing.sides[side].span
+        span = self.parking_areas.free_space.sides[side].span
         solver = self.scene.once(_any_heading_solver, self.parking_areas.ladder.family[chain[0]])
         if self.scene.rules.heading == "fixed":
             solver = replace(solver, span=span)
         targets = [self.scene.task[i] for i in group.setpoints]
-        carrier = PostureCarrier(self.scene.world, self.scene.guard, targets)
+        carrier = PostureCarrier(self.scene.world, self.scene.collision, targets)
         return carrier.best(solver, axis, span)
 
     def _faced(self, group: StopGroup, axis: Array, side: int) -> tuple[tuple[int, ...], float] | None:
@@ -374,7 +375,7 @@ class PlacementSearch:
             [turns.room[:, 0], turns.room[:, 1], mixed]
         )  # of one facing where that is as wide
         facings = np.concatenate([np.zeros_like(best), np.ones_like(best), best])
-        fits = rooms >= self.scene.rules.stop_tolerance - ON_EDGE
+        fits = rooms >= self.scene.rules.stop_tolerance - EDGE_TOLERANCE
         count = np.argmin(np.column_stack([fits, np.zeros(len(fits), dtype=bool)]), axis=1)
         spare = np.array([row[: max(n, 1)].min() for row, n in zip(rooms, count.tolist(), strict=True)])
         both = np.arange(len(rooms)) >= 2 * len(best)
@@ -401,7 +402,7 @@ class PlacementSearch:
         """Offset of the base at which the pivot gets to a limit, for arms in one plane [m]."""
         joint = self.scene.robot.chain.active_joints[pivot_index(self.scene.robot.chain)]
         spots = np.array([self.scene.task[i].position[:2] for i in setpoints])
-        left = np.minimum(pivot - joint.lower, joint.upper - pivot) + HEADING
+        left = np.minimum(pivot - joint.lower, joint.upper - pivot) + HEADING_ROUNDING
         off = np.hypot(*(spots - axis).T) * np.sin(np.clip(left, -np.pi / 2, np.pi / 2))
         return float(np.where(left >= np.pi, np.inf, off).min())
 
@@ -414,7 +415,9 @@ class PlacementSearch:
         """Score of a placement by the criterion of the rules; higher is better."""
         criterion = self.scene.rules.stop_criterion
         if criterion == "clearance":
-            side = self.parking_areas.standing.sides[int(self.parking_areas.ladder.side[placement.chain[0]])]
+            side = self.parking_areas.free_space.sides[
+                int(self.parking_areas.ladder.side[placement.chain[0]])
+            ]
             return float(shapely.distance(shapely.boundary(side.free), Point(placement.axis)))
         if criterion == "probability":
             return likely_parking_probability(self.scene, placement.base, placement.setpoints)

@@ -17,7 +17,7 @@ from regionik.explain.failures import invalid_plan
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.reach.serial_criteria import demand_of
 from regionik.postures.arm import goal_between
-from regionik.postures.poses import Pose, Row, axis_of, columns, lift_offs, motion_stats
+from regionik.postures.poses import MotionState, Pose, axis_of, lift_offs, motion_stats, untimed_motion
 from regionik.postures.serial_solver import serial_solver
 from regionik.values import Configuration, Motion, Plan, Stop
 from regionik.verification.verifier import verify
@@ -27,9 +27,9 @@ from regionik.worlds.errors import Cause, Explanation, InputError, NoPlanFound
 from regionik.worlds.robot import with_joint_margin
 from regionik.worlds.scene import Start, Target, World
 
-STANDS = 1e-9  # by which states of a stop may be off its pose [m] or [rad]
-SHARE = 0.1  # of the tolerance to which arms are solved between set-points
-SHORTEST = 1e-12  # square of a segment's length, below which all of it is one point [m2]
+SAME_POSE = 1e-9  # by which states of a stop may be off its pose [m] or [rad]
+SOLVE_TOLERANCE_SHARE = 0.1  # of the tolerance to which arms are solved between set-points
+MIN_SQUARED_LENGTH = 1e-12  # square of a segment's length, below which all of it is one point [m2]
 
 
 def replan_stop(plan: Plan, stop: int, measured_pose: ArrayLike) -> Plan:
@@ -75,9 +75,9 @@ def replan_stop(plan: Plan, stop: int, measured_pose: ArrayLike) -> Plan:
         raise InputError(f"stop: expected one of the plan's stops, 0 to {len(plan.stops) - 1}, got {stop}")
     known = plan.stops[stop]
     first, last = _states(plan.motion, known)
-    rows = list(_solved(plan, known, base, range(first, last + 1)))
-    world = _alone(plan.world, known, rows[0].pose)
-    found = _assembled(world, plan.seed, rows, replace(known, base=base, tolerance=0.0, probability=None))
+    states = list(_solved(plan, known, base, range(first, last + 1)))
+    world = _alone(plan.world, known, states[0].pose)
+    found = _assembled(world, plan.seed, states, replace(known, base=base, tolerance=0.0, probability=None))
     report = verify(found)
     if not report.ok:
         raise NoPlanFound(invalid_plan(world, report.violations))
@@ -89,14 +89,14 @@ def _states(motion: Motion, stop: Stop) -> tuple[int, int]:
     done = np.flatnonzero(motion.kind == "setpoint")
     at = dict(zip(motion.setpoint[done].tolist(), done.tolist(), strict=True))
     first = at[stop.first]
-    while first > 0 and np.abs(motion.base[first - 1] - stop.base).max() <= STANDS:
+    while first > 0 and np.abs(motion.base[first - 1] - stop.base).max() <= SAME_POSE:
         if motion.kind[first - 1] != "transit":
             break
         first -= 1
     return first, at[stop.last]
 
 
-def _solved(plan: Plan, stop: Stop, base: Array, states: range) -> Iterator[Row]:
+def _solved(plan: Plan, stop: Stop, base: Array, states: range) -> Iterator[MotionState]:
     """Yield the states of a stop with the base elsewhere, set-points counted from the stop's first."""
     motion, world = plan.motion, plan.world
     for k in states:
@@ -107,7 +107,7 @@ def _solved(plan: Plan, stop: Stop, base: Array, states: range) -> Iterator[Row]
             if found is None:
                 raise NoPlanFound(_out_of_reach(world, i))
             joints = found
-        yield Row(Pose(base, joints), kind, max(i - stop.first, -1))
+        yield MotionState(Pose(base, joints), kind, max(i - stop.first, -1))
 
 
 def _target_between(plan: Plan, i: int, k: int) -> Target:
@@ -115,7 +115,7 @@ def _target_between(plan: Plan, i: int, k: int) -> Target:
     a, b = plan.world.task[i], plan.world.task[i + 1]
     tool = plan.world.robot.tool(plan.motion.base[k], plan.motion.joints[k])[:3, 3]
     way = b.position - a.position
-    share = float(np.clip((tool - a.position) @ way / max(float(way @ way), SHORTEST), 0.0, 1.0))
+    share = float(np.clip((tool - a.position) @ way / max(float(way @ way), MIN_SQUARED_LENGTH), 0.0, 1.0))
     return goal_between(a, b, share)
 
 
@@ -127,7 +127,7 @@ def _turned(world: World, stop: Stop, base: Array, joints: Array) -> Array:
 def _least_change(world: World, target: Target, base: Array, joints: Array, kind: str) -> Array | None:
     """Joints near to given ones that meet a target with the base held; None where there are none."""
     robot, rules = with_joint_margin(world.robot, world.rules.criteria), world.rules
-    tolerance = rules.tolerance * (1.0 if kind == "setpoint" else SHARE)
+    tolerance = rules.tolerance * (1.0 if kind == "setpoint" else SOLVE_TOLERANCE_SHARE)
     demand = demand_of(robot, rules.criteria) if kind == "setpoint" else None
     arm = serial_solver(robot.chain, float(robot.mount[2]), tolerance, turns=False, demand=demand)
     yaw = float(base[2] + robot.mount[3])
@@ -149,10 +149,10 @@ def _alone(world: World, stop: Stop, start: Pose) -> World:
     return replace(world, task=task, rules=rules, start=Start(start.base, start.joints))
 
 
-def _assembled(world: World, seed: int, rows: Sequence[Row], stop: Stop) -> Plan:
-    if rows[0].kind != "transit":
-        rows = [Row(rows[0].pose, "transit", -1), *rows]
-    motion = columns(rows)
+def _assembled(world: World, seed: int, states: Sequence[MotionState], stop: Stop) -> Plan:
+    if states[0].kind != "transit":
+        states = [MotionState(states[0].pose, "transit", -1), *states]
+    motion = untimed_motion(states)
     done = np.flatnonzero(motion.kind == "setpoint")
     tools = world.robot.tool(motion.base[done], motion.joints[done])[:, :3, 3]
     errors = np.linalg.norm(tools - [target.position for target in world.task], axis=1)

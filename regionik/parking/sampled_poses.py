@@ -16,29 +16,32 @@ from functools import cached_property
 import numpy as np
 import shapely
 
+from regionik.areas.free_space import into_spans, spread
 from regionik.areas.layers import Geometries
-from regionik.areas.standing import into_spans, spread
-from regionik.parking.held_postures import PostureCarrier
 from regionik.parking.parking_areas import ParkingAreas, StopPart, shrunk_by_circle
+from regionik.parking.posture_carrier import PostureCarrier
 from regionik.planners.coverage.set_cover import cover_prices, least_cover
-from regionik.postures.arm_roadmap import HeldPostures
+from regionik.postures.arm_roadmap import FixedBasePostures
 from regionik.postures.poses import Pose, pose_of
 from regionik.regions import round_outer_areas
 from regionik.scene import Scene
 from regionik.worlds.arrays import Array, Index, Mask
 
-DENSITY = 100  # poses drawn for a square metre from which some set-point may be reached
-FEWEST, MOST = 500, 6000  # of them
-ROUNDS, PATIENCE = 24, 5  # of poses drawn around favoured ones: at most, and such that improve nothing
-FAVOURED, AROUND = 150, 2  # poses that are favoured in a round, and poses drawn around each
-WIDE, NARROWER, TURN = 0.3, 0.8, 1.5  # deviation of these [m], by round, and of their headings [rad/m]
-LAST = 8  # round after which it is not made narrower
-UNSERVED, KNOWN = 40, 10  # poses drawn in a round for a set-point that none serves, and in each known area
-NODES = 200  # of branch and bound for a cover
-COVERS = 60  # that are taken
+POSES_PER_SQUARE_METRE = 100  # poses drawn for a square metre from which some set-point may be reached
+MIN_POSES, MAX_POSES = 500, 6000  # of them
+# of poses drawn around favoured ones: at most, and such that improve nothing
+MAX_ROUNDS, MAX_FUTILE_ROUNDS = 24, 5
+MAX_FAVOURED, POSES_AROUND = 150, 2  # poses that are favoured in a round, and poses drawn around each
+# deviation of these [m], by round, and of their headings [rad/m]
+FIRST_DEVIATION, DEVIATION_SHRINKAGE, HEADING_DEVIATION = 0.3, 0.8, 1.5
+LAST_NARROWING = 8  # round after which it is not made narrower
+# poses drawn in a round for a set-point that none serves, and in each known area
+POSES_FOR_UNSERVED, POSES_IN_KNOWN = 40, 10
+MAX_NODES = 200  # of branch and bound for a cover
+MAX_COVERS = 60  # that are taken
 ROUNDING = 1e-9  # of headings [rad]
 
-Prove = Callable[["_Drawn"], HeldPostures | None]
+Prove = Callable[["_Drawn"], FixedBasePostures | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +51,7 @@ class _Drawn:
     side: int
     row: Array  # (3,) of the arm axis [m], yaw [rad]
     base: Array
-    found: Index
+    served: Index
     joints: Array
     inside: Mask  # of all set-points, where one was found
 
@@ -70,24 +73,28 @@ class PoseCover:
         every = np.arange(len(self.scene.task))
         self._draw()
         found = _ProvenCover(self._drawn, every, self._joined).least()
-        found += _ProvenCover(self._drawn, _left(every, found), self._kept).least()
+        found += _ProvenCover(self._drawn, _left(every, found), self._clear_postures).least()
         left = _left(every, found)
-        return found + _ProvenCover(list(self._about(left.tolist())), left, self._kept).least()
+        return found + _ProvenCover(list(self._about(left.tolist())), left, self._clear_postures).least()
 
     def _draw(self) -> None:
         """Draw poses all over, then around those that prices favour while that makes a linear cover less."""
         rng, every = np.random.default_rng(0), np.arange(len(self.scene.task))
         self._drawn.extend(self._looked_at(self._all_over(rng)))
         best, since, k = np.inf, 0, 0
-        while since < PATIENCE and k < ROUNDS:
+        while since < MAX_FUTILE_ROUNDS and k < MAX_ROUNDS:
             inside = _served(self._drawn, every)
             prices, missed = cover_prices(inside), np.flatnonzero(~inside.any(axis=0)).tolist()
             need = float(prices.sum()) + len(missed)
             since = 0 if need < best - ROUNDING else since + 1
             best = min(best, need)
             rows = [self._near(i, k, rng) for i in missed]
-            top = np.argsort(-(inside @ prices), kind="stable")[:FAVOURED].tolist()
-            rows += [self._drawn[n].row + _shaken(rng, WIDE * NARROWER ** min(k, LAST)) for n in top]
+            top = np.argsort(-(inside @ prices), kind="stable")[:MAX_FAVOURED].tolist()
+            rows += [
+                self._drawn[n].row
+                + _shaken(rng, FIRST_DEVIATION * DEVIATION_SHRINKAGE ** min(k, LAST_NARROWING))
+                for n in top
+            ]
             if rows:
                 self._drawn.extend(self._looked_at(np.vstack(rows)))
             k += 1
@@ -97,28 +104,28 @@ class PoseCover:
         rows = _served(self._drawn, np.array(setpoints)).all(axis=1)
         return np.array([self._drawn[k].base for k in np.flatnonzero(rows)]).reshape(-1, 3)
 
-    def _joined(self, pose: _Drawn) -> HeldPostures | None:
-        return self._carrier.joined(pose.base, pose.found, pose.joints)
+    def _joined(self, pose: _Drawn) -> FixedBasePostures | None:
+        return self._carrier.joined(pose.base, pose.served, pose.joints)
 
-    def _kept(self, pose: _Drawn) -> HeldPostures | None:
-        return self._carrier.kept(pose.base, pose.found, pose.joints)
+    def _clear_postures(self, pose: _Drawn) -> FixedBasePostures | None:
+        return self._carrier.clear_postures(pose.base, pose.served, pose.joints)
 
     def _about(self, setpoints: Iterable[int]) -> Iterator[_Drawn]:
         """More poses for each of some set-points: those drawn have clear postures there that do not keep."""
         rng = np.random.default_rng(1)
-        rows = [self._near(i, ROUNDS + n, rng) for i in setpoints for n in range(PATIENCE)]
+        rows = [self._near(i, MAX_ROUNDS + n, rng) for i in setpoints for n in range(MAX_FUTILE_ROUNDS)]
         return self._looked_at(np.vstack(rows)) if rows else iter(())
 
     @cached_property
     def _carrier(self) -> PostureCarrier:
-        return PostureCarrier(self.scene.world, self.scene.guard, self.scene.task)
+        return PostureCarrier(self.scene.world, self.scene.collision, self.scene.task)
 
     def _all_over(self, rng: np.random.Generator) -> Array:
         """Poses (n, 3) spread over the floor from which some set-point may be reached."""
         area = shapely.union_all(self._outer) & shapely.union_all(self._floors)
         if area.area == 0.0:
             return np.empty((0, 3))
-        count = int(np.clip(DENSITY * area.area, FEWEST, MOST))
+        count = int(np.clip(POSES_PER_SQUARE_METRE * area.area, MIN_POSES, MAX_POSES))
         return self._headed(spread(area, count, 0), rng, self.scene.free_floor.headings)
 
     def _near(self, i: int, seed: int, rng: np.random.Generator) -> Array:
@@ -126,10 +133,16 @@ class PoseCover:
 
         A known area is often so small a part that none would be drawn there.
         """
-        sides = self.parking_areas.standing.sides
-        parts = [(self._outer[i] & shapely.union_all(self._floors), self.scene.free_floor.headings, UNSERVED)]
+        sides = self.parking_areas.free_space.sides
+        parts = [
+            (
+                self._outer[i] & shapely.union_all(self._floors),
+                self.scene.free_floor.headings,
+                POSES_FOR_UNSERVED,
+            )
+        ]
         for s in self.parking_areas.sides:
-            parts.append((self.parking_areas.areas_at(s)[i], sides[s].span, KNOWN))
+            parts.append((self.parking_areas.areas_at(s)[i], sides[s].span, POSES_IN_KNOWN))
         rows = [
             self._headed(spread(area, count, seed + 1), rng, span)
             for area, span, count in parts
@@ -151,16 +164,18 @@ class PoseCover:
         root = self._carrier.root
         for k in np.flatnonzero((sides >= 0) & near.any(axis=1)).tolist():
             base = pose_of(self.scene.robot, rows[k, :2], float(rows[k, 2]))
-            if self._carrier.guard.proves(Pose(base, root)):
+            if self._carrier.collision.proves(Pose(base, root)):
                 found, joints = self._carrier.neighboring(base, np.flatnonzero(near[k]))
                 if len(found):
                     inside = np.isin(np.arange(len(self.scene.task)), found)
                     yield _Drawn(int(sides[k]), rows[k], base, found, joints, inside)
 
     def _sides(self, rows: Array) -> Index:
-        """Side of the standing at each of some poses (n, 3) with room for the circle to park in, or -1."""
+        """Side of the free space at each of some poses (n, 3) with room for the circle to park in, or -1."""
         found = np.full(len(rows), -1, dtype=np.intp)
-        for s, (side, floor) in enumerate(zip(self.parking_areas.standing.sides, self._floors, strict=True)):
+        for s, (side, floor) in enumerate(
+            zip(self.parking_areas.free_space.sides, self._floors, strict=True)
+        ):
             here = np.abs(into_spans(rows[:, 2], *side.span) - rows[:, 2]) <= ROUNDING
             found[(found < 0) & here & shapely.contains_xy(floor, *rows.T[:2])] = s
         return found
@@ -168,11 +183,11 @@ class PoseCover:
     @cached_property
     def _floors(self) -> Geometries:
         """The floor that the base gets to by side, shrunk by the circle to park in."""
-        polygon, side, label = self.parking_areas.standing.pieces
+        polygon, side, label = self.parking_areas.free_space.pieces
         own = label == self.parking_areas.piece
         parts = [
             shapely.union_all(polygon[own & (side == s)])
-            for s in range(len(self.parking_areas.standing.sides))
+            for s in range(len(self.parking_areas.free_space.sides))
         ]
         floors = shrunk_by_circle(np.array(parts, dtype=object), self.scene, outside=False)
         shapely.prepare(floors)
@@ -194,7 +209,7 @@ class _ProvenCover:
     setpoints: Index  # (n,)
     prove: Prove
     inside: Mask = field(init=False)  # (p, n) True where a pose may serve one of the set-points
-    proven: dict[int, HeldPostures | None] = field(default_factory=dict)
+    proven: dict[int, FixedBasePostures | None] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.inside = _served(self.poses, self.setpoints)
@@ -206,11 +221,11 @@ class _ProvenCover:
 
     def _chosen(self) -> tuple[int, ...]:
         chosen: tuple[int, ...] = ()
-        for _ in range(COVERS):
+        for _ in range(MAX_COVERS):
             left = self.inside.any(axis=0)
             if not left.any():
                 return chosen
-            cover = least_cover(self.inside[:, left], NODES)
+            cover = least_cover(self.inside[:, left], MAX_NODES)
             chosen, known = cover.chosen, self._of_known()
             if known is not None and len(known) <= cover.lower:
                 return known
@@ -227,7 +242,7 @@ class _ProvenCover:
         left = self.inside.any(axis=0)
         if not known or not self.inside[known][:, left].any(axis=0).all():
             return None
-        return tuple(known[n] for n in least_cover(self.inside[known][:, left], NODES).chosen)
+        return tuple(known[n] for n in least_cover(self.inside[known][:, left], MAX_NODES).chosen)
 
     def _ask(self, k: int) -> None:
         held = self.prove(self.poses[k])
@@ -250,4 +265,4 @@ def _served(poses: Sequence[_Drawn], setpoints: Index) -> Mask:
 
 def _shaken(rng: np.random.Generator, by: float) -> Array:
     """Offsets (n, 3) of poses around one, by a deviation [m]."""
-    return rng.normal(size=(AROUND, 3)) * (by, by, TURN * by)
+    return rng.normal(size=(POSES_AROUND, 3)) * (by, by, HEADING_DEVIATION * by)

@@ -19,27 +19,34 @@ from regionik.explain.changes import one_lift_off
 from regionik.explain.constraints import setpoint
 from regionik.mfabrik import Solver
 from regionik.moving.base_motion import Candidate
-from regionik.moving.configuration_sampling import PITCHES
-from regionik.moving.path_search import HARD_TRIES, PATIENCE, JoinedMotion, PathSearch, search_from_places
-from regionik.parking.held_postures import PostureCarrier
+from regionik.moving.configuration_sampling import MAX_PITCHES
+from regionik.moving.path_search import (
+    MAX_STALLED_CANDIDATES,
+    MAX_WHOLE_BODY_TRIES,
+    JoinedMotion,
+    PathSearch,
+    search_from_places,
+)
 from regionik.parking.parking_areas import StopGroup
 from regionik.parking.placements import BasePlacement, PlacementSearch
+from regionik.parking.posture_carrier import PostureCarrier
 from regionik.parking.stop_sequence import StopSequence
 from regionik.planners.geometry.offsets import radius_that_holds
 from regionik.planners.progress import tell
 from regionik.postures.arm_roadmap import ArmRoadmap
-from regionik.postures.poses import Pose, Row, distinct
+from regionik.postures.poses import MotionState, Pose, distinct
 from regionik.scene import Scene
 from regionik.values import Configuration, Stop
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 from regionik.worlds.scene import Target
 
-PLACES = 8  # of a stop that are tried
-HARD_PLACES = 2  # of these, how many of a stop with more set-points are worth a search for the way there
-POSTURES = 8  # at one set-point that are tried from the one before
-ARRIVALS = 3  # of them that are worth a drive, in any order
-FEW = 4  # motions to the next set-point that are tried where the tool may as well be lifted
+MAX_PLACES = 8  # of a stop that are tried
+# of these, how many of a stop with more set-points are worth a search for the way there
+MAX_WHOLE_BODY_PLACES = 2
+MAX_POSTURES = 8  # at one set-point that are tried from the one before
+MAX_ARRIVALS = 3  # of them that are worth a drive, in any order
+MAX_LINKED_MOTIONS = 4  # motions to the next set-point that are tried where the tool may as well be lifted
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +95,7 @@ def connect_stops(sequence: StopSequence, seed: int) -> StopMotion:
 
 def _connection(sequence: StopSequence, seed: int, *, leaves: bool = False) -> _StopConnection:
     areas = sequence.parking_areas
-    search = search_from_places(sequence.scene, areas.ladder, areas.standing, seed)
+    search = search_from_places(sequence.scene, areas.ladder, areas.free_space, seed)
     return _StopConnection(sequence, search, leaves=leaves)
 
 
@@ -97,7 +104,7 @@ class _Attempt:
     """Work done from one place: states, and a candidate for each set-point done."""
 
     placement: BasePlacement
-    rows: list[Row]
+    states: list[MotionState]
     candidates: list[Candidate]
 
 
@@ -122,16 +129,16 @@ class _StopConnection:
 
     def from_start(self) -> _Attempt | None:
         """What is done from the place where the robot starts; None where that is nothing."""
-        rows = self.search.start()
-        if not rows or self.scene.rules.order != "given":
+        states = self.search.start()
+        if not states or self.scene.rules.order != "given":
             return None
-        placement = self._placements.standing(self.sequence.groups[0], rows[-1].pose)
-        found = None if placement is None else self._attempt(placement, rows[-1].pose, HARD_TRIES)
+        placement = self._placements.in_place(self.sequence.groups[0], states[-1].pose)
+        found = None if placement is None else self._attempt(placement, states[-1].pose, MAX_WHOLE_BODY_TRIES)
         return found if found is not None and found.candidates else None
 
     def made(self, first: _Attempt | None = None) -> StopMotion:
         """Stop after stop until all set-points are done."""
-        rows, found = self.search.start(), list[Candidate]()
+        states, found = self.search.start(), list[Candidate]()
         sequence, k = self.sequence, 0
         stops, split, places = list[Stop](), list[int](), list[BaseGeometry]()
         while k < len(sequence.groups):
@@ -140,7 +147,7 @@ class _StopConnection:
             if most is not None and len(stops) > most:
                 raise NoPlanFound(self._one_lift_too_many(group))
             best = first if first is not None and not stops else None
-            here = rows[-1].pose if rows else None
+            here = states[-1].pose if states else None
             if best is None:
                 try:
                     best = self._best(group, sequence.spots[k], here)
@@ -150,7 +157,7 @@ class _StopConnection:
                     return _connection(self.sequence, self.search.sampler.seed, leaves=True).made()
             if k + 1 < len(sequence.groups):
                 best = self._farther(best, [*group.setpoints, *sequence.groups[k + 1].setpoints], here)
-            rows += best.rows
+            states += best.states
             found += best.candidates
             done = best.placement.setpoints[: len(best.candidates)]
             stops.append(best.placement.stop(self.scene, done))
@@ -164,7 +171,7 @@ class _StopConnection:
             if len(done) != len(group.setpoints):
                 split += [len(found)] if len(done) < len(group.setpoints) else []
                 sequence, k = sequence.after(k - 1, len(found)), 0
-        return StopMotion(self.search.joined(rows, found), tuple(stops), tuple(split), tuple(places))
+        return StopMotion(self.search.joined(states, found), tuple(stops), tuple(split), tuple(places))
 
     def _known(self, places: BaseGeometry, i: int) -> BaseGeometry:
         """Places of a stop that areas of a set-point know; those of the set-point where they know none."""
@@ -180,10 +187,10 @@ class _StopConnection:
         if self.scene.rules.order != "given":
             return done
         group = StopGroup(tuple(setpoints), {})
-        placement = self._placements.standing(group, done.candidates[0].pose)
+        placement = self._placements.in_place(group, done.candidates[0].pose)
         if placement is None or len(placement.setpoints) <= len(done.candidates):
             return done
-        tried = self._attempt(placement, here, HARD_TRIES)
+        tried = self._attempt(placement, here, MAX_WHOLE_BODY_TRIES)
         return tried if len(tried.candidates) > len(done.candidates) else done
 
     def _best(self, group: StopGroup, spot: Array | None, here: Pose | None) -> _Attempt:
@@ -198,9 +205,9 @@ class _StopConnection:
                 areas, order = self.sequence.parking_areas, self.scene.rules.order
                 part = areas.group(some, order) if group.poses is None else group.of(some)
             first = (one for one in [placements.best(part, spot)] if one is not None)
-            hard = HARD_TRIES if count == 1 or self.scene.rules.order == "given" else 1
-            for n, placement in enumerate(islice(chain(first, placements.others(part)), PLACES)):
-                tried = self._attempt(placement, here, hard if n < HARD_PLACES or count == 1 else 0)
+            hard = MAX_WHOLE_BODY_TRIES if count == 1 or self.scene.rules.order == "given" else 1
+            for n, placement in enumerate(islice(chain(first, placements.others(part)), MAX_PLACES)):
+                tried = self._attempt(placement, here, hard if n < MAX_WHOLE_BODY_PLACES or count == 1 else 0)
                 if best is None or len(tried.candidates) > len(best.candidates):
                     best = tried
                 if len(best.candidates) == count:
@@ -218,9 +225,9 @@ class _StopConnection:
 
         So many postures are worth a search in the space of the whole robot.
         """
-        rows, done = list[Row](), list[Candidate]()
+        states, done = list[MotionState](), list[Candidate]()
         given = self.scene.rules.order == "given"
-        patience = PATIENCE if given else FEW
+        patience = MAX_STALLED_CANDIDATES if given else MAX_LINKED_MOTIONS
         while len(done) < len(placement.setpoints):
             i = placement.setpoints[len(done)]
             came = self._arrive(placement, i, here, hard)
@@ -231,22 +238,25 @@ class _StopConnection:
                 left = 1  # its postures are those of a tour of straight motions, which take less time
             run = self.search.run(i, left, came[1], partial(self._ahead, placement))
             for step in run.longest(patience):
-                joints = step.candidate.found.joints
-                if not self._keeps(placement, placement.setpoints[len(done)], joints):
+                joints = step.candidate.configuration.joints
+                if not self._admits(placement, placement.setpoints[len(done)], joints):
                     break
-                rows += came[0] if len(done) == before else []
-                rows += [*step.rows, Row(step.candidate.pose, "setpoint", placement.setpoints[len(done)])]
+                states += came[0] if len(done) == before else []
+                states += [
+                    *step.states,
+                    MotionState(step.candidate.pose, "setpoint", placement.setpoints[len(done)]),
+                ]
                 done.append(step.candidate)
             if given or len(done) == before:
                 break
-            here = rows[-1].pose
-        return _Attempt(replace(placement, tolerance=self._parking_radius(placement, done)), rows, done)
+            here = states[-1].pose
+        return _Attempt(replace(placement, tolerance=self._parking_radius(placement, done)), states, done)
 
     def _gets_out(self, here: Pose) -> bool:
         """True if a way of the arm from a pose to the posture in which it is carried is found."""
         return self.search.transits.arm_way(here, self.scene.robot.carry) is not None
 
-    def _keeps(self, placement: BasePlacement, i: int, joints: Array) -> bool:
+    def _admits(self, placement: BasePlacement, i: int, joints: Array) -> bool:
         """True if a posture serves a set-point, and the arm can be brought out of it where it has to be."""
         if not self._serves(placement, i, joints):
             return False
@@ -261,17 +271,17 @@ class _StopConnection:
         """
         base = placement.base
         if self.scene.model(self.scene.task[i]).exact:
-            return self.search.guard.proves(Pose(base, joints))
+            return self.search.collision.proves(Pose(base, joints))
         roadmap = placement.roadmap
         if roadmap is not None and (joints == placement.near[placement.setpoints.index(i)]).all():
             return True
-        if not self._carrier(i).keeps(0, base, joints):
+        if not self._carrier(i).serves(0, base, joints):
             return False
-        return roadmap is None or roadmap.joins(self.search.guard, joints)
+        return roadmap is None or roadmap.joins(self.search.collision, joints)
 
     def _carrier(self, i: int) -> PostureCarrier:
         if i not in self._carriers:
-            self._carriers[i] = PostureCarrier(self.scene.world, self.search.guard, [self.scene.task[i]])
+            self._carriers[i] = PostureCarrier(self.scene.world, self.search.collision, [self.scene.task[i]])
         return self._carriers[i]
 
     def _parking_radius(self, placement: BasePlacement, done: list[Candidate]) -> float:
@@ -280,24 +290,26 @@ class _StopConnection:
         for i, candidate in zip(placement.setpoints, done, strict=False):
             if self.scene.model(self.scene.task[i]).exact:
                 continue
-            carrier, joints = self._carrier(i), candidate.found.joints
+            carrier, joints = self._carrier(i), candidate.configuration.joints
             reached = partial(carrier.reaches_rim, 0, placement.base, joints)
             radius = radius_that_holds(radius, wanted, reached)
         return radius
 
     def _arrive(
         self, placement: BasePlacement, i: int, here: Pose | None, hard: int
-    ) -> tuple[list[Row], Candidate] | None:
+    ) -> tuple[list[MotionState], Candidate] | None:
         """Get to a set-point of a stop with the tool lifted; the base stays but on the way to the first."""
         first, near = i == placement.setpoints[0], placement.near[placement.setpoints.index(i)].copy()
         components = self._components(placement, i)
         found, roadmap = self._postures(placement, i, components, near), placement.roadmap
         if roadmap is not None:
-            own = [self._held(placement, i)]
+            own = [self._own_posture(placement, i)]
             self._looked_at.setdefault(i, []).extend(own)
             way = partial(self._driven if first else self._swung, roadmap)
             return self.search.arrive(i, here, own, way, hard if first else 1)
-        postures = list(islice(found, ARRIVALS if first and self.scene.rules.order == "any" else POSTURES))
+        postures = list(
+            islice(found, MAX_ARRIVALS if first and self.scene.rules.order == "any" else MAX_POSTURES)
+        )
         if not postures and len(placement.setpoints) == 1:
             postures = list(self._round(i, components, placement.base, near))
         if first:
@@ -305,7 +317,7 @@ class _StopConnection:
         came = self.search.arrive(i, here, postures, self.search.transits.swung, 0)
         return came or self.search.arrive(i, here, postures[:1], self.search.transits.round_about, 0)
 
-    def _held(self, placement: BasePlacement, i: int) -> Candidate:
+    def _own_posture(self, placement: BasePlacement, i: int) -> Candidate:
         """The placement's own posture at a set-point."""
         at, target = placement.setpoints.index(i), self.scene.task[i]
         joints, robot = placement.near[at], self.scene.robot
@@ -314,17 +326,17 @@ class _StopConnection:
 
     def _swung(self, roadmap: ArmRoadmap, here: Pose, there: Pose, _: int) -> list[Pose] | None:
         """States strictly between two postures of a stop, by its roadmap."""
-        return roadmap.way(self.search.guard, here.joints, there.joints)
+        return roadmap.way(self.search.collision, here.joints, there.joints)
 
     def _driven(self, roadmap: ArmRoadmap, here: Pose, there: Pose, piece: int) -> list[Pose] | None:
         """States strictly between postures of two stops, driven in the posture that their roadmaps share."""
         root, left = roadmap.joints[0], self._left[-1] if self._left else None
-        guard, transits = self.search.guard, self.search.transits
+        collision, transits = self.search.collision, self.search.transits
         folded, ready = Pose(here.base, root), Pose(there.base, root)
         away: list[Pose] | None = []
         if (here.joints != root).any():
-            away = None if left is None else left.way(guard, here.joints, root)
-        out = roadmap.way(guard, root, there.joints)
+            away = None if left is None else left.way(collision, here.joints, root)
+        out = roadmap.way(collision, root, there.joints)
         if away is not None and out is not None:
             drive = transits.carried(folded, ready, piece)
             if drive is not None:
@@ -344,13 +356,13 @@ class _StopConnection:
         if i >= placement.setpoints[-1]:
             return iter(())
         if placement.roadmap is not None:
-            return iter([self._held(placement, i + 1)])
+            return iter([self._own_posture(placement, i + 1)])
         linked = [
             k
             for k in self._components(placement, i + 1)
             if here.component in self.sequence.parking_areas.back[k]
         ]
-        return islice(self._postures(placement, i + 1, linked, here.found.joints), POSTURES)
+        return islice(self._postures(placement, i + 1, linked, here.configuration.joints), MAX_POSTURES)
 
     def _postures(
         self, placement: BasePlacement, i: int, components: list[int], near: Array
@@ -362,14 +374,14 @@ class _StopConnection:
             for found in _on_target(solver, target, base, near):
                 candidate = Candidate(replace(found, base=base), k)
                 self._looked_at.setdefault(i, []).append(candidate)
-                if self._keeps(placement, i, candidate.found.joints):
+                if self._admits(placement, i, candidate.configuration.joints):
                     yield candidate
 
     def _round(self, i: int, components: list[int], base: Array, near: Array) -> Iterator[Candidate]:
         """A posture on a set-point led round what it touches, where all others touch something."""
         solver = self.search.sampler.solver(components[0], float(base[2]))
         found = solver.hold(self.scene.task[i], base, near)
-        if self.search.guard.on and found.converged:
+        if self.search.collision.enabled and found.converged:
             yield from self.search.sampler.around(i, Candidate(replace(found, base=base), components[0]))
 
     def _one_lift_too_many(self, group: StopGroup) -> Explanation:
@@ -388,4 +400,4 @@ def _on_target(solver: Solver, target: Target, base: Array, near: Array) -> Iter
     for found in (solver.hold(target, base, near), solver.least_change(target, base, near)):
         if found is not None and found.converged:
             yield found
-    yield from solver.self_motion(target, base, near, PITCHES)
+    yield from solver.self_motion(target, base, near, MAX_PITCHES)

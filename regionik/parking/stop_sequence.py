@@ -38,7 +38,7 @@ class StopSequence:
             groups = tuple(self.parking_areas.groups(done))
             return replace(self, groups=groups, spots=(None,) * len(groups))
         left = tuple(i for i in self.groups[k].setpoints if i >= done)
-        rest = replace(self.groups[k].of(left), held=None)
+        rest = replace(self.groups[k].of(left), postures=None)
         groups = (rest, *self.groups[k + 1 :])
         return replace(self, groups=groups, spots=(None, *self.spots[k + 1 :]))
 
@@ -58,7 +58,7 @@ class StopSequence:
                 if group.poses is not None and set(some) < set(group.setpoints):
                     known[some] = group.of(some)
         groups = tuple(known.get(some) or areas.group(some, order) for some in setpoints)
-        return replace(self, groups=groups, spots=_wanted(self.scene, groups))
+        return replace(self, groups=groups, spots=_preferred_axes(self.scene, groups))
 
 
 def stop_sequence(scene: Scene, parking_areas: ParkingAreas, groups: tuple[StopGroup, ...]) -> StopSequence:
@@ -73,10 +73,10 @@ def stop_sequence(scene: Scene, parking_areas: ParkingAreas, groups: tuple[StopG
         groups = tuple(replace(one, setpoints=span) for span, one in zip(spans, groups, strict=True))
         scene = scene.changed(task=tuple(scene.task[i] for i in order))
         parking_areas = reordered(scene, parking_areas, order)
-    return StopSequence(scene, order, parking_areas, groups, _wanted(scene, groups), tours)
+    return StopSequence(scene, order, parking_areas, groups, _preferred_axes(scene, groups), tours)
 
 
-def _wanted(scene: Scene, groups: Sequence[StopGroup]) -> tuple[Array | None, ...]:
+def _preferred_axes(scene: Scene, groups: Sequence[StopGroup]) -> tuple[Array | None, ...]:
     """Position of the arm axis at each stop that the criterion wants, where it says so of all at once."""
     if scene.rules.stop_criterion != "distance":
         return (None,) * len(groups)

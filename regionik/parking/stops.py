@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from regionik.areas.standing import spread
+from regionik.areas.free_space import spread
 from regionik.explain.arm_failures import no_posture
 from regionik.explain.several import failures_of, naming_all, naming_as_given, together
 from regionik.explain.skipping import as_given, leaving_out, naming_each
@@ -19,15 +19,15 @@ from regionik.parking.placements import BasePlacement, PlacementSearch
 from regionik.parking.sampled_poses import PoseCover
 from regionik.parking.stop_sequence import StopSequence, stop_sequence
 from regionik.planners.coverage.set_cover import least_cover, undominated
-from regionik.postures.arm_roadmap import HeldPostures
-from regionik.reachability.reach import reached
+from regionik.postures.arm_roadmap import FixedBasePostures
+from regionik.reachability.reach import answers_for
 from regionik.reachability.unreached import unreached
 from regionik.scene import Scene, scene_of
 from regionik.values import Skipped, Stop
 from regionik.worlds.errors import Cause, Explanation, InputError, NoPlanFound
 from regionik.worlds.scene import World
 
-PLACES = 1500  # all over the areas of a side that are looked at where a pivot splits stops
+MAX_PLACES = 1500  # all over the areas of a side that are looked at where a pivot splits stops
 
 
 def stops(world: World) -> tuple[Stop, ...]:
@@ -78,18 +78,18 @@ def find_served(scene: Scene) -> tuple[tuple[Stop, ...], Parking, tuple[Skipped,
             every = naming_each(scene, no.explanation, park)
             raise NoPlanFound(naming_all(every, len(scene.task))) from None
         return _confirmed(scene, found), parking, ()
-    (found, parking), skipped = leaving_out(scene, _find_reached, lambda _, quick: quick)
+    (found, parking), skipped = leaving_out(scene, _find_reachable, lambda _, quick: quick)
     kept = as_given(len(scene.task), skipped)
     return tuple(_renumbered(stop, kept) for stop in found), parking, skipped
 
 
-def _renumbered(stop: Stop, kept: Sequence[int]) -> Stop:
+def _renumbered(stop: Stop, remaining: Sequence[int]) -> Stop:
     """The stop with the numbers as given of its set-points."""
-    setpoints, doubts = (tuple(kept[i] for i in some) for some in (stop.setpoints, stop.unconfirmed))
+    setpoints, doubts = (tuple(remaining[i] for i in some) for some in (stop.setpoints, stop.unconfirmed))
     return replace(stop, setpoints=setpoints, unconfirmed=doubts)
 
 
-def _find_reached(scene: Scene) -> tuple[tuple[Stop, ...], Parking]:
+def _find_reachable(scene: Scene) -> tuple[tuple[Stop, ...], Parking]:
     """Return `find` with its doubts; raise NoPlanFound for set-points that have no clear posture at all."""
     found, parking = find(scene)
     told = _confirmed(scene, found)
@@ -100,13 +100,13 @@ def _find_reached(scene: Scene) -> tuple[tuple[Stop, ...], Parking]:
     return told, parking
 
 
-def _confirmed(scene: Scene, found: Iterable[Stop]) -> tuple[Stop, ...]:
+def _confirmed(scene: Scene, stops: Iterable[Stop]) -> tuple[Stop, ...]:
     """Stops that tell at which of their set-points no clear posture is known."""
-    return tuple(replace(stop, unconfirmed=_unconfirmed(scene, stop)) for stop in found)
+    return tuple(replace(stop, unconfirmed=_unconfirmed(scene, stop)) for stop in stops)
 
 
 def _unconfirmed(scene: Scene, stop: Stop) -> tuple[int, ...]:
-    answer = reached(scene, [scene.task[i] for i in stop.setpoints], tuple(stop.base.tolist()))
+    answer = answers_for(scene, [scene.task[i] for i in stop.setpoints], tuple(stop.base.tolist()))
     return tuple(i for i, found in zip(stop.setpoints, answer.reachable.tolist(), strict=True) if not found)
 
 
@@ -175,7 +175,7 @@ def _by_one_heading(scene: Scene, parking: Parking) -> tuple[StopGroup, ...]:
 def _from_places(placements: PlacementSearch, parking: Parking) -> Iterator[StopPart]:
     """What headings serve from the places of faces, and from places all over the areas."""
     for side, spots in parking.spots.items():
-        some = spread(shapely.union_all(parking.parking_areas.areas_at(side)), PLACES, 0)
+        some = spread(shapely.union_all(parking.parking_areas.areas_at(side)), MAX_PLACES, 0)
         for spot in np.concatenate([spots, some]):
             yield from (StopPart(side, spot, found) for found in placements.served(spot, side))
 
@@ -196,8 +196,8 @@ def _by_poses(placements: PlacementSearch) -> Iterator[StopGroup]:
         raise NoPlanFound(together(refused))
     for group in _covering(areas, parts, scene.rules.stop_tolerance):
         poses = cover.serving(group.setpoints)
-        if not len(poses) and group.held is not None:  # of what only a pose of its own serves
-            poses = group.held.base[None]
+        if not len(poses) and group.postures is not None:  # of what only a pose of its own serves
+            poses = group.postures.base[None]
         yield placements.roomiest(replace(group, poses=poses))
 
 
@@ -214,7 +214,7 @@ def _covering(areas: ParkingAreas, parts: Sequence[StopPart], tolerance: float) 
         part, own = parts[k], tuple(np.flatnonzero(owner == n).tolist())
         if own:
             places = {part.side: areas.about(own, part.side, part.axis, tolerance)}
-            yield StopGroup(part.setpoints, places, part.axis, part.held).of(own)
+            yield StopGroup(part.setpoints, places, part.axis, part.postures).of(own)
 
 
 def _parts(placements: PlacementSearch, group: StopGroup) -> Iterator[StopPart]:
@@ -230,7 +230,7 @@ def _parts(placements: PlacementSearch, group: StopGroup) -> Iterator[StopPart]:
             refused.append(no_posture(placements.scene, first[0]))
         else:
             side = int(placements.parking_areas.ladder.side[widest.chain[0]])
-            held = HeldPostures(widest.base, widest.setpoints, widest.near, 0.0, widest.roadmap)
+            held = FixedBasePostures(widest.base, widest.setpoints, widest.near, 0.0, widest.roadmap)
             yield StopPart(side, widest.axis, widest.setpoints, None if placements.exact else held)
         done = first if widest is None else widest.setpoints
         group = StopGroup(tuple(i for i in group.setpoints if i not in done), group.places)

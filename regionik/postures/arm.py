@@ -26,13 +26,13 @@ from regionik.worlds.scene import Target
 Goal = Literal["point", "direction", "orientation"]
 
 CONE_SHARE = 0.5  # of a cone that arms are solved to; the rest is left for the way between two states
-MOST_PASSES = 100  # of a solver, from each start
+MAX_PASSES = 100  # of a solver, from each start
 ANGLE_SLACK = 1e-9  # rounding allowed at the edge of a cone [rad]
 _ANY_TURN = np.zeros((3, 3))  # for kernels that do not read it
 
 
 @dataclass(frozen=True, eq=False)
-class Reached:
+class ArmSolution:
     """Place of the arm axis and posture of the arm, the pivot counted from a given heading."""
 
     axis: Array  # (2,) [m]
@@ -48,15 +48,15 @@ class Arm(Protocol):
 
     def reach(
         self, target: Target, axis: Array, yaw: float, joints: Array, area: FlatPolygon, mobile: bool
-    ) -> Reached:
+    ) -> ArmSolution:
         """Bring the tool to a target; a mobile base follows inside the area, any other stays."""
 
-    def least_change(self, target: Target, axis: Array, yaw: float, joints: Array) -> Reached | None:
+    def least_change(self, target: Target, axis: Array, yaw: float, joints: Array) -> ArmSolution | None:
         """Return the posture on target that changes least, the base held."""
 
     def self_motion(
         self, target: Target, axis: Array, yaw: float, joints: Array, tries: int
-    ) -> list[Reached]:
+    ) -> list[ArmSolution]:
         """Return postures on target of many kinds, the base held."""
 
 

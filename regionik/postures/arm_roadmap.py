@@ -14,14 +14,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from regionik.postures.arm_guard import Guard, bodies_in, guard_from
+from regionik.postures.collision_checker import CollisionChecker, bodies_in, checker_from
 from regionik.postures.poses import Pose, arm_states, distinct
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.robot import Robot, with_joint_margin
 from regionik.worlds.scene import Floor, Rules, Start, World
 
-DRAWN = 300  # postures at random
-TRIES = 4  # motions to a posture that are looked at
+DRAWN_POSTURES = 300  # postures at random
+MAX_TRIES_PER_POSTURE = 4  # motions to a posture that are looked at
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,24 +33,26 @@ class ArmRoadmap:
     # (n,) posture that each is joined to by a straight motion that is proven clear; -1 for the root
     parent: Index
 
-    def way(self, guard: Guard, here: Array, there: Array) -> list[Pose] | None:
+    def way(self, collision: CollisionChecker, here: Array, there: Array) -> list[Pose] | None:
         """States strictly between two postures: straight, else along the tree, cut short where that is clear.
 
         None where an end is no posture of the tree, nor a straight motion from the nearest.
         """
         corners = [Pose(self.base, joints) for joints in (here, there)]
-        if not goes(guard, self.base, here, there):
+        if not goes(collision, self.base, here, there):
             between = (Pose(self.base, self.joints[k]) for k in self._between(here, there))
             corners = distinct([corners[0], *between, corners[1]])
-            if not all(goes(guard, self.base, a.joints, b.joints) for a, b in (corners[:2], corners[-2:])):
+            if not all(
+                goes(collision, self.base, a.joints, b.joints) for a, b in (corners[:2], corners[-2:])
+            ):
                 return None
-            corners = list(self._shortened(guard, corners))
+            corners = list(self._shortened(collision, corners))
         rows = [row for a, b in pairwise(corners) for row in [*arm_states(a, b), b]]
         return rows[:-1]
 
-    def joins(self, guard: Guard, joints: Array) -> bool:
+    def joins(self, collision: CollisionChecker, joints: Array) -> bool:
         """True if a straight motion from the nearest posture of the tree to another is clear."""
-        return goes(guard, self.base, self.joints[self._nearest(joints)], joints)
+        return goes(collision, self.base, self.joints[self._nearest(joints)], joints)
 
     def up_from(self, some: Index) -> Index:
         """Return some postures and all on their ways to the root, each after the one that it is joined to."""
@@ -71,20 +73,20 @@ class ArmRoadmap:
             yield k
             k = int(self.parent[k])
 
-    def _shortened(self, guard: Guard, corners: list[Pose]) -> Iterator[Pose]:
+    def _shortened(self, collision: CollisionChecker, corners: list[Pose]) -> Iterator[Pose]:
         """Corners of a way without those that a straight motion leaves out, tried by halves."""
         k = 0
         yield corners[0]
         while k < len(corners) - 1:
             m = len(corners) - 1
-            while m > k + 1 and not goes(guard, self.base, corners[k].joints, corners[m].joints):
+            while m > k + 1 and not goes(collision, self.base, corners[k].joints, corners[m].joints):
                 m = (k + 1 + m) // 2
             k = m
             yield corners[k]
 
 
 @dataclass(frozen=True, eq=False)
-class HeldPostures:
+class FixedBasePostures:
     """Postures at set-points in a row from one pose of the base."""
 
     base: Array  # (3,)
@@ -95,7 +97,7 @@ class HeldPostures:
     # Of ways from one posture to another and to the carry posture, where those are known
     roadmap: ArmRoadmap | None = None
 
-    def of(self, some: Sequence[int]) -> HeldPostures:
+    def of(self, some: Sequence[int]) -> FixedBasePostures:
         """Return what is held at some of the postures, in the order given."""
         return replace(self, served=tuple(range(len(some))), joints=self.joints[list(some)])
 
@@ -113,18 +115,18 @@ def travel_roadmap(world: World) -> ArmRoadmap:
 def _roadmap_alone(robot: Robot, floor: Floor, rules: Rules, start: Start | None) -> ArmRoadmap:
     world = World("the arm alone", robot, floor, (), (), rules, start)
     robot = with_joint_margin(robot, rules.criteria)
-    guard, base = guard_from(world, bodies_in(world)), np.zeros(3)
+    collision, base = checker_from(world, bodies_in(world)), np.zeros(3)
     low, high = (
         np.where(np.isfinite(row), row, end)
         for row, end in ((robot.chain.lower, -np.pi), (robot.chain.upper, np.pi))
     )
-    drawn = np.random.default_rng(0).uniform(low, high, (DRAWN, robot.chain.dof))
-    nodes = np.array([q for q in drawn if guard.proves(Pose(base, q))]).reshape(-1, robot.chain.dof)
+    drawn = np.random.default_rng(0).uniform(low, high, (DRAWN_POSTURES, robot.chain.dof))
+    nodes = np.array([q for q in drawn if collision.proves(Pose(base, q))]).reshape(-1, robot.chain.dof)
     root = robot.carry if start is None else start.joints
-    best, held = grown_roadmap(guard, rooted_roadmap(base, root), nodes)
+    best, held = grown_roadmap(collision, rooted_roadmap(base, root), nodes)
     left = np.setdiff1d(np.arange(len(nodes)), held)
     while start is None and len(left) > len(best.joints):
-        found, held = grown_roadmap(guard, rooted_roadmap(base, nodes[left[0]]), nodes[left[1:]])
+        found, held = grown_roadmap(collision, rooted_roadmap(base, nodes[left[0]]), nodes[left[1:]])
         left = np.setdiff1d(left[1:], left[1:][held])
         if len(found.joints) > len(best.joints):
             best = found
@@ -137,7 +139,7 @@ def rooted_roadmap(base: Array, root: Array) -> ArmRoadmap:
 
 
 def grown_roadmap(
-    guard: Guard, roadmap: ArmRoadmap, postures: Array, tries: int = TRIES
+    collision: CollisionChecker, roadmap: ArmRoadmap, postures: Array, tries: int = MAX_TRIES_PER_POSTURE
 ) -> tuple[ArmRoadmap, Index]:
     """A roadmap grown on to clear postures (n, dof), and which of these it holds by now, (k,).
 
@@ -152,7 +154,7 @@ def grown_roadmap(
         list[tuple[float, int, int]](),
     )
     missed = np.zeros(len(nodes), dtype=np.intp)
-    new = list(place) if guard.proves(Pose(base, roadmap.joints[0])) else []
+    new = list(place) if collision.proves(Pose(base, roadmap.joints[0])) else []
     while new:
         for k in new:
             for m in range(before, len(nodes)):
@@ -163,7 +165,7 @@ def grown_roadmap(
             _, a, b = heappop(queue)
             if b in place or missed[b] >= tries:
                 continue
-            if goes(guard, base, nodes[a], nodes[b]):
+            if goes(collision, base, nodes[a], nodes[b]):
                 place[b], new = len(place), [b]
                 parent.append(place[a])
             else:
@@ -172,7 +174,7 @@ def grown_roadmap(
     return ArmRoadmap(base, nodes[held], np.array(parent, dtype=np.intp)), held[before:] - before
 
 
-def goes(guard: Guard, base: Array, here: Array, there: Array) -> bool:
+def goes(collision: CollisionChecker, base: Array, here: Array, there: Array) -> bool:
     """True if the straight motion between two postures is proven clear."""
     a, b = Pose(base, here), Pose(base, there)
-    return guard.passes([a, *arm_states(a, b), b])
+    return collision.passes([a, *arm_states(a, b), b])

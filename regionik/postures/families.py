@@ -22,7 +22,7 @@ from regionik.worlds.scene import Target
 
 FRONT, BACK = 1, -1
 ROUNDING = 1e-6  # by which inner families keep within their cone, and outer ones go beyond it [rad]
-DIGITS = 12  # of a pitch: families whose pitches differ by less have the same bands
+PITCH_DIGITS = 12  # of a pitch: families whose pitches differ by less have the same bands
 
 
 class Band(NamedTuple):
@@ -61,7 +61,7 @@ def families(
     pitch, azimuth = float(np.arctan2(z, flat)), float(np.arctan2(y, x)) if flat > 0 else 0.0
     swings = swings_within if inner else swings_about
     within = within_cone(cone) if inner else min(cone + ROUNDING, np.pi)
-    along = tuple(Band(azimuth, *swing) for swing in swings(round(pitch, DIGITS), within))
+    along = tuple(Band(azimuth, *swing) for swing in swings(round(pitch, PITCH_DIGITS), within))
     against = tuple(_mirrored(band) for band in along)
     kinds = [(pitch, along), (np.pi - pitch, against)]
     if inner and along[0].half >= np.pi:
@@ -104,15 +104,17 @@ def families_of(
             for kind, band in wide
             if not out_of_roll(arm, band.azimuth, kind.pitch, band.half, turn, cone)
         )
-    rows = [_kept_up(arm, kind, turn, 0.0) for kind in kinds]
+    rows = [_within_roll_rate(arm, kind, turn, 0.0) for kind in kinds]
     # A turn keeps to its cone where tilt and part about the axis keep to one narrower by a root of 2.
     if rows != [[kind] for kind in kinds]:
         narrow = cone / np.sqrt(2)
-        rows += [_kept_up(arm, kind, turn, narrow) for kind in families(direction, narrow, facings, inner)]
+        rows += [
+            _within_roll_rate(arm, kind, turn, narrow) for kind in families(direction, narrow, facings, inner)
+        ]
     return tuple(kind for row in rows for kind in row)
 
 
-def _kept_up(arm: PlanarArm, kind: Family, turn: Array, slack: float) -> list[Family]:
+def _within_roll_rate(arm: PlanarArm, kind: Family, turn: Array, slack: float) -> list[Family]:
     """A family cut to where the roll joint keeps up with its bands, one for each turn that this takes."""
     if arm.roll_upper - arm.roll_lower + 2 * slack >= TWO_PI:
         return [kind]

@@ -17,7 +17,7 @@ from regionik.planners.solvers.base_placement import FIXED, BaseArea, Turning, m
 from regionik.planners.solvers.fabrik import Pair
 from regionik.planners.solvers.mfabrik_planar import PlanarSetup, least_change, links_of, solve_planar
 from regionik.planners.solvers.planar_kinematics import (
-    TILT,
+    MAX_TILT,
     PlanarLinkage,
     critical_posture,
     fitted_bends,
@@ -30,7 +30,7 @@ from regionik.planners.solvers.posture_criteria import (
     posture_margin,
     posture_within_thresholds,
 )
-from regionik.postures.arm import ANGLE_SLACK, CONE_SHARE, MOST_PASSES, Reached, deviation
+from regionik.postures.arm import ANGLE_SLACK, CONE_SHARE, MAX_PASSES, ArmSolution, deviation
 from regionik.postures.families import (
     Family,
     families_of,
@@ -44,8 +44,8 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.chain import JOINT_SPARE, SPARE_SHARE, within_half_turns
 from regionik.worlds.scene import Target
 
-LEANS = 41  # pitches within a cone that are tried for a posture
-DISTANCES = 50  # of a base on a free floor from the target
+PITCH_SAMPLES = 41  # pitches within a cone that are tried for a posture
+DISTANCE_SAMPLES = 50  # of a base on a free floor from the target
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,7 @@ class PlanarSolver:
     plane: PlanarLinkage  # the arm for kernels, heights counted from the floor
     family: Family
     tolerance: float  # [m]
-    asked: Thresholds | None = None  # of manipulability and effort, which postures must meet
+    thresholds: Thresholds | None = None  # of manipulability and effort, which postures must meet
 
     @property
     def _restarts(self) -> Array:
@@ -73,7 +73,7 @@ class PlanarSolver:
         zero = float(arm.pivot_zero + mount[3])
         return PlanarSetup(
             self.plane, links_of(self.plane), arm.sign, arm.offset, self._restarts, mount[:2], zero, turning,
-            family.facing, family.pitch, self.tolerance, MOST_PASSES,
+            family.facing, family.pitch, self.tolerance, MAX_PASSES,
         )  # fmt: skip
 
     @cached_property
@@ -83,13 +83,13 @@ class PlanarSolver:
 
     def reach(
         self, target: Target, axis: Array, yaw: float, joints: Array, area: FlatPolygon, mobile: bool
-    ) -> Reached:
+    ) -> ArmSolution:
         """Bring the tool to a target; see `Arm`. Of the kinds of posture the first that meets it."""
-        if not mobile and target.direction is not None and not self._held_straight(target, axis):
+        if not mobile and target.direction is not None and not self._holds_direction(target, axis):
             leaning = self._leaning(target, axis, yaw, joints)
             if leaning is not None:
                 return leaning
-        best: Reached | None = None
+        best: ArmSolution | None = None
         for kind in self._kinds(target):
             base, q = np.array([*axis, yaw]), np.array(joints)
             if mobile and target.direction is not None and len(area.starts) <= 1:
@@ -98,7 +98,7 @@ class PlanarSolver:
             places = BaseArea(area.vertices, area.starts, mobile)
             error, passes, _ = solve_planar(setup, places, position, base, q)
             angle = self._rolled(target, yaw, q, joints)
-            found = self._meeting(kind, target, Reached(base[:2], q, error, passes, angle), yaw, joints)
+            found = self._meeting(kind, target, ArmSolution(base[:2], q, error, passes, angle), yaw, joints)
             if self._worth(found) <= (False, False, self.tolerance):
                 return found
             if best is None or self._worth(found) < self._worth(best):
@@ -108,7 +108,7 @@ class PlanarSolver:
         others = (self._leaning(target, spot, yaw, joints) for spot in spots)
         return next((one for one in others if one is not None), best)
 
-    def _held_straight(self, target: Target, axis: Array) -> bool:
+    def _holds_direction(self, target: Target, axis: Array) -> bool:
         """True where some posture from a place holds the tool as asked, not only within its cone."""
         (r, _), z = self._seen(target.position, axis), float(target.position[2])
         pitches, bends = np.array([kind.pitch for kind in self._kinds(target)]), np.zeros(3)
@@ -129,10 +129,10 @@ class PlanarSolver:
                 ahead = start - target.position[:2]
                 ahead /= max(float(np.hypot(*ahead)), 1e-12)
                 yield from target.position[:2] + np.outer(
-                    (np.arange(DISTANCES) + 0.5) / DISTANCES * far, ahead
+                    (np.arange(DISTANCE_SAMPLES) + 0.5) / DISTANCE_SAMPLES * far, ahead
                 )
 
-    def _leaning(self, target: Target, axis: Array, yaw: float, joints: Array) -> Reached | None:
+    def _leaning(self, target: Target, axis: Array, yaw: float, joints: Array) -> ArmSolution | None:
         """A posture on target from a place that has the tool within its cone, near to the one given.
 
         Half of the cone is left for the way between two states where that can be.
@@ -144,13 +144,13 @@ class PlanarSolver:
                 continue
             ranges = [pitches]
             if target.orientation is not None:  # not every pitch suits the roll
-                ranges += [(tool, tool) for tool in np.linspace(*pitches, LEANS).tolist()]
+                ranges += [(tool, tool) for tool in np.linspace(*pitches, PITCH_SAMPLES).tolist()]
             for some in ranges:
                 bends = self._bends_within(some, r, float(target.position[2]), self.arm.bends(joints))
                 if bends is not None:
                     q, angle = self._turned(target, bends, plane_yaw, yaw, joints)
                     if angle <= ANGLE_SLACK:
-                        return Reached(axis, q, 0.0, 0, angle)
+                        return ArmSolution(axis, q, 0.0, 0, angle)
         return None
 
     @staticmethod
@@ -171,13 +171,13 @@ class PlanarSolver:
     def _bends_within(self, pitches: Pair, r: float, z: float, near: Array) -> Array | None:
         """Bends (3,) near to given ones that put the tool at (r, z), its link at a pitch of a range."""
         bends, (low, high) = np.empty(3), pitches
-        if self.asked is not None:
-            found = posture_within_thresholds(self.plane, self.asked, pitches, r, z, near, bends)
+        if self.thresholds is not None:
+            found = posture_within_thresholds(self.plane, self.thresholds, pitches, r, z, near, bends)
             return bends if found else None
         middle = (low + high) / 2
         present = middle + float(wrap(float(near.sum()) - middle))
-        about = np.clip(present + TILT * np.linspace(-1.0, 1.0, LEANS), low, high)
-        tools = np.concatenate([about, np.linspace(low, high, LEANS)])
+        about = np.clip(present + MAX_TILT * np.linspace(-1.0, 1.0, PITCH_SAMPLES), low, high)
+        tools = np.concatenate([about, np.linspace(low, high, PITCH_SAMPLES)])
         for plane in (self._off_limits, self.plane):
             if np.isfinite(nearest_of(plane, tools, r, z, near, bends)):
                 return bends
@@ -185,28 +185,30 @@ class PlanarSolver:
         return np.array(fitted_bends(self.plane, a, b, c)) if found else None
 
     @staticmethod
-    def _worth(found: Reached) -> tuple[bool, bool, float]:
+    def _worth(solution: ArmSolution) -> tuple[bool, bool, float]:
         """Shortcomings of a posture, the gravest first."""
-        return not found.meets, found.angle > ANGLE_SLACK, found.error
+        return not solution.meets, solution.angle > ANGLE_SLACK, solution.error
 
-    def _meeting(self, kind: Family, target: Target, found: Reached, yaw: float, joints: Array) -> Reached:
+    def _meeting(
+        self, kind: Family, target: Target, solution: ArmSolution, yaw: float, joints: Array
+    ) -> ArmSolution:
         """The posture where it meets the thresholds, else the nearest from the same place that does."""
-        if self.asked is None or self._meets(found, COMFORT):
-            return found
-        r, plane_yaw = self._seen(target.position, found.axis)
+        if self.thresholds is None or self._meets(solution, COMFORT):
+            return solution
+        r, plane_yaw = self._seen(target.position, solution.axis)
         near, bends, z = self.arm.bends(joints), np.empty(3), float(target.position[2])
         pitches = (kind.pitch, kind.pitch) if np.isfinite(kind.pitch) else FREE
-        if not posture_within_thresholds(self.plane, self.asked, pitches, r, z, near, bends):
-            return replace(found, meets=False)
+        if not posture_within_thresholds(self.plane, self.thresholds, pitches, r, z, near, bends):
+            return replace(solution, meets=False)
         q, angle = self._turned(target, bends, plane_yaw, yaw, joints)
-        return replace(found, joints=q, error=0.0, angle=angle)
+        return replace(solution, joints=q, error=0.0, angle=angle)
 
-    def _meets(self, found: Reached, room: float) -> bool:
-        if self.asked is None:
+    def _meets(self, solution: ArmSolution, room: float) -> bool:
+        if self.thresholds is None:
             return True
-        return bool(posture_margin(self.plane, self.asked, self.arm.bends(found.joints)) > room)
+        return bool(posture_margin(self.plane, self.thresholds, self.arm.bends(solution.joints)) > room)
 
-    def least_change(self, target: Target, axis: Array, yaw: float, joints: Array) -> Reached | None:
+    def least_change(self, target: Target, axis: Array, yaw: float, joints: Array) -> ArmSolution | None:
         """The posture on target whose bends change least; see `Arm`."""
         best, least = None, np.inf
         for kind in self._kinds(target):
@@ -215,23 +217,23 @@ class PlanarSolver:
             change, _ = least_change(setup, np.array(target.position), base, q)
             angle = self._rolled(target, yaw, q, joints)
             if change < least and angle <= ANGLE_SLACK:
-                best, least = Reached(axis, q, 0.0, 0, angle), change
+                best, least = ArmSolution(axis, q, 0.0, 0, angle), change
         if best is None and target.direction is not None:
             best = self._leaning(target, axis, yaw, joints)
         return best if best is None or self._meets(best, 0.0) else None
 
     def self_motion(
         self, target: Target, axis: Array, yaw: float, joints: Array, tries: int
-    ) -> list[Reached]:
+    ) -> list[ArmSolution]:
         """Postures on target at ``tries`` pitches, the elbow either way; see `Arm`."""
         r, plane_yaw = self._seen(target.position, axis)
         tools = self._tools(target, plane_yaw, tries)
         bends = np.empty((2 * len(tools), 3))
         count = self_motion(self.plane, tools, r, float(target.position[2]), bends)
-        found: list[Reached] = []
+        found: list[ArmSolution] = []
         for one in bends[:count]:
             q, angle = self._turned(target, one, plane_yaw, yaw, joints)
-            found.append(Reached(axis, q, 0.0, 0, angle))
+            found.append(ArmSolution(axis, q, 0.0, 0, angle))
         return [one for one in found if self._meets(one, 0.0)]
 
     def _tools(self, target: Target, plane_yaw: float, tries: int) -> Array:

@@ -1,4 +1,4 @@
-"""Poses of the whole robot, and rows of a motion under construction."""
+"""Poses of the whole robot, and states of a motion under construction."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.drives import BaseDrive
 from regionik.worlds.robot import Robot
 
-LARGEST_BEND = 0.5  # change of a joint between two states above which the arm has jumped [rad]
-SAME = 1e-8  # poses that are nearer are one [m], [rad]
+MAX_JOINT_CHANGE = 0.5  # change of a joint between two states above which the arm has jumped [rad]
+SAME_POSE = 1e-8  # poses that are nearer are one [m], [rad]
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,8 +27,8 @@ class Pose:
 
 
 @dataclass(frozen=True, eq=False)
-class Row:
-    """One state under construction."""
+class MotionState:
+    """One state of a motion under construction."""
 
     pose: Pose
     kind: str
@@ -46,21 +46,23 @@ def pose_between(here: Pose, there: Pose, share: float, drive: BaseDrive) -> Pos
     return Pose(base, here.joints + share * (there.joints - here.joints))
 
 
-def lifted_rows(here: Pose, way: Sequence[Pose], there: Pose, owner: int, drive: BaseDrive) -> list[Row]:
-    """Rows strictly between two poses, the tool lifted; however short the way, it leaves its path.
+def lifted_states(
+    here: Pose, way: Sequence[Pose], there: Pose, owner: int, drive: BaseDrive
+) -> list[MotionState]:
+    """States strictly between two poses, the tool lifted; however short the way, it leaves its path.
 
     The ``owner`` is the set-point that it leaves, -1 where the robot starts.
     """
     states = distinct([here, *way, there])[1:-1]
     if not states and owner >= 0:
         states = [pose_between(here, there, 0.5, drive)]
-    return [Row(pose, "transit", owner) for pose in states]
+    return [MotionState(pose, "transit", owner) for pose in states]
 
 
 def distinct(poses: Sequence[Pose]) -> list[Pose]:
     """Poses without those that are the same as the one before but for rounding; the last one stays."""
     states = np.hstack(arrays(poses)) if len(poses) > 1 else np.empty((0, 0))
-    if (np.abs(np.diff(states, axis=0)).max(axis=1) > SAME).all():
+    if (np.abs(np.diff(states, axis=0)).max(axis=1) > SAME_POSE).all():
         return list(poses)
     kept = list(poses[:1])
     for pose in poses[1:]:
@@ -73,7 +75,7 @@ def distinct(poses: Sequence[Pose]) -> list[Pose]:
 
 def _apart(one: Pose, other: Pose) -> bool:
     base, joints = np.abs(one.base - other.base).max(), np.abs(one.joints - other.joints).max()
-    return bool(base > SAME or joints > SAME)
+    return bool(base > SAME_POSE or joints > SAME_POSE)
 
 
 def arrays(poses: Sequence[Pose]) -> tuple[Array, Array]:
@@ -81,15 +83,15 @@ def arrays(poses: Sequence[Pose]) -> tuple[Array, Array]:
     return np.array([one.base for one in poses]), np.array([one.joints for one in poses])
 
 
-def columns(rows: Sequence[Row]) -> Motion:
-    """Rows as the columns of a motion that is not timed."""
-    base, joints = arrays([row.pose for row in rows])
+def untimed_motion(states: Sequence[MotionState]) -> Motion:
+    """States as a motion that is not timed."""
+    base, joints = arrays([state.pose for state in states])
     return Motion(
         base=base,
         joints=joints,
-        kind=np.array([row.kind for row in rows]),
-        setpoint=np.array([row.setpoint for row in rows], dtype=np.int64),
-        time=np.full(len(rows), np.nan),
+        kind=np.array([state.kind for state in states]),
+        setpoint=np.array([state.setpoint for state in states], dtype=np.int64),
+        time=np.full(len(states), np.nan),
     )
 
 
@@ -154,5 +156,5 @@ def facing(robot: Robot, at: Pose) -> Pose:
 def arm_states(here: Pose, there: Pose) -> list[Pose]:
     """States strictly between two postures, the base standing."""
     change = there.joints - here.joints
-    count = max(1, int(np.ceil(float(np.abs(change).max()) / LARGEST_BEND * 1.001)))
+    count = max(1, int(np.ceil(float(np.abs(change).max()) / MAX_JOINT_CHANGE * 1.001)))
     return [Pose(here.base, here.joints + k / count * change) for k in range(1, count)]

@@ -13,8 +13,8 @@ from regionik.planners.reach.serial_criteria import SerialThresholds, demand_of,
 from regionik.planners.solvers.aims import in_columns
 from regionik.planners.solvers.damped_least_squares import POSITION, Aims
 from regionik.planners.solvers.serial_chain import serial_arm
-from regionik.postures.arm_guard import SPARE, Guard, contact_for
 from regionik.postures.arm_roadmap import ArmRoadmap, travel_roadmap
+from regionik.postures.collision_checker import MAX_SPARE, CollisionChecker, contact_for
 from regionik.postures.poses import axis_of
 from regionik.postures.serial_solver import SerialSolver, serial_solver
 from regionik.worlds.arms import pivot_index, pivot_joints
@@ -23,8 +23,8 @@ from regionik.worlds.joints import nearest_turn
 from regionik.worlds.robot import with_joint_margin
 from regionik.worlds.scene import Target, World
 
-NEAR = 8  # targets that a posture is led on to
-BEGINNINGS = 4  # postures that the search at a target begins from
+MAX_NEIGHBORS = 8  # targets that a posture is led on to
+MAX_STARTS = 4  # postures that the search at a target begins from
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,10 +32,10 @@ class PostureSearch:
     """The robot of a world among set-points, its base at any pose."""
 
     world: World
-    guard: Guard
+    collision: CollisionChecker
     targets: Sequence[Target]
 
-    def neighboring(self, base: Array, some: Index, starts: int = BEGINNINGS) -> tuple[Index, Array]:
+    def neighboring(self, base: Array, some: Index, starts: int = MAX_STARTS) -> tuple[Index, Array]:
         """Those of some set-points at which a clear posture was soon found, and the postures (n, dof)."""
         return next(self._neighboring(base, some, [slice(None, starts)]))
 
@@ -52,10 +52,11 @@ class PostureSearch:
         aims, effort = self._aims(axis, yaw, some), self._bound.effort
         spots = aims.positions
         far = np.linalg.norm(spots[:, None] - spots[None], axis=2)
-        near = np.argsort(far, axis=1, kind="stable")[:, 1 : NEAR + 1]
-        guard, margin = self.guard, SPARE if self.guard.on else -np.inf
+        near = np.argsort(far, axis=1, kind="stable")[:, 1 : MAX_NEIGHBORS + 1]
+        collision, margin = self.collision, MAX_SPARE if self.collision.enabled else -np.inf
         targets = NeighboringTargets(
-            guard.bodies.scene(guard.contact), margin, base, self._asked, serial_arm(self._bound.chain), aims,
+            collision.bodies.scene(collision.contact), margin, base, self._thresholds,
+            serial_arm(self._bound.chain), aims,
             self._tool_on[some], np.ascontiguousarray(near), effort.reach, effort.tolerance,
         )  # fmt: skip
         starts, more = self._starts(aims, parts[-1].stop), self._bound.chain.dof - self.world.robot.chain.dof
@@ -139,7 +140,7 @@ class PostureSearch:
         return serial_solver(robot.chain, float(robot.mount[2]), rules.tolerance, turns=turns, demand=demand)
 
     @property
-    def _asked(self) -> SerialThresholds:
+    def _thresholds(self) -> SerialThresholds:
         return serial_thresholds(self._bound.demand, self._bound.chain.dof)
 
     @property

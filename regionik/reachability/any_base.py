@@ -10,7 +10,7 @@ import shapely
 from shapely.geometry import MultiPolygon, Point, Polygon
 
 from regionik.areas.ground import Side
-from regionik.areas.layers import GUARD
+from regionik.areas.layers import ROUNDING_MARGIN
 from regionik.areas.reachable import planar_reach, reach_model
 from regionik.planners.collision.distances import obstacles_from
 from regionik.planners.collision.robot_bodies import RobotScene
@@ -29,7 +29,7 @@ from regionik.planners.reach.planar_cells import ArmMount, cell_for
 from regionik.planners.reach.rings import reach_intervals
 from regionik.planners.search.box_search import Verdict
 from regionik.planners.search.fixed_base import solid_at_target
-from regionik.postures.arm_guard import SPARE, contact_for
+from regionik.postures.collision_checker import MAX_SPARE, contact_for
 from regionik.postures.poses import Pose, axis_of
 from regionik.scene import Scene
 from regionik.worlds.arrays import Array, Index
@@ -60,7 +60,7 @@ def search_any_base(scene: Scene, target: Target, most: int) -> AnyBaseResult:
 
     Only where `can_search` holds; ``most`` is the budget of cells of postures.
     """
-    bodies, contact = scene.guard.bodies, contact_for(scene.world, [target])
+    bodies, contact = scene.collision.bodies, contact_for(scene.world, [target])
     if name := solid_at_target(bodies, target.position, scene.rules.tolerance, 0.0, contact):
         return AnyBaseResult(Verdict.RULED_OUT, None, 0.0, (name,))
     task, model = any_base_of(scene, target), planar_reach(scene.robot)
@@ -78,7 +78,7 @@ def rules_out_posture(scene: Scene, target: Target, base: Array, most: int) -> b
     Only where `can_search` holds. The place is left open by what the tool may miss its target by; the base
     itself is not looked at.
     """
-    task, by = any_base_of(scene, target), 2 * scene.rules.tolerance + GUARD
+    task, by = any_base_of(scene, target), 2 * scene.rules.tolerance + ROUNDING_MARGIN
     axis = axis_of(scene.robot, base)
     square = np.array([[-by, -by], [by, -by], [by, by], [-by, by]]) + axis
     room = task.floor.room._replace(corners=np.empty((0, 2)))
@@ -99,7 +99,8 @@ def any_base_of(scene: Scene, target: Target) -> AnyBase:
     """Return a target in a world as the search takes it."""
     arm = scene.once(prepared)
     return AnyBase(
-        arm.capsules, arm.mount, arm.floor, _around(scene, target), _demand(scene, target), arm.scene, SPARE,
+        arm.capsules, arm.mount, arm.floor, _around(scene, target), _demand(scene, target), arm.scene,
+        MAX_SPARE,
         cell_for(len(arm.capsules.rank)), np.empty(3), writable(scene.robot.carry),
         np.zeros(2, dtype=np.int64),
     )  # fmt: skip
@@ -120,7 +121,7 @@ class PreparedWorld(NamedTuple):
 
 def prepared(scene: Scene) -> PreparedWorld:
     """Return what is the same for all targets of a world."""
-    model, guard = planar_reach(scene.robot), scene.guard
+    model, collision = planar_reach(scene.robot), scene.collision
     capsules = plane_capsules(scene.robot, model.arm)
     obstacles = obstacles_from(scene.world.arm_solids)
     whole = [k for k, piece in enumerate(obstacles.pieces) if piece.mesh is None]
@@ -135,7 +136,7 @@ def prepared(scene: Scene) -> PreparedWorld:
         inradii(solids),
         np.array(obstacles.owner, dtype=np.int64)[whole],
         float(far + scene.rules.tolerance),
-        guard.bodies.scene(guard.contact),
+        collision.bodies.scene(collision.contact),
     )
 
 
@@ -158,7 +159,7 @@ def _floor(scene: Scene) -> BaseFloor:
         middle = shapely.maximum_inscribed_circle(outline).coords[0]
         heart, radius = writable(np.array(middle)), outline.exterior.distance(Point(middle))
     inner, outer = floor_of(ground.inner), floor_of(ground.outer)
-    return BaseFloor(inner, outer, room, heart, radius, ground.far, GUARD)
+    return BaseFloor(inner, outer, room, heart, radius, ground.far, ROUNDING_MARGIN)
 
 
 def _demand(scene: Scene, target: Target) -> ToolDemand:

@@ -11,12 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import Side
-from regionik.areas.layers import GUARD
+from regionik.areas.layers import ROUNDING_MARGIN
 from regionik.areas.reach_model import ReachModel
 from regionik.areas.reachable import reach_model
 from regionik.postures.families import BACK, FRONT
 from regionik.postures.poses import pose_of
-from regionik.reach_rows import reach_rows
+from regionik.reach_table import reach_table
 from regionik.regions import checked_targets, path_areas
 from regionik.scene import Scene, scene_of
 from regionik.worlds.arrays import Array, frozen
@@ -24,7 +24,7 @@ from regionik.worlds.errors import InputError
 from regionik.worlds.robot import with_joint_margin
 from regionik.worlds.scene import Target, World
 
-MOST_CELLS = 40_000_000
+MAX_CELLS = 40_000_000
 UNREACHABLE, UNDECIDED, REACHABLE = 0, 1, 2
 PROOF = "by areas alone"  # which do not look at what the arm would touch
 TURNS = 8  # headings of the best place
@@ -173,12 +173,12 @@ def reach_slice(world: World, height: float, cell: float = 0.05) -> Field:
     x, y = _axes((x0 - far, y0 - far, x1 + far, y1 + far), cell)
     values = np.zeros((len(y), len(x)), dtype=np.int32)
     for side in scene.free_floor.outer.sides:
-        values[_met(side, outer, x, y)] = UNDECIDED
+        values[_cells_within_spans(side, outer, x, y)] = UNDECIDED
     (side,) = scene.free_floor.anywhere.sides
     if _model(scene).turns_freely(scene.rules, side.span) and not scene.lifted.matters:
-        values[_met(side, inner, x, y)] = REACHABLE
+        values[_cells_within_spans(side, inner, x, y)] = REACHABLE
     else:
-        values[_met_one_by_one(scene, float(z[0]), values, x, y)] = REACHABLE
+        values[_reachable_one_by_one(scene, float(z[0]), values, x, y)] = REACHABLE
     nowhere, none = np.full(values.shape, np.nan), np.empty((0, 3))
     return Field(world.name, x, y, cell, values, REACHABLE, nowhere, world, none, float(z[0]))
 
@@ -189,8 +189,8 @@ def _axes(bounds: tuple[float, float, float, float], cell: float) -> tuple[Array
         raise InputError(f"cell: must be above 0, got {cell}")
     x0, y0, x1, y1 = bounds
     wide, deep = np.ceil((x1 - x0) / cell - 1e-9), np.ceil((y1 - y0) / cell - 1e-9)
-    if not wide * deep <= MOST_CELLS:
-        least = np.sqrt((x1 - x0) * (y1 - y0) / MOST_CELLS)
+    if not wide * deep <= MAX_CELLS:
+        least = np.sqrt((x1 - x0) * (y1 - y0) / MAX_CELLS)
         raise InputError(f"cell: expected at least {least:.2g} m for a floor of this size, got {cell:g}")
     x, y = np.arange(wide, dtype=np.float64), np.arange(deep, dtype=np.float64)
     return x0 + cell * (x + 0.5), y0 + cell * (y + 0.5)
@@ -241,7 +241,7 @@ def _count_areas(
     """Count where headings or tool directions bound the reach: cells within its polygons."""
     count = np.zeros(free.shape, dtype=np.int32)
     for k in range(0, len(targets), _CHUNK):
-        which, _, shapes = reach_rows(
+        which, _, shapes = reach_table(
             scene, targets[k : k + _CHUNK], (FRONT, BACK), inner=True, span=side.span
         )
         for rows in np.split(shapes, np.flatnonzero(np.diff(which)) + 1) if len(which) else []:
@@ -260,12 +260,12 @@ def _distances(scene: Scene, heights: Array, *, inner: bool) -> list[Array]:
     found = _model(scene).distances(scene.rules.criteria, heights, inner=inner)
     if not inner:
         return found
-    keep = scene.rules.reach_margin + scene.world.axis_error + GUARD
+    keep = scene.rules.reach_margin + scene.world.axis_error + ROUNDING_MARGIN
     kept = [some + (keep, -keep) for some in found]
     return [some[some[:, 0] < some[:, 1]] for some in kept]
 
 
-def _met(side: Side, spans: Array, x: Array, y: Array) -> NDArray[np.bool_]:
+def _cells_within_spans(side: Side, spans: Array, x: Array, y: Array) -> NDArray[np.bool_]:
     """Cells with some free place at a distance within one of the spans.
 
     The distances to a connected piece of floor are all those between the nearest and the farthest.
@@ -273,8 +273,8 @@ def _met(side: Side, spans: Array, x: Array, y: Array) -> NDArray[np.bool_]:
     met, most = np.zeros((len(y), len(x)), dtype=bool), float(spans.max(initial=0.0))
     for piece in side.pieces:
         x0, y0, x1, y1 = piece.bounds
-        columns = slice(*np.searchsorted(x, (x0 - most - GUARD, x1 + most + GUARD)))
-        rows = slice(*np.searchsorted(y, (y0 - most - GUARD, y1 + most + GUARD)))
+        columns = slice(*np.searchsorted(x, (x0 - most - ROUNDING_MARGIN, x1 + most + ROUNDING_MARGIN)))
+        rows = slice(*np.searchsorted(y, (y0 - most - ROUNDING_MARGIN, y1 + most + ROUNDING_MARGIN)))
         across, up = x[columns], y[rows]
         if not (len(across) and len(up)):
             continue
@@ -293,7 +293,7 @@ def near_piece(piece: BaseGeometry, x: Array, y: Array, far: float) -> NDArray[n
     """
     shapely.prepare(piece)
     (middle_x, half_x), (middle_y, half_y) = _blocks(x), _blocks(y)
-    half = np.hypot(half_x, half_y[:, None]) + GUARD
+    half = np.hypot(half_x, half_y[:, None]) + ROUNDING_MARGIN
     middles = shapely.points(*np.meshgrid(middle_x, middle_y))
     whole = shapely.dwithin(piece, middles, far - half) & (far > half)
     some = shapely.dwithin(piece, middles, far + half) & ~whole
@@ -311,7 +311,7 @@ def _blocks(line: Array) -> tuple[Array, Array]:
     return (first + last) / 2, (last - first) / 2
 
 
-def _met_one_by_one(
+def _reachable_one_by_one(
     scene: Scene, height: float, values: NDArray[np.int32], x: Array, y: Array
 ) -> NDArray[np.bool_]:
     """Cells with an inner area, among those whose outer area is not empty."""

@@ -24,19 +24,19 @@ from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.offsets import farthest_outside
 from regionik.planners.search.box_search import Verdict
 from regionik.planners.search.fixed_base import (
-    MOST_REDUNDANT,
+    MAX_REDUNDANT_JOINTS,
     PostureTask,
     redundant_joints,
     search_postures,
     solid_at_target,
 )
 from regionik.postures.arm import aim_of
-from regionik.postures.arm_guard import SPARE
+from regionik.postures.collision_checker import MAX_SPARE
 from regionik.postures.families import BACK, FRONT
 from regionik.postures.poses import Pose, axis_of
 from regionik.postures.posture_search import PostureSearch
 from regionik.postures.serial_solver import serial_solver
-from regionik.reach_rows import reach_rows
+from regionik.reach_table import reach_table
 from regionik.reachability.any_base import can_search, rules_out_posture
 from regionik.reachability.target_search import TargetResult, TargetSearch
 from regionik.scene import Scene
@@ -45,11 +45,11 @@ from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.obstacles import Shadow
 from regionik.worlds.scene import Target
 
-CELLS = 4_000  # of postures weighed for one target of an arm in one plane
-BOXES = 8_000  # and of any arm
-KNOWN = 32  # postures of those that the arm knows that are led on to a target
+MAX_CELLS = 4_000  # of postures weighed for one target of an arm in one plane
+MAX_BOXES = 8_000  # and of any arm
+MAX_KNOWN_POSTURES = 32  # postures of those that the arm knows that are led on to a target
 EXACT = 1e-9  # rounding of distances and headings [m], [rad]
-TOUCH = 1e-6  # depth up to which a footprint at the edge of a shadow counts as beside it [m]
+EDGE_TOLERANCE = 1e-6  # depth up to which a footprint at the edge of a shadow counts as beside it [m]
 
 
 def from_base(scene: Scene, targets: Sequence[Target], base: ArrayLike) -> list[TargetResult]:
@@ -57,19 +57,19 @@ def from_base(scene: Scene, targets: Sequence[Target], base: ArrayLike) -> list[
 
     Raises InputError for a pose that is not three finite numbers.
     """
-    stand = scene.once(_stand, *frozen(base, (3,), "base").tolist())
-    if stand.blocked:
-        return [_ruled_out(target, stand, stand.blocked) for target in targets]
-    in_reach = stand.may_reach(targets)
+    placed = scene.once(_placed_scene, *frozen(base, (3,), "base").tolist())
+    if placed.blocked:
+        return [_ruled_out(target, placed, placed.blocked) for target in targets]
+    in_reach = placed.may_reach(targets)
     too_far = f"no posture of {scene.robot.name} within its limits brings the tool there from this pose"
     return [
-        _from_stand(stand, target) if near else _ruled_out(target, stand, too_far)
+        _answer_from_base(placed, target) if near else _ruled_out(target, placed, too_far)
         for target, near in zip(targets, in_reach.tolist(), strict=True)
     ]
 
 
 @dataclass(frozen=True, eq=False)
-class _Stand:
+class _PlacedScene:
     """A world whose base stands at one pose."""
 
     scene: Scene  # its pivot where a rule of facing targets holds it
@@ -90,7 +90,7 @@ class _Stand:
     def search(self, target: Target) -> TargetSearch:
         """A search for one target's postures there."""
         found = TargetSearch(self.scene, target, self.base)
-        found.guard = replace(found.guard, spare=self.spare)
+        found.collision = replace(found.collision, spare=self.spare)
         return found
 
     def may_reach(self, targets: Sequence[Target]) -> NDArray[np.bool_]:
@@ -105,7 +105,7 @@ class _Stand:
             moved = [
                 replace(targets[k], position=targets[k].position + (0.0, 0.0, rise)) for k in rest.tolist()
             ]
-            which, _, shapes = reach_rows(
+            which, _, shapes = reach_table(
                 self.scene, moved, (FRONT, BACK), inner=False, span=self.span, coarse=True
             )
             near = shapely.dwithin(shapes, shapely.Point(self.axis), 2 * by + EXACT)
@@ -113,13 +113,13 @@ class _Stand:
         return every
 
 
-def _stand(scene: Scene, x: float, y: float, yaw: float) -> _Stand:
+def _placed_scene(scene: Scene, x: float, y: float, yaw: float) -> _PlacedScene:
     base = np.array([x, y, yaw])
     blocked, room = _blocked(scene, base), np.inf
     if not blocked and scene.rules.avoidance and scene.robot.base_solids:
         room, said = _body_room(scene, base)
         blocked = said if room < -EXACT else ""
-    return _Stand(scene.once(_facing_ahead), base, blocked, float(np.clip(room / 2, 0.0, SPARE)))
+    return _PlacedScene(scene.once(_facing_ahead), base, blocked, float(np.clip(room / 2, 0.0, MAX_SPARE)))
 
 
 def _blocked(scene: Scene, base: Array) -> str:
@@ -145,7 +145,7 @@ def _holds_some(shadow: Shadow, outline: BaseGeometry) -> bool:
     """True where some of a footprint lies in a shadow, and not only at its edge."""
     if shadow.radius > 0.0:
         return bool(shadow.core.distance(outline) < shadow.radius - EXACT)
-    return bool(shapely.intersects(shapely.buffer(shadow.core, -TOUCH, join_style="mitre"), outline))
+    return bool(shapely.intersects(shapely.buffer(shadow.core, -EDGE_TOLERANCE, join_style="mitre"), outline))
 
 
 def _body_room(scene: Scene, base: Array) -> tuple[float, str]:
@@ -154,8 +154,8 @@ def _body_room(scene: Scene, base: Array) -> tuple[float, str]:
     bodies = bodies_from(
         robot, scene.world.solids, scene.world.arm_clearance, rules.deepest_contact, scene.world.floor_slab
     )
-    touch = nearest(bodies, base, robot.carry)
-    return room_of(bodies, touch), f"{describe(bodies, touch)} there, whatever the arm does"
+    proximity = nearest(bodies, base, robot.carry)
+    return room_of(bodies, proximity), f"{describe(bodies, proximity)} there, whatever the arm does"
 
 
 def _facing_ahead(scene: Scene) -> Scene:
@@ -172,110 +172,112 @@ def _facing_ahead(scene: Scene) -> Scene:
     return scene.changed(robot=robot, rules=rules)
 
 
-def _from_stand(stand: _Stand, target: Target) -> TargetResult:
+def _answer_from_base(placed: _PlacedScene, target: Target) -> TargetResult:
     """The answer for a target that may be in reach."""
-    search = stand.search(target)
-    if search.guard.on:
-        bodies, contact = search.guard.bodies, search.guard.contact
-        name = solid_at_target(bodies, target.position, stand.scene.rules.tolerance, 0.0, contact)
+    search = placed.search(target)
+    if search.collision.enabled:
+        bodies, contact = search.collision.bodies, search.collision.contact
+        name = solid_at_target(bodies, target.position, placed.scene.rules.tolerance, 0.0, contact)
         if name:
             return _ruled_out(
-                target, stand, f"in every posture the end of the arm is in or too near to {name}"
+                target, placed, f"in every posture the end of the arm is in or too near to {name}"
             )
-    pose = _led_on(stand, search)
+    pose = _continued_posture(placed, search)
     if pose is not None:
         return TargetResult("reachable", pose, 0.0, "")
-    for family in stand.scene.model(target).families(target, (FRONT, BACK), inner=True):
-        pose = search.at(solver_for(stand.scene, family, None, stand.span), stand.base)
+    for family in placed.scene.model(target).families(target, (FRONT, BACK), inner=True):
+        pose = search.at(solver_for(placed.scene, family, None, placed.span), placed.base)
         if pose is not None:
             return TargetResult("reachable", pose, 0.0, "")
-    return _searched(stand, search)
+    return _searched(placed, search)
 
 
-def _led_on(stand: _Stand, search: TargetSearch) -> Pose | None:
+def _continued_posture(placed: _PlacedScene, search: TargetSearch) -> Pose | None:
     """A clear posture led on from one of those that the arm knows; of arms to which a place gives none."""
-    if stand.scene.model(search.target).exact:
+    if placed.scene.model(search.target).exact:
         return None
-    known = PostureSearch(stand.scene.world, search.guard, [search.target])
-    for joints in known.neighboring(stand.base, np.arange(1), KNOWN)[1]:
-        pose = Pose(stand.base, joints)
+    known = PostureSearch(placed.scene.world, search.collision, [search.target])
+    for joints in known.neighboring(placed.base, np.arange(1), MAX_KNOWN_POSTURES)[1]:
+        pose = Pose(placed.base, joints)
         if search.confirms(pose):
             return pose
     return None
 
 
-def _searched(stand: _Stand, search: TargetSearch) -> TargetResult:
+def _searched(placed: _PlacedScene, search: TargetSearch) -> TargetResult:
     """The answer where no family shows a clear posture: from samples, then from all postures."""
-    if not search.guard.on:
+    if not search.collision.enabled:
         return _undecided(search)
-    shut = f"in no posture does the arm {_keep(search)}"
-    if can_search(stand.scene) and rules_out_posture(stand.scene, search.target, stand.base, CELLS):
-        return _ruled_out(search.target, stand, shut)
+    shut = f"in no posture does the arm {_needed_clearance(search)}"
+    if can_search(placed.scene) and rules_out_posture(placed.scene, search.target, placed.base, MAX_CELLS):
+        return _ruled_out(search.target, placed, shut)
     pose = search.search() or _at_pose(search)
     if pose is not None:
         return TargetResult("reachable", pose, 0.0, "")
-    robot, guard, found = stand.scene.robot, search.guard, list[Pose]()
+    robot, collision, found = placed.scene.robot, search.collision, list[Pose]()
 
     def accept(joints: Array) -> bool:
-        pose = Pose(stand.base, np.array(joints))
-        if search.standing([pose]) and guard.proves(pose):
+        pose = Pose(placed.base, np.array(joints))
+        if search.on_target([pose]) and collision.proves(pose):
             found.append(pose)
         return bool(found)
 
-    if robot.chain.unbounded or redundant_joints(robot.chain, robot.solids) > MOST_REDUNDANT:
+    if robot.chain.unbounded or redundant_joints(robot.chain, robot.solids) > MAX_REDUNDANT_JOINTS:
         return _undecided(search)
-    target, tolerance = search.target.position, stand.scene.rules.tolerance
-    task = PostureTask(guard.bodies, stand.base, target, guard.contact, tolerance)
-    verdict = search_postures(task, accept, BOXES).verdict
+    target, tolerance = search.target.position, placed.scene.rules.tolerance
+    task = PostureTask(collision.bodies, placed.base, target, collision.contact, tolerance)
+    verdict = search_postures(task, accept, MAX_BOXES).verdict
     if found:
         return TargetResult("reachable", found[0], 0.0, "")
     if verdict == Verdict.RULED_OUT:
-        return _ruled_out(search.target, stand, shut)
+        return _ruled_out(search.target, placed, shut)
     return _undecided(search)
 
 
 def _at_pose(search: TargetSearch) -> Pose | None:
     """A clear posture for a tool direction or orientation, from random ones and near the best of them."""
-    target, scene, guard = search.target, search.scene, search.guard
-    assert search.held is not None
+    target, scene, collision = search.target, search.scene, search.collision
+    assert search.fixed_base is not None
     if target.direction is None or scene.model(target).shows_all_postures:
         return None
     arm = serial_solver(scene.robot.chain, float(scene.robot.mount[2]), scene.rules.tolerance)
     goal, start = arm.goal_for(target), search.nearly[-1][1].joints if search.nearly else scene.robot.carry
     found = clear_posture_at_pose(
-        guard.bodies,
-        search.held,
+        collision.bodies,
+        search.fixed_base,
         aim_of(target),
         start,
         goal.effort,
-        contact=guard.contact,
-        margin=guard.spare,
+        contact=collision.contact,
+        margin=collision.spare,
     )
-    pose = None if found is None else Pose(search.held, found[0])
+    pose = None if found is None else Pose(search.fixed_base, found[0])
     return pose if pose is not None and search.confirms(pose) else None
 
 
-def _keep(search: TargetSearch) -> str:
+def _needed_clearance(search: TargetSearch) -> str:
     """What the arm would have to do there, by the best of the postures looked at."""
-    if search.touch is None:
+    if search.proximity is None:
         return "bring the tool there and keep off its surroundings, itself and its base"
-    best = search.guard.words(search.touch)
+    best = search.collision.words(search.proximity)
     return f"keep off its surroundings, itself and its base; in the best of those looked at, {best}"
 
 
-def _ruled_out(target: Target, stand: _Stand, why: str) -> TargetResult:
-    who = TargetSearch(stand.scene, target).who
-    return TargetResult("unreachable", None, 0.0, f"{who} cannot be reached from {_place(stand.base)}: {why}")
+def _ruled_out(target: Target, placed: _PlacedScene, why: str) -> TargetResult:
+    who = TargetSearch(placed.scene, target).who
+    return TargetResult(
+        "unreachable", None, 0.0, f"{who} cannot be reached from {_place(placed.base)}: {why}"
+    )
 
 
 def _undecided(search: TargetSearch) -> TargetResult:
     """A target for which no posture was found, and none is ruled out."""
-    assert search.held is not None
-    lead, touch = f"{no_way_to(search.who)} from {_place(search.held)}", search.touch
+    assert search.fixed_base is not None
+    lead, proximity = f"{no_way_to(search.who)} from {_place(search.fixed_base)}", search.proximity
     why = "no posture was found, and none is ruled out"
-    if touch is not None:
-        why = f"each of {search.met} postures looked at touches something; in the best of them, "
-        why += search.guard.words(touch)
+    if proximity is not None:
+        why = f"each of {search.colliding} postures looked at touches something; in the best of them, "
+        why += search.collision.words(proximity)
     return TargetResult("undecided", None, 0.0, f"{lead}: {why}")
 
 

@@ -13,7 +13,7 @@ import shapely
 from numpy.typing import ArrayLike
 from shapely.geometry import Point
 
-from regionik.areas.standing import LEAST_AREA, PathAreas
+from regionik.areas.free_space import MIN_AREA, PathAreas
 from regionik.executors import Pool, map_unordered
 from regionik.explain.constraints import no_way_to, places_open
 from regionik.explain.failures import no_place
@@ -34,9 +34,9 @@ from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import Target, World
 
-CELLS = 200_000  # of postures looked at for one target
+MAX_CELLS = 200_000  # of postures looked at for one target
 CHUNK = 500  # targets that a worker is given at once
-KNOWN = 0.05  # cells of distance and height for which one posture is known [m]
+KNOWN_CELL = 0.05  # cells of distance and height for which one posture is known [m]
 _NO_WAY = "from no place of the floor and in no posture does the arm keep off {}"
 _CLOSELY = "heading by heading and pitch by pitch, each place for the base is ruled out"
 _IN = "whatever the posture, the end of the arm is in {} there, or nearer to it than the rules allow"
@@ -117,17 +117,19 @@ def _joined(parts: Sequence[Answer]) -> Answer:
 def _answered(world: World, targets: Array | list[Target], base: tuple[float, float, float] | None) -> Answer:
     """The answers for the targets of one chunk."""
     asked = targets if isinstance(targets, list) else [Target(row) for row in targets]
-    return reached(scene_of(world), asked, base)
+    return answers_for(scene_of(world), asked, base)
 
 
-def reached(scene: Scene, asked: Sequence[Target], base: tuple[float, float, float] | None = None) -> Answer:
+def answers_for(
+    scene: Scene, targets: Sequence[Target], base: tuple[float, float, float] | None = None
+) -> Answer:
     """The answers for targets in a scene, from anywhere or from one pose of the base."""
-    positions = np.array([target.position for target in asked]).reshape(-1, 3)
+    positions = np.array([target.position for target in targets]).reshape(-1, 3)
     places = positions if base is None else np.vstack([positions, [*base[:2], 0.0]])
     near = scene.within_reach(places)
-    results = _decided(near, asked) if base is None else from_base(near, asked, base)
+    results = _decided(near, targets) if base is None else from_base(near, targets, base)
     verdict = np.array([one.verdict for one in results], dtype="<U11")
-    bases, joints = np.full((len(asked), 3), np.nan), np.full((len(asked), scene.robot.chain.dof), np.nan)
+    bases, joints = np.full((len(targets), 3), np.nan), np.full((len(targets), scene.robot.chain.dof), np.nan)
     for i, result in enumerate(results):
         if result.pose is not None:
             bases[i], joints[i] = result.pose.base, result.pose.joints
@@ -160,11 +162,13 @@ def _at_hand(scene: Scene, targets: Sequence[Target], areas: PathAreas) -> dict[
         spot = shapely.shortest_line(areas.inner[row], Point(axis_of(scene.robot, base))).coords[0]
         place = pose_of(scene.robot, np.array(spot), base[2])
         solver = solver_for(scene, areas.family[row], None, span)
-        reached = None if solver.compiled else _carried(scene, targets[i], solver, place, areas.family[row])
-        if reached is None:
-            reached = solver.inside(areas.inner[row])(targets[i], place, joints)
-        pose = Pose(reached.base, reached.joints)
-        if reached.converged and TargetSearch(scene, targets[i]).confirms(pose):
+        answers_for = (
+            None if solver.compiled else _carried(scene, targets[i], solver, place, areas.family[row])
+        )
+        if answers_for is None:
+            answers_for = solver.inside(areas.inner[row])(targets[i], place, joints)
+        pose = Pose(answers_for.base, answers_for.joints)
+        if answers_for.converged and TargetSearch(scene, targets[i]).confirms(pose):
             found[i] = pose
     return found
 
@@ -176,7 +180,7 @@ def _carried(
     if target.direction is not None:
         return None
     away = target.position[:2] - axis_of(scene.robot, place)
-    cells = int(np.hypot(*away) / KNOWN), round(float(target.position[2]) / KNOWN)
+    cells = int(np.hypot(*away) / KNOWN_CELL), round(float(target.position[2]) / KNOWN_CELL)
     known = scene.once(_known_posture, family, *cells)
     if known is None:
         return None
@@ -187,16 +191,16 @@ def _carried(
 
 def _known_posture(scene: Scene, family: Family, out: int, up: int) -> Array | None:
     """A posture with the tool so many cells out and up, whichever target asks; None where none is known."""
-    base, spot = pose_of(scene.robot, np.zeros(2), 0.0), np.array([KNOWN * out, 0.0, KNOWN * up])
-    reached = solver_for(scene, family).hold(spot, base, scene.robot.carry)
-    return reached.joints if reached.converged else None
+    base, spot = pose_of(scene.robot, np.zeros(2), 0.0), np.array([KNOWN_CELL * out, 0.0, KNOWN_CELL * up])
+    answers_for = solver_for(scene, family).hold(spot, base, scene.robot.carry)
+    return answers_for.joints if answers_for.converged else None
 
 
 def _closely(scene: Scene, target: Target, likely: Sequence[KnownArea]) -> TargetResult:
     """Result for a target that coarse areas do not decide."""
     search = TargetSearch(scene, target)
-    if search.guard.on:
-        bodies, contact = search.guard.bodies, search.guard.contact
+    if search.collision.enabled:
+        bodies, contact = search.collision.bodies, search.collision.contact
         name = solid_at_target(bodies, target.position, scene.rules.tolerance, 0.0, contact)
         if name:
             return TargetResult(
@@ -220,7 +224,7 @@ def _everywhere(search: TargetSearch) -> TargetResult:
     scene, target = search.scene, search.target
     if not can_search(scene):
         return TargetResult("undecided", None, np.inf, "")
-    seen = search_any_base(scene, target, CELLS)
+    seen = search_any_base(scene, target, MAX_CELLS)
     if seen.verdict == Verdict.RULED_OUT:
         way = _NO_WAY.format(", ".join([*seen.around, "itself and its base"]))
         return TargetResult("unreachable", None, 0.0, f"{search.who} cannot be reached: {way}")
@@ -232,12 +236,12 @@ def _everywhere(search: TargetSearch) -> TargetResult:
 
 def _doubt(search: TargetSearch, gap: float, tried: int) -> str:
     """Sentence on why a target stays undecided."""
-    lead, touch = no_way_to(search.who), search.touch
+    lead, proximity = no_way_to(search.who), search.proximity
     left = places_open(gap)
-    if touch is not None:
+    if proximity is not None:
         return (
-            f"{lead}: each of {search.met} postures looked at touches something; in the best of them, "
-            f"{search.guard.words(touch)}. {left}: a clear posture from one of them would decide it."
+            f"{lead}: each of {search.colliding} postures looked at touches something; in the best of them, "
+            f"{search.collision.words(proximity)}. {left}: a clear posture from one of them would decide it."
         )
     looked = "no posture was found in the areas looked at" if tried else "no place for the base is known"
     return f"{lead}: {looked}. {left}: a posture from one of them would decide it."
@@ -245,7 +249,7 @@ def _doubt(search: TargetSearch, gap: float, tried: int) -> str:
 
 def _largest_first(areas: PathAreas, i: int) -> list[KnownArea]:
     """Areas of one target that are worth a search."""
-    rows = np.flatnonzero((areas.target == i) & (shapely.area(areas.inner) > LEAST_AREA))
+    rows = np.flatnonzero((areas.target == i) & (shapely.area(areas.inner) > MIN_AREA))
     rows = rows[np.argsort(-shapely.area(areas.inner[rows]), kind="stable")]
     return [(areas.family[row], areas.inner[row]) for row in rows.tolist()]
 

@@ -17,29 +17,29 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import EVERY
-from regionik.areas.layers import GUARD
-from regionik.areas.reach_model import FineRows, ReachModel
+from regionik.areas.layers import ROUNDING_MARGIN
+from regionik.areas.reach_model import FineReachTable, ReachModel
 from regionik.areas.reachable import reach_model
 from regionik.planners.driving.heading_slabs import ConvexScene, convex_scene, free_at_all, free_at_some
-from regionik.planners.search.box_search import WHOLE, Verdict, begin, explore, left_open, verdict_of
+from regionik.planners.search.box_search import NO_SIDE, Verdict, begin, explore, left_open, verdict_of
 from regionik.postures.arm import goal_of
 from regionik.postures.families import BACK, FRONT, Family, families_along
 from regionik.postures.poses import Pose
-from regionik.reach_rows import fine_reach
+from regionik.reach_table import fine_reach
 from regionik.reachability.target_search import TargetSearch
 from regionik.regions import reach_of, round_outer_areas
 from regionik.scene import Scene
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target
 
-SIDES, MOST_SIDES = 48, 384  # of the polygons for discs, in wide cells and in narrow ones
+SIDES, MAX_SIDES = 48, 384  # of the polygons for discs, in wide cells and in narrow ones
 NARROW = 0.02  # [rad]
 WIDER = 1.05  # polygons round a footprint's rotations than the circle round it, at the most
 ENOUGH = 1e-4  # widest disc of open places below which a cell is not bisected [m]
 NARROWEST = 1e-4  # width of cells below which they are not bisected [rad]
 TURNS = 8  # cells that a full turn is cut in, where it does not do as a whole
-MOST_CELLS = 240
-MOST_TRIES = 16  # inner areas that are searched for a configuration
+MAX_CELLS = 240
+MAX_TRIES = 16  # inner areas that are searched for a configuration
 
 Span = tuple[float, float]
 KnownArea = tuple[Family, BaseGeometry]
@@ -48,7 +48,7 @@ KnownArea = tuple[Family, BaseGeometry]
 class Refinement(NamedTuple):
     """Outcome of the finer areas of a target."""
 
-    found: Pose | None
+    pose: Pose | None
     left: BaseGeometry  # places neither found to work nor ruled out; empty where there is proven to be none
     tried: int  # inner areas searched for a configuration
 
@@ -72,9 +72,9 @@ def refine(search: TargetSearch, likely: Sequence[KnownArea] = ()) -> Refinement
     if np.pi < heading[1] - heading[0] < np.inf and verdict_of(boxes) == Verdict.OPEN:
         ends = np.linspace(*heading, TURNS + 1).tolist()
         boxes = begin(_judge, close, *_boxes(list(zip(ends[:-1], ends[1:], strict=True)), pitch))
-    boxes = explore(_judge, close, boxes, MOST_CELLS, 1)
-    if close.found is not None:
-        return Refinement(close.found, Polygon(), close.tried)
+    boxes = explore(_judge, close, boxes, MAX_CELLS, 1)
+    if close.pose is not None:
+        return Refinement(close.pose, Polygon(), close.tried)
     cells = [close.cell(boxes.low[slot], boxes.high[slot]) for slot in left_open(boxes).tolist()]
     left: BaseGeometry = shapely.union_all([close.outer(cell) for cell in cells])
     return Refinement(None, left if close.has_inner or left.is_empty else left & close.reach, close.tried)
@@ -91,11 +91,11 @@ def _judge(close: _CloseAreas, low: Array, high: Array) -> tuple[Verdict, float,
     cell = close.cell(low, high)
     outer = close.outer(cell)
     if outer.is_empty:
-        return Verdict.RULED_OUT, 0.0, WHOLE
+        return Verdict.RULED_OUT, 0.0, NO_SIDE
     if close.attempts(cell):
-        return Verdict.PROVEN, outer.area, WHOLE
+        return Verdict.PROVEN, outer.area, NO_SIDE
     settled = close.is_exhausted or diameter(outer) <= ENOUGH or close.stays_open(cell)
-    return Verdict.OPEN, outer.area, WHOLE if settled else close.widest_side(cell)
+    return Verdict.OPEN, outer.area, NO_SIDE if settled else close.widest_side(cell)
 
 
 def diameter(area: BaseGeometry) -> float:
@@ -116,13 +116,13 @@ class _CloseAreas:
 
     search: TargetSearch
     likely: tuple[KnownArea, ...] = ()
-    found: Pose | None = None
+    pose: Pose | None = None
     tried: int = 0
     _outer: dict[HeadingCell, BaseGeometry] = field(default_factory=dict)
     _free: dict[Span, BaseGeometry] = field(default_factory=dict)
     _free_inside: dict[Span, BaseGeometry] = field(default_factory=dict)
     _scenes: dict[Span, ConvexScene] = field(default_factory=dict)
-    _inside: dict[HeadingCell, FineRows] = field(default_factory=dict)
+    _inside: dict[HeadingCell, FineReachTable] = field(default_factory=dict)
 
     @property
     def scene(self) -> Scene:
@@ -135,7 +135,7 @@ class _CloseAreas:
     @property
     def is_exhausted(self) -> bool:
         """True where no other inner area is searched."""
-        return self.tried >= MOST_TRIES or self.search.is_exhausted
+        return self.tried >= MAX_TRIES or self.search.is_exhausted
 
     @property
     def whole(self) -> tuple[Span, Span]:
@@ -161,12 +161,12 @@ class _CloseAreas:
 
     def attempts(self, cell: HeadingCell) -> bool:
         """Search the inner areas of a cell for a configuration, the largest first; True if found."""
-        for family, area in self.inner(cell) if self.found is None and not self.is_exhausted else ():
+        for family, area in self.inner(cell) if self.pose is None and not self.is_exhausted else ():
             if self.is_exhausted:
                 break
             self.tried += 1
-            self.found = self.search.within(area, family, cell.heading)
-            if self.found is not None:
+            self.pose = self.search.within(area, family, cell.heading)
+            if self.pose is not None:
                 return True
         return False
 
@@ -205,20 +205,20 @@ class _CloseAreas:
         free: BaseGeometry = outer & self._free_at_all(cell.heading)
         return not free.is_empty and (free & self.reach).area > 0
 
-    def _reach_inside(self, cell: HeadingCell) -> FineRows:
+    def _reach_inside(self, cell: HeadingCell) -> FineReachTable:
         if cell not in self._inside:
             kinds = self._kinds(cell, inner=True)
             self._inside[cell] = fine_reach(self.scene, self.target, kinds, cell.heading, inner=True)
         return self._inside[cell]
 
     def widest_side(self, cell: HeadingCell) -> int:
-        """The side to bisect: headings 0, pitches 1, or `WHOLE` where both are narrow."""
+        """The side to bisect: headings 0, pitches 1, or `NO_SIDE` where both are narrow."""
         turn = 0.0 if cell.heading == EVERY else cell.heading[1] - cell.heading[0]
         tilt = 0.0
         if cell.pitch is not None and self.target.orientation is None:
             tilt = cell.pitch[1] - cell.pitch[0]
         if max(turn, tilt) < NARROWEST:
-            return WHOLE
+            return NO_SIDE
         return 1 if tilt > turn else 0
 
     def _kinds(self, cell: HeadingCell, *, inner: bool) -> tuple[Family, ...]:
@@ -229,7 +229,9 @@ class _CloseAreas:
             return self._model.families(target, (FRONT, BACK), inner=inner)
         pitch = sum(cell.pitch) / 2
         low, high = (pitch, pitch) if inner else cell.pitch
-        half = _widest_swing(_pitch_of(target.direction), target.cone, low, high) - (GUARD if inner else 0.0)
+        half = _widest_swing(_pitch_of(target.direction), target.cone, low, high) - (
+            ROUNDING_MARGIN if inner else 0.0
+        )
         if half <= 0:
             return ()
         azimuth = float(np.arctan2(target.direction[1], target.direction[0]))
@@ -264,7 +266,7 @@ class _CloseAreas:
         if heading not in self._free_inside:
             scene = self._scenes.get(heading)
             inner = Polygon() if scene is None else free_at_all(scene, *_turn(heading))
-            self._free_inside[heading] = shapely.buffer(inner, -2 * GUARD, join_style="mitre")
+            self._free_inside[heading] = shapely.buffer(inner, -2 * ROUNDING_MARGIN, join_style="mitre")
         return self._free_inside[heading]
 
     def _about_at(self, heading: Span) -> BaseGeometry:
@@ -289,12 +291,12 @@ class _CloseAreas:
     def _cut_by_slab(self, heading: Span, about: BaseGeometry) -> BaseGeometry:
         """Some places, as far as a heading is free of the floor and the shadows that matter to them."""
         ground, (low, high) = self.scene.ground, _turn(heading)
-        by = WIDER * ground.far + GUARD
+        by = WIDER * ground.far + ROUNDING_MARGIN
         x0, y0, x1, y1 = shapely.bounds(shapely.get_parts(about)).T
         near = ground.cut_to(shapely.union_all(shapely.box(x0 - by, y0 - by, x1 + by, y1 + by)))
         if near.floor.is_empty:
             return Polygon()
-        sides = SIDES if high - low > NARROW else MOST_SIDES
+        sides = SIDES if high - low > NARROW else MAX_SIDES
         scene = convex_scene(self._outline, near.floor, near.shadows, near.clearance, sides, about)
         self._scenes[heading] = scene
         return free_at_some(scene, low, high)

@@ -10,16 +10,16 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from regionik.areas.free_space import MIN_AREA, into_span, spread
 from regionik.areas.reachable import reach_model
-from regionik.areas.standing import LEAST_AREA, into_span, spread
 from regionik.explain.constraints import spot
 from regionik.mfabrik import Solver, solver_for
 from regionik.planners.avoidance.clear_posture import sampled_clear_posture
-from regionik.planners.collision.proximity import Touch
+from regionik.planners.collision.proximity import Proximity
 from regionik.planners.driving.footprint import fits
 from regionik.planners.search.fixed_base import PostureTask
 from regionik.postures.arm import goal_error
-from regionik.postures.arm_guard import SPARE, Guard
+from regionik.postures.collision_checker import MAX_SPARE, CollisionChecker
 from regionik.postures.families import Family
 from regionik.postures.poses import Pose, arrays, facing, pose_of
 from regionik.regions import path_areas
@@ -28,14 +28,14 @@ from regionik.values import Configuration
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target
 
-PLACES = 12  # of the base, tried in an area where the arm touches something
-PITCHES = 24  # of the last link, tried at every place
-SEARCHED = 2  # places at which more postures of the arm are sampled
-SAMPLES = 50  # of them at each
-DEEPEST = 0.1  # overlap of the posture met there, beyond which none is [m]; those that helped had 0.013 m
-MOST_MET = 200  # postures that touch something, after which no other place is tried
-MEASURED = 4  # of those at one place, whose distances are measured
-SLACK = 1e-9  # rounding allowed at a bound [m] or [rad]
+MAX_PLACES = 12  # of the base, tried in an area where the arm touches something
+MAX_PITCHES = 24  # of the last link, tried at every place
+MAX_SEARCHED = 2  # places at which more postures of the arm are sampled
+MAX_SAMPLES = 50  # of them at each
+MAX_OVERLAP = 0.1  # overlap of the posture met there, beyond which none is [m]; those that helped had 0.013 m
+MAX_COLLIDING = 200  # postures that touch something, after which no other place is tried
+MAX_MEASURED = 4  # of those at one place, whose distances are measured
+BOUND_SLACK = 1e-9  # rounding allowed at a bound [m] or [rad]
 
 
 class TargetResult(NamedTuple):
@@ -53,20 +53,20 @@ class TargetSearch:
 
     scene: Scene
     target: Target
-    held: Array | None = None  # (3,) the one base pose that counts, known to stand on free floor
-    met: int = 0  # postures on target with the base on free floor that touch something
-    touch: Touch | None = None  # of the posture among them nearest to being clear
+    fixed_base: Array | None = None  # (3,) the one base pose that counts, known to stand on free floor
+    colliding: int = 0  # postures on target with the base on free floor that touch something
+    proximity: Proximity | None = None  # of the posture among them nearest to being clear
     # Clearance left [m] and posture nearest to being clear, of each place
     nearly: list[tuple[float, Pose]] = field(default_factory=list)
-    guard: Guard = field(init=False)
+    collision: CollisionChecker = field(init=False)
 
     def __post_init__(self) -> None:
-        self.guard = self.scene.guard_at(self.target)
+        self.collision = self.scene.collision_at(self.target)
 
     @property
     def is_exhausted(self) -> bool:
         """True where so many postures touch something that no other place is tried."""
-        return self.met >= MOST_MET
+        return self.colliding >= MAX_COLLIDING
 
     def within(self, area: BaseGeometry, family: Family, span: tuple[float, float]) -> Pose | None:
         """A confirmed configuration with the arm axis in an area, the heading in a span, if one is found."""
@@ -82,13 +82,13 @@ class TargetSearch:
 
     def at(self, solver: Solver, base: Array) -> Pose | None:
         """A confirmed configuration with the arm axis as a base pose (3,) has it, if one is found."""
-        standing = self.standing(self._postures(solver, base))
-        clear = next((q for q in standing if self.guard.proves(q)), None)
+        free_space = self.on_target(self._postures(solver, base))
+        clear = next((q for q in free_space if self.collision.proves(q)), None)
         if clear is not None:
             return clear
-        self.met += len(standing)
+        self.colliding += len(free_space)
         best = -np.inf
-        for q in standing[:MEASURED]:
+        for q in free_space[:MAX_MEASURED]:
             room = self._room(q, best)
             if room == np.inf:
                 return q
@@ -101,7 +101,7 @@ class TargetSearch:
     def in_areas(self) -> Pose | None:
         """A confirmed configuration in the areas that hold at every heading, if one is found."""
         areas, sides = path_areas(self.scene, [self.target]), self.scene.free_floor.anywhere.sides
-        for k in np.flatnonzero(shapely.area(areas.inner) > LEAST_AREA).tolist():
+        for k in np.flatnonzero(shapely.area(areas.inner) > MIN_AREA).tolist():
             pose = self.within(areas.inner[k], areas.family[k], sides[areas.side[k]].span)
             if pose is not None:
                 return pose
@@ -114,22 +114,26 @@ class TargetSearch:
         """
         if self.target.direction is not None or self.scene.model(self.target).shows_all_postures:
             return None
-        nearest = sorted((one for one in self.nearly if one[0] > -DEEPEST), key=lambda one: -one[0])
-        found = (self._searched(near) for _, near in nearest[:SEARCHED])
+        nearest = sorted((one for one in self.nearly if one[0] > -MAX_OVERLAP), key=lambda one: -one[0])
+        found = (self._searched(near) for _, near in nearest[:MAX_SEARCHED])
         return next((q for q in found if q is not None), None)
 
-    def standing(self, poses: Sequence[Pose]) -> list[Pose]:
+    def on_target(self, poses: Sequence[Pose]) -> list[Pose]:
         """Those whose tool, joints and base meet target, limits and floor, whatever the arm touches."""
         if not poses:
             return []
         scene, model = self.scene, reach_model(self.scene.robot, "point")
         bases, joints = arrays(poses)
         chain = scene.robot.chain
-        within = ((joints >= chain.lower - SLACK) & (joints <= chain.upper + SLACK)).all(axis=1)
+        within = ((joints >= chain.lower - BOUND_SLACK) & (joints <= chain.upper + BOUND_SLACK)).all(axis=1)
         errors = [goal_error(self.target, tool) for tool in scene.robot.tool(bases, joints)]
         off, angles = np.array(errors).T
-        good = within & (off <= scene.rules.tolerance + SLACK) & (angles <= self.target.cone + SLACK)
-        free = {place: self._stands(place) for place in {tuple(base) for base in bases[good].tolist()}}
+        good = (
+            within & (off <= scene.rules.tolerance + BOUND_SLACK) & (angles <= self.target.cone + BOUND_SLACK)
+        )
+        free = {
+            place: self._base_may_stand(place) for place in {tuple(base) for base in bases[good].tolist()}
+        }
         return [
             q
             for q, on_target in zip(poses, good.tolist(), strict=True)
@@ -138,46 +142,48 @@ class TargetSearch:
 
     def confirms(self, q: Pose) -> bool:
         """True where a configuration is an answer."""
-        return bool(self.standing([q])) and self.guard.clear(q)
+        return bool(self.on_target([q])) and self.collision.clear(q)
 
     @property
     def who(self) -> str:
         """The target in words."""
         return f"The target at {spot(self.target.position)}"
 
-    def _stands(self, base: tuple[float, float, float]) -> bool:
+    def _base_may_stand(self, base: tuple[float, float, float]) -> bool:
         """True where the base may stand: on free floor, and as it is held."""
-        if self.held is not None:
-            return base == tuple(self.held.tolist())
+        if self.fixed_base is not None:
+            return base == tuple(self.fixed_base.tolist())
         return bool(fits(self.scene.footprint, *base))
 
     def _places(self, area: BaseGeometry) -> Array:
         """The middle of the area's largest part, then places spread over all of it."""
         largest = max(shapely.get_parts(area), key=lambda part: part.area)
         middle = shapely.maximum_inscribed_circle(largest).coords[0]
-        return np.vstack([middle, spread(area, PLACES, 0)])
+        return np.vstack([middle, spread(area, MAX_PLACES, 0)])
 
     def _postures(self, solver: Solver, base: Array) -> list[Pose]:
         """The posture that the solver finds from the carried arm, then those of its self-motion."""
         carry = self.scene.robot.carry
         first = solver.hold(self.target, base, carry)
-        if not first.converged and self.held is None:
+        if not first.converged and self.fixed_base is None:
             return []
         poses = [self._posed(first)] if first.converged else []
-        if not poses or (self.guard.on and not self.confirms(poses[0])):
-            others = solver.self_motion(self.target, base, carry, PITCHES)
+        if not poses or (self.collision.enabled and not self.confirms(poses[0])):
+            others = solver.self_motion(self.target, base, carry, MAX_PITCHES)
             poses += [self._posed(one) for one in others]
         return poses
 
-    def _posed(self, found: Configuration) -> Pose:
+    def _posed(self, configuration: Configuration) -> Pose:
         """What a solver found; a held base is as it is held, not as it is rounded."""
-        return Pose(found.base if self.held is None else self.held, found.joints)
+        return Pose(configuration.base if self.fixed_base is None else self.fixed_base, configuration.joints)
 
     def _searched(self, q: Pose) -> Pose | None:
         """Search postures of the arm about the nearest one, the base held."""
-        guard, tolerance = self.guard, self.scene.rules.tolerance
-        task = PostureTask(guard.bodies, q.base, self.target.position, guard.contact, tolerance, SPARE)
-        found = sampled_clear_posture(task, q.joints, samples=SAMPLES)
+        collision, tolerance = self.collision, self.scene.rules.tolerance
+        task = PostureTask(
+            collision.bodies, q.base, self.target.position, collision.contact, tolerance, MAX_SPARE
+        )
+        found = sampled_clear_posture(task, q.joints, samples=MAX_SAMPLES)
         if found.joints is None:
             return None
         pose = Pose(q.base, np.array(found.joints))
@@ -190,10 +196,10 @@ class TargetSearch:
 
         Where it is less than ``best``, some contact's, not the nearest one's.
         """
-        touch = self.guard.touch(q, best)
-        room = self.guard.room(touch)
-        if self.touch is None or room > self.guard.room(self.touch):
-            self.touch = touch
+        proximity = self.collision.nearest(q, best)
+        room = self.collision.room(proximity)
+        if self.proximity is None or room > self.collision.room(self.proximity):
+            self.proximity = proximity
         return room
 
     def _yaw(self, axis: Array) -> float:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from regionik.explain.several import as_setpoint
-from regionik.reachability.reach import reached
+from regionik.reachability.reach import answers_for
 from regionik.scene import Scene
 from regionik.worlds.errors import SetpointFailure, Verdict
 
@@ -16,7 +16,7 @@ def unreached(scene: Scene, setpoints: Sequence[int]) -> Iterator[SetpointFailur
     """Those of some set-points that are not reached, as is proven or as far as is known."""
     if not setpoints:
         return
-    answer = reached(scene, [scene.task[i] for i in setpoints])
+    answer = answers_for(scene, [scene.task[i] for i in setpoints])
     for k in np.flatnonzero(~answer.reachable).tolist():
         verdict: Verdict = "unreachable" if answer.verdict[k] == "unreachable" else "undecided"
         i = setpoints[k]

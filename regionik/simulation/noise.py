@@ -12,7 +12,7 @@ from regionik.worlds.chain import rot_z
 from regionik.worlds.errors import InputError
 
 SLIP_TIME = 1.0  # for which a draw of the slip lasts [s]
-STANDING = 10.0  # for which the robot has localised itself before it sets off [s]
+LOCALISATION_TIME = 10.0  # for which the robot has localised itself before it sets off [s]
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Noise:
 
     def start(self, pose: Array, rng: np.random.Generator) -> PoseEstimate:
         """Draw the estimate of a pose (3,) at which the robot has stood for a while."""
-        deviation = self.deviations / np.sqrt(max(STANDING * self.rate, 1.0))
+        deviation = self.deviations / np.sqrt(max(LOCALISATION_TIME * self.rate, 1.0))
         return PoseEstimate(pose + deviation * rng.standard_normal(3), np.diag(deviation**2))
 
 

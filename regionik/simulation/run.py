@@ -163,14 +163,14 @@ class SimulatedRun:
                 "p95": float(np.percentile(error, 95)),
                 "worst": float(error.max()),
             },
-            "speed_held": self._speed_held,
+            "speed_held": self._speed_shares,
             "base_error": float(off.max()),
             "contacts": len(self.contacts),
             "used": self._used,
         }
 
     @property
-    def _speed_held(self) -> float:
+    def _speed_shares(self) -> float:
         on_path, planned = self.reference.on_path, self.reference.tool_speed
         if not planned[on_path].any():
             return 1.0  # the tool rests wherever it works

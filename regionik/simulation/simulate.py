@@ -45,13 +45,13 @@ class BaseDrives:
         self._slips = slips
         self._steps = 0
 
-    def step(self, asked: Array, curvature: float, yaw: float) -> tuple[float, float, float]:
+    def step(self, command: Array, curvature: float, yaw: float) -> tuple[float, float, float]:
         """Go on by a step, asked for a twist (3,) and, of a car, a curvature [1/m]; the base's velocity.
 
         Of a base with a heading, in the world: x, y [m/s], yaw [rad/s].
         """
         twist, before = self.twist, self.twist.copy()
-        twist += (asked - twist) * _SHARE
+        twist += (command - twist) * _SHARE
         if self._wheelbase:
             wanted = math.atan(self._wheelbase * curvature)
             self._steering += min(max(wanted - self._steering, -self._fastest), self._fastest)
@@ -117,13 +117,15 @@ class SimulatedRobot:
             known = self.contacts.setdefault(names, Contact(time, *names, touch.depth))
             self.contacts[names] = replace(known, depth=max(known.depth, touch.depth))
 
-    def _is_allowed(self, touch: Overlap) -> bool:
+    def _is_allowed(self, overlap: Overlap) -> bool:
         """True where the last link touches what a set-point at hand lies on, near the tool and not deep."""
         reach, tool = self._world.rules.tool_contact, self.physics.tool.tolist()
-        if touch.own or touch.robot not in self._tips or touch.depth > self._deepest:
+        if overlap.own or overlap.robot not in self._tips or overlap.depth > self._deepest:
             return False
-        spots = self._worked_on(touch.other)
-        return math.dist(touch.point, tool) <= reach and any(math.dist(spot, tool) <= reach for spot in spots)
+        spots = self._worked_on(overlap.other)
+        return math.dist(overlap.point, tool) <= reach and any(
+            math.dist(spot, tool) <= reach for spot in spots
+        )
 
     def _worked_on(self, solid: int) -> list[list[float]]:
         """Set-points that lie on a solid, or within ``tool_contact`` of it [m]."""

@@ -28,7 +28,7 @@ GAIN = 2.0  # at which the base is led back to its place [1/s]
 LEAD_BACK = 0.3  # way on which a base that rolls comes back to its path [m]
 FADE = 1.0  # before and after the tool is on its path, in which the arm begins and ends to hold it there [s]
 TURN_WEIGHT = 0.05  # length that counts as much as a radian of the tool's orientation [m]
-MOST_ADDED = 0.2  # of a joint's deviation from the plan, endless near singular postures [rad], [m]
+MAX_ADDED = 0.2  # of a joint's deviation from the plan, endless near singular postures [rad], [m]
 DAMPING = 0.015  # share of the arm's length that counts as much as a radian of its deviation from the plan
 
 
@@ -105,8 +105,8 @@ class TrackingController:
         away = joints - plan.joints[k]
         step = np.linalg.solve(J.T @ J + self._damping * np.eye(n), J.T @ error - self._damping * away)
         most = self._joint_velocity * PERIOD
-        lower = np.maximum(self.robot.chain.lower, plan.joints[k] - MOST_ADDED)
-        upper = np.minimum(self.robot.chain.upper, plan.joints[k] + MOST_ADDED)
+        lower = np.maximum(self.robot.chain.lower, plan.joints[k] - MAX_ADDED)
+        upper = np.minimum(self.robot.chain.upper, plan.joints[k] + MAX_ADDED)
         limited: Array = np.clip(joints + np.clip(step, -most, most), lower, upper)
         return limited
 

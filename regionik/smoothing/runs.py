@@ -12,10 +12,10 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from regionik.areas.free_space import FreeSpace
 from regionik.areas.ground import united
 from regionik.areas.layers import Geometries
-from regionik.areas.standing import Standing
-from regionik.moving.state_keeper import StateKeeper
+from regionik.moving.state_constraints import StateConstraints
 from regionik.planners.smoothing.path_smoothing import PathProblem, on_path, smooth_states
 from regionik.planners.solvers.aims import beyond_cones, in_columns, missed_by
 from regionik.postures.arm import aim_of, goal_between
@@ -28,20 +28,21 @@ from regionik.worlds.drives import displacement, unwrapped
 from regionik.worlds.limits import Speeds
 from regionik.worlds.robot import Robot, with_joint_margin
 
-SHORTEST_RUN = 3  # states
-LONG, FEW = 400, 0.6  # states of a run, and share of them that are set-points, to begin with these alone
+MIN_RUN_STATES = 3  # states
+# states of a run, and share of them that are set-points, to begin with these alone
+MIN_LONG_RUN, MAX_SETPOINT_SHARE = 400, 0.6
 NEAR_TRUST = 0.03  # of the first round, where it was begun with fewer states [m] or [rad]
-NEAR = 0.025  # set-points that have a state between them are farther apart [m]
-LEAST_STRIDE = 1e-3  # along the path, where the tool rests or nearly so [m]
+MAX_NEAR_DISTANCE = 0.025  # set-points that have a state between them are farther apart [m]
+MIN_STRIDE = 1e-3  # along the path, where the tool rests or nearly so [m]
 STEP_SHARE = 0.7  # of the longest step of the base that it takes in the mean, as laid out
 BASE_SHARE = 0.4  # of the base's way that counts as way along the path, where the tool rests
-SHARP = 0.7  # turn of the tool's path that is a corner [rad]
+MIN_CORNER_TURN = 0.7  # turn of the tool's path that is a corner [rad]
 WINDOW = 40  # states on either side of one that failed which are smoothed anew
-STIFFER = 30.0  # areas are kept where states failed, by their cost
-MOST_STATES = 1500  # smoothed at once
+STIFFER_AREA_COST = 30.0  # areas are kept where states failed, by their cost
+MAX_STATES = 1500  # smoothed at once
 FAR = 1e6  # beyond every floor [m]
-MISSED = 1e-9  # by the tool of a state that is led off its limits [m]
-FARTHEST = 0.3  # that a coordinate of it changes [m] or [rad]
+MAX_LIMIT_MISS = 1e-9  # by the tool of a state that is led off its limits [m]
+MAX_LIMIT_CHANGE = 0.3  # that a coordinate of it changes [m] or [rad]
 OFF_AREA = 1e-6  # of the arm axis in a state as found, from which on no area is kept [m]
 ANYWHERE = shapely.box(-FAR, -FAR, FAR, FAR)
 
@@ -59,12 +60,14 @@ class PathRun:
     # Of all states, and of the set-points and both ends; coordinates are held that must be
     problem: PathProblem
     coarse: PathProblem
-    keeper: StateKeeper  # of all states
+    constraints: StateConstraints  # of all states
 
     def smoothed(self) -> Array:
         """All states smoothed; of long runs first those of the set-points alone, which is soon done."""
         rows, t = _coarse_rows(self.worked), self.problem.parameter
-        if len(self.states) < LONG or not SHORTEST_RUN <= len(rows) <= FEW * len(self.states):
+        if len(self.states) < MIN_LONG_RUN or not MIN_RUN_STATES <= len(rows) <= MAX_SETPOINT_SHARE * len(
+            self.states
+        ):
             return self._within(smooth_states(self.problem, self.states))
         found = smooth_states(self.coarse, self.states[rows])
         begun = np.stack([np.interp(t, t[rows], column) for column in found.T], axis=1)
@@ -78,9 +81,11 @@ class PathRun:
         """
         mended = states.copy()
         for rows in _windows(failed, len(states)):
-            keeper = replace(self.keeper, within=self.keeper.within[rows], demanded=demanded[rows])
-            keeper = replace(keeper, area_cost=STIFFER * self.keeper.area_cost)
-            part = self.problem.part(rows, keeper.half_spaces)
+            constraints = replace(
+                self.constraints, within=self.constraints.within[rows], demanded=demanded[rows]
+            )
+            constraints = replace(constraints, area_cost=STIFFER_AREA_COST * self.constraints.area_cost)
+            part = self.problem.part(rows, constraints.half_spaces)
             lower = np.maximum(part.lower, self.states[rows] - tube[rows, None])
             upper = np.minimum(part.upper, self.states[rows] + tube[rows, None])
             inner = slice(2 if rows.start > 0 else 0, -2 if rows.stop < len(states) else None)
@@ -108,7 +113,7 @@ class PathRun:
         return on_path(replace(problem, lower=lower, upper=upper), moved)
 
 
-def runs_of(scene: Scene, plan: Plan, standing: Standing, stride: float, loose: bool) -> Iterator[PathRun]:
+def runs_of(scene: Scene, plan: Plan, free_space: FreeSpace, stride: float, loose: bool) -> Iterator[PathRun]:
     """Runs of a plan; long ones in parts, which begin and end where they did.
 
     Where runs are ``loose`` their ends may move where the robot comes or goes with its tool lifted.
@@ -117,12 +122,12 @@ def runs_of(scene: Scene, plan: Plan, standing: Standing, stride: float, loose: 
     car, states are the plan's own.
     """
     layout = _Layout(
-        scene, plan, standing, stride if scene.robot.drive.turns_on_the_spot else math.inf, loose
+        scene, plan, free_space, stride if scene.robot.drive.turns_on_the_spot else math.inf, loose
     )
     working = plan.motion.kind != "transit"
     edges = np.flatnonzero(np.diff(np.concatenate([[False], working, [False]])))
     for first, end in edges.reshape(-1, 2).tolist():
-        count = 1 + (end - 1 - first) // MOST_STATES
+        count = 1 + (end - 1 - first) // MAX_STATES
         cuts = np.linspace(first, end - 1, count + 1).astype(int).tolist()
         yield from (layout.run(a, b) for a, b in pairwise(cuts))
 
@@ -131,7 +136,7 @@ def runs_of(scene: Scene, plan: Plan, standing: Standing, stride: float, loose: 
 class _Layout:
     scene: Scene
     plan: Plan
-    standing: Standing
+    free_space: FreeSpace
     stride: float
     loose: bool
 
@@ -161,8 +166,8 @@ class _Layout:
         few = _coarse_rows(worked)
         coarse = self._problem(states[few], within[few], at[few], held, beyond[few])
         coarse = replace(coarse, lower=problem.lower[few], upper=problem.upper[few])
-        coarse, keeper = replace(coarse, parameter=problem.parameter[few]), self._keeper(within)
-        return PathRun(first, last, owner, worked, states, within[worked], problem, coarse, keeper)
+        coarse, constraints = replace(coarse, parameter=problem.parameter[few]), self._constraints(within)
+        return PathRun(first, last, owner, worked, states, within[worked], problem, coarse, constraints)
 
     def _places(self, first: int, last: int) -> Array:
         """Places of old states along the path: the set-point, and the share of the way to the next."""
@@ -186,7 +191,7 @@ class _Layout:
         for i in range(int(owner[0]), math.ceil(places[-1])):
             way = math.dist(task[i].position, task[i + 1].position)
             driven = float(np.ptp(np.interp((i, i + 1), places, travelled)))
-            count = max(1 + (way > NEAR), math.ceil(way / self.stride), math.ceil(driven / step))
+            count = max(1 + (way > MAX_NEAR_DISTANCE), math.ceil(way / self.stride), math.ceil(driven / step))
             at += [p for p in (i + np.arange(1, count + 1) / count) if places[0] < p < places[-1]]
         if places[-1] > places[0]:
             at.append(places[-1])
@@ -194,7 +199,7 @@ class _Layout:
         return rows, np.floor(rows).astype(np.int64), rows == np.floor(rows)
 
     def _problem(
-        self, states: Array, within: Geometries, at: Array, held: tuple[bool, bool], beyond: Array
+        self, states: Array, within: Geometries, at: Array, fixed_ends: tuple[bool, bool], beyond: Array
     ) -> PathProblem:
         scene = self.scene
         task, ends = scene.task, len(scene.task) - 1
@@ -203,8 +208,8 @@ class _Layout:
             for i, p in zip(np.floor(at).astype(int).tolist(), at, strict=True)
         ]
         position = np.array([aim.position for aim in aims])
-        parameter, limits = self._parameter(position, states), self._limits(states, held)
-        keep, corner = self._keeper(within).half_spaces, _corners(position)
+        parameter, limits = self._parameter(position, states), self._limits(states, fixed_ends)
+        keep, corner = self._constraints(within).half_spaces, _corners(position)
         return PathProblem(
             scene.robot, parameter, corner, in_columns(aims), _scale(scene), *limits, beyond, keep
         )
@@ -224,9 +229,9 @@ class _Layout:
         tool = np.linalg.norm(np.diff(position, axis=0), axis=1)
         base = BASE_SHARE * _ways(self.scene.robot, states)
         way = tool if self.evenly else np.maximum(tool, base)
-        return np.concatenate([[0.0], np.cumsum(np.maximum(way, LEAST_STRIDE))])
+        return np.concatenate([[0.0], np.cumsum(np.maximum(way, MIN_STRIDE))])
 
-    def _limits(self, states: Array, held: tuple[bool, bool]) -> tuple[Array, Array]:
+    def _limits(self, states: Array, fixed_ends: tuple[bool, bool]) -> tuple[Array, Array]:
         """Bounds of all coordinates: limits with a margin where there is room, and what is held."""
         scene = self.scene
         chain = with_joint_margin(scene.robot, scene.rules.criteria).chain
@@ -239,7 +244,7 @@ class _Layout:
         fixed[:, 2] |= scene.rules.heading == "fixed"
         if scene.rules.heading == "face_target" and has_pivot(chain):
             fixed[:, 3 + pivot_index(chain)] = True
-        fixed[0], fixed[-1] = fixed[0] | held[0], fixed[-1] | held[1]
+        fixed[0], fixed[-1] = fixed[0] | fixed_ends[0], fixed[-1] | fixed_ends[1]
         return np.where(fixed, states, lower), np.where(fixed, states, upper)
 
     def _within(self, states: Array, owner: Index, worked: Mask) -> Geometries:
@@ -253,18 +258,18 @@ class _Layout:
         free = np.where(shapely.distance(self._floor, axes) <= OFF_AREA, self._floor, ANYWHERE)
         return np.where(at_work, areas, free)
 
-    def _keeper(self, within: Geometries) -> StateKeeper:
+    def _constraints(self, within: Geometries) -> StateConstraints:
         scene, drive = self.scene, self.scene.robot.drive
         room = (
             scene.footprint
             if drive.turns_on_the_spot and (drive.rolls or scene.free_floor.turns_matter)
             else None
         )
-        return StateKeeper(scene.robot, scene.guard, room, within, np.zeros(len(within)))
+        return StateConstraints(scene.robot, scene.collision, room, within, np.zeros(len(within)))
 
     @cached_property
     def _floor(self) -> BaseGeometry:
-        return united(self.standing.pieces.polygon)
+        return united(self.free_space.pieces.polygon)
 
 
 def _off_limits(problem: PathProblem, states: Array) -> tuple[PathProblem, Array]:
@@ -283,10 +288,12 @@ def _off_limits(problem: PathProblem, states: Array) -> tuple[PathProblem, Array
     tight, led = replace(problem, lower=lower, upper=upper), states.copy()
     for k in near.tolist():
         rows = slice(k, k + 1)
-        there = on_path(tight.part(rows, problem.keep), np.clip(states[rows], lower[rows], upper[rows]))
+        there = on_path(
+            tight.part(rows, problem.half_spaces_at), np.clip(states[rows], lower[rows], upper[rows])
+        )
         aims = problem.aims.part(rows)
         missed = beyond_cones(aims, missed_by(problem.robot, aims, there)).miss
-        if np.abs(missed).max() <= MISSED and np.abs(there - states[rows]).max() <= FARTHEST:
+        if np.abs(missed).max() <= MAX_LIMIT_MISS and np.abs(there - states[rows]).max() <= MAX_LIMIT_CHANGE:
             led[k] = there[0]
         else:
             lower[k], upper[k] = problem.lower[k], problem.upper[k]
@@ -319,7 +326,7 @@ def _corners(position: Array) -> Mask:
     length = np.linalg.norm(way, axis=1)
     unit = way / np.maximum(length, 1e-12)[:, None]
     cosine = np.einsum("ni,ni->n", unit[:-1], unit[1:])
-    turned = (cosine < math.cos(SHARP)) & (length[:-1] > 1e-9) & (length[1:] > 1e-9)
+    turned = (cosine < math.cos(MIN_CORNER_TURN)) & (length[:-1] > 1e-9) & (length[1:] > 1e-9)
     return np.concatenate([[False], turned, [False]])
 
 

@@ -16,30 +16,30 @@ from itertools import product
 import numpy as np
 import shapely
 
-from regionik.areas.standing import Standing
+from regionik.areas.free_space import FreeSpace
 from regionik.moving.path_search import transit_planner
 from regionik.moving.transit import TransitPlanner
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.progress import track
-from regionik.postures.poses import Pose, axis_of, columns, lifted_rows, transits
+from regionik.postures.poses import Pose, axis_of, lifted_states, transits, untimed_motion
 from regionik.scene import Scene
-from regionik.smoothing.runs import SHORTEST_RUN, PathRun, runs_of
+from regionik.smoothing.runs import MIN_RUN_STATES, PathRun, runs_of
 from regionik.values import Motion, Plan, Report
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 
-OUTSIDE = 1e-9  # of its area, by rounding [m]
+AREA_ROUNDING = 1e-9  # of its area, by rounding [m]
 STRIDES = 0.05, 0.025, math.inf  # of the tool from state to state; where these fail, those found may do [m]
 LONG_PATH = 10.0  # of the tool, for which the first of these is tried [m]
-TRIES = 7  # of proving a smoothed plan
-SPARE = 0.005  # distance that states are asked for beside one that fails [m]
-BESIDE = 6  # states on either side of one that fails which are held closer
-CLOSER = 0.5  # by this factor
+MAX_TRIES = 7  # of proving a smoothed plan
+SPARE_DISTANCE = 0.005  # distance that states are asked for beside one that fails [m]
+STATES_BESIDE = 6  # states on either side of one that fails which are held closer
+NARROWING_FACTOR = 0.5  # by this factor
 
 Failed = dict[int, list[int]]  # states that failed, by run
 
 
-def smooth_motion(scene: Scene, plan: Plan, standing: Standing) -> Plan:
+def smooth_motion(scene: Scene, plan: Plan, free_space: FreeSpace) -> Plan:
     """Return a plan with smoother motion while the tool is on its path, proven like the one it came from.
 
     The plan is verified and not timed; it is returned itself where nothing could be made smoother.
@@ -47,10 +47,12 @@ def smooth_motion(scene: Scene, plan: Plan, standing: Standing) -> Plan:
     way, drive = np.diff([target.position for target in scene.task], axis=0), scene.robot.drive
     long = float(np.linalg.norm(way, axis=1).sum()) > LONG_PATH and drive.turns_on_the_spot
     lifted = any(transits(plan.motion)) and not drive.rolls
-    rejoin = Reconnection(transit_planner(scene, standing, plan.seed), standing)
+    rejoin = Reconnection(transit_planner(scene, free_space, plan.seed), free_space)
     for stride, loose in product(STRIDES[not long :], (True, False)[not lifted :]):
         runs = [
-            run for run in runs_of(scene, plan, standing, stride, loose) if len(run.states) >= SHORTEST_RUN
+            run
+            for run in runs_of(scene, plan, free_space, stride, loose)
+            if len(run.states) >= MIN_RUN_STATES
         ]
         plan, complete = _proven(plan, runs, rejoin)
         if complete:
@@ -63,12 +65,12 @@ def _proven(plan: Plan, runs: list[PathRun], rejoin: Reconnection) -> tuple[Plan
     tubes = [np.full(len(run.states), np.inf) for run in runs]
     demanded = [np.zeros(len(run.states)) for run in runs]
     smoothed, failed = [run.smoothed() for run in track("smoothing", runs)], Failed()
-    for attempt in range(TRIES):
+    for attempt in range(MAX_TRIES):
         for k, rows in track("smoothing", list(failed.items())):
             if attempt > 1:
-                tubes[k] = _held_closer(runs[k], smoothed[k], tubes[k], rows)
+                tubes[k] = _narrowed_tube(runs[k], smoothed[k], tubes[k], rows)
             for row in rows:  # what a hop cuts off is less than this, mostly
-                demanded[k][_beside(row)] = SPARE
+                demanded[k][_beside(row)] = SPARE_DISTANCE
             smoothed[k] = runs[k].mended(smoothed[k], rows, tubes[k], demanded[k])
         found, failed = _checked(plan, runs, smoothed, rejoin)
         if found is not None:
@@ -130,10 +132,10 @@ def _wrapped(states: Array) -> Array:
 
 
 def _failures(
-    plan: Plan, found: Plan, report: Report, runs: list[PathRun], smoothed: list[Array]
+    plan: Plan, after: Plan, report: Report, runs: list[PathRun], smoothed: list[Array]
 ) -> Iterator[tuple[int, int]]:
     """Runs and states in them that a report is about, or that stand outside their area."""
-    before, now = (np.flatnonzero(one.motion.kind != "transit") for one in (plan, found))
+    before, now = (np.flatnonzero(one.motion.kind != "transit") for one in (plan, after))
     shift, starts = 0, list[int]()
     for run, states in zip(runs, smoothed, strict=True):
         starts.append(int(now[np.searchsorted(before, run.first) + shift]))
@@ -142,29 +144,29 @@ def _failures(
         for k, (start, states) in enumerate(zip(starts, smoothed, strict=True)):
             if violation.state is not None and start - 1 <= violation.state <= start + len(states):
                 yield k, min(max(violation.state - start, 0), len(states) - 1)
-    if found.world.robot.drive.rolls:  # areas are those of a base that goes every way
+    if after.world.robot.drive.rolls:  # areas are those of a base that goes every way
         return
     for k, (run, states) in enumerate(zip(runs, smoothed, strict=True)):
         worked = np.flatnonzero(run.worked)
         was, now = (
-            shapely.distance(run.areas, shapely.points(axis_of(found.world.robot, one[worked, :3])))
+            shapely.distance(run.areas, shapely.points(axis_of(after.world.robot, one[worked, :3])))
             for one in (run.states, states)
         )
-        yield from ((k, int(row)) for row in worked[now > np.maximum(was, OUTSIDE)])
+        yield from ((k, int(row)) for row in worked[now > np.maximum(was, AREA_ROUNDING)])
 
 
-def _held_closer(run: PathRun, smoothed: Array, tube: Array, rows: list[int]) -> Array:
+def _narrowed_tube(run: PathRun, smoothed: Array, tube: Array, rows: list[int]) -> Array:
     """The tube narrower about states that failed."""
     changed = np.abs(smoothed - run.states).max(axis=1)
     narrow = tube.copy()
     for row in rows:
         beside = _beside(row)
-        narrow[beside] = np.minimum(narrow[beside], CLOSER * changed[beside])
+        narrow[beside] = np.minimum(narrow[beside], NARROWING_FACTOR * changed[beside])
     return narrow
 
 
 def _beside(row: int) -> slice:
-    return slice(max(0, row - BESIDE), row + BESIDE + 1)
+    return slice(max(0, row - STATES_BESIDE), row + STATES_BESIDE + 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +174,7 @@ class Reconnection:
     """Moves the robot with its tool lifted to where runs begin now."""
 
     planner: TransitPlanner
-    standing: Standing
+    free_space: FreeSpace
 
     def joined(self, old: Motion, new: Motion) -> Motion | None:
         """The new motion, its ways with the tool lifted led to where they have to be now; None without one.
@@ -188,13 +190,13 @@ class Reconnection:
             if way is None:
                 return None
             owner, drive = int(new.setpoint[now.start - 1]), self.planner.scene.robot.drive
-            rows = lifted_rows(here, way, there, owner, drive)
-            parts += [new.part(done, now.start), *([columns(rows)] if rows else [])]
+            rows = lifted_states(here, way, there, owner, drive)
+            parts += [new.part(done, now.start), *([untimed_motion(rows)] if rows else [])]
             done = now.stop
         return Motion.joined([*parts, new.part(done, len(new))])
 
     def _way(self, here: Pose, there: Pose, old: list[Pose]) -> list[Pose] | None:
-        piece = self.standing.piece_at(axis_of(self.planner.scene.robot, here.base), float(here.base[2]))
+        piece = self.free_space.piece_at(axis_of(self.planner.scene.robot, here.base), float(here.base[2]))
         return None if piece is None else self.planner.rejoined(here, old, there, piece)
 
 

@@ -1,7 +1,7 @@
 """A plan as a JSON document: the same plan gives the same bytes.
 
 Areas are GeoJSON (RFC 7946) in metres of the floor, not in longitude and latitude. Their corners are kept to
-a tenth of a micrometre, and those left out that do not bend an outline (`kept_areas`).
+a tenth of a micrometre, and those left out that do not bend an outline (`stored_areas`).
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def multipolygon(geometry: BaseGeometry) -> dict[str, Any]:
     return {"type": "MultiPolygon", "coordinates": coordinates}
 
 
-def kept_areas(areas: Iterable[BaseGeometry]) -> NDArray[np.object_]:
+def stored_areas(areas: Iterable[BaseGeometry]) -> NDArray[np.object_]:
     """Return areas as files keep them, (n,) MultiPolygons: few corners, of few digits.
 
     Those of a file come back as they are.
@@ -90,7 +90,7 @@ def _polygons(geometry: BaseGeometry) -> list[Polygon]:
     return [polygon for part in getattr(geometry, "geoms", ()) for polygon in _polygons(part)]
 
 
-def kept_figures(stats: Mapping[str, Any]) -> dict[str, Any]:
+def stored_figures(stats: Mapping[str, Any]) -> dict[str, Any]:
     """Return the figures of a plan that its file keeps: those that `regionik.verify` computes again.
 
     How the search went, bounds of stops and tours, and what a timing uses of its limits are not among them.
@@ -154,7 +154,7 @@ def _members(plan: Plan) -> Iterator[tuple[str, Any]]:
     yield "areas", _areas(plan)
     yield "lift_offs", int(plan.lift_offs)
     yield "stops", [_stop_document(stop) for stop in plan.stops]
-    yield "stats", json_values(kept_figures(plan.stats))
+    yield "stats", json_values(stored_figures(plan.stats))
     yield "skipped", skipped_document(plan.skipped)
 
 
@@ -224,7 +224,7 @@ def _states(plan: Plan) -> Iterator[dict[str, Any]]:
 
 
 def _areas(plan: Plan) -> Iterator[dict[str, Any]]:
-    columns = [kept_areas(getattr(area, part) for area in plan.areas) for part in PARTS]
+    columns = [stored_areas(getattr(area, part) for area in plan.areas) for part in PARTS]
     for k, shapes in enumerate(zip(*columns, strict=True)):
         parts = {part: multipolygon(shape) for part, shape in zip(PARTS, shapes, strict=True)}
         if parts["pruned"] == parts["admissible"]:

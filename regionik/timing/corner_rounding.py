@@ -30,8 +30,8 @@ AIM = 0.9  # part of the distance that is aimed at
 WEIGHTS = 1e-3, 1e9  # of a state
 EASING, STIFFENING = 0.5, 4.0  # least and largest share of the distance that counts
 POWER = 1.5  # of that share
-SHORTEST_LEVER = 0.05  # of a joint [m]
-HELD = 0.1  # part of the distance below which a state stays where it is
+MIN_LEVER = 0.05  # of a joint [m]
+MIN_ROUNDED_SHARE = 0.1  # part of the distance below which a state stays where it is
 STRAIGHT = 0.15  # part of the distance by which the motion may leave lines between its states
 
 
@@ -72,7 +72,7 @@ def rounded(limits: MotionLimits, motion: Motion, room: Array, most: Array, kept
     allowed = np.append(np.minimum(room[:-1], room[1:])[segment], 0.0)
     allowed[own] = np.minimum(room, most)
     held = np.zeros(before.shape, dtype=np.bool_)
-    held[own] = kept | (allowed[own] <= HELD * limits.blend)[:, None]
+    held[own] = kept | (allowed[own] <= MIN_ROUNDED_SHARE * limits.blend)[:, None]
     after = before.copy()
     for a, b in path.runs:
         rows = slice(int(own[a]), int(own[b]) + 1)
@@ -148,7 +148,7 @@ def _levers(robot: Robot) -> Array:
     levers, reach = longest_levers(chain, len(chain.joints) - 1, chain.T_last_tool[:3, 3])
     corners, mount = np.hypot(*robot.footprint.T).max(), np.hypot(*robot.mount[:2])
     joints = np.abs(chain.coupling).T @ levers
-    return np.maximum([1.0, 1.0, max(mount + reach, corners), *joints], SHORTEST_LEVER)
+    return np.maximum([1.0, 1.0, max(mount + reach, corners), *joints], MIN_LEVER)
 
 
 def _jerk_form(time: Array) -> Array:

@@ -27,7 +27,7 @@ from regionik.timing.limits import MotionLimits, segments_on_path, tool_velocity
 from regionik.timing.parametrization import fastest_rates, path_of, steering_pauses
 from regionik.timing.smooth_path import SmoothPath
 from regionik.timing.time_spline import time_spline
-from regionik.timing.timing_figures import HELD
+from regionik.timing.timing_figures import MIN_SPEED_SHARE
 from regionik.values import Motion
 from regionik.worlds.arrays import Array, Index, Mask
 
@@ -121,7 +121,7 @@ class _TimeLaw:
 
 def _resampled(limits: MotionLimits, fine: Motion, law: _TimeLaw) -> tuple[Motion, Array]:
     """Motion timed by a law: few states of its path, whose splines stay near it, and their path positions."""
-    path, rows = law.path, np.flatnonzero(_kept(fine, law.path))
+    path, rows = law.path, np.flatnonzero(_retained_states(fine, law.path))
     own = Motion(fine.base[rows], fine.joints[rows], fine.kind[rows], fine.setpoint[rows], fine.time[rows])
     times, moves = law.times_of(rows), np.diff(path.position[rows]) > 0
     alone = moves & law.path.rests[rows[:-1]] & law.path.rests[rows[1:]]
@@ -145,7 +145,7 @@ def _resampled(limits: MotionLimits, fine: Motion, law: _TimeLaw) -> tuple[Motio
     return found, np.insert(path.position[rows], gap + 1, position)
 
 
-def _kept(fine: Motion, path: SmoothPath) -> Mask:
+def _retained_states(fine: Motion, path: SmoothPath) -> Mask:
     """States that stay: set-points, ends of runs and transits."""
     lifted = fine.kind == "transit"
     cut = (lifted[1:] != lifted[:-1]) | (path.lengths == 0)
@@ -268,7 +268,7 @@ def _time_below(limits: MotionLimits, timed: Motion) -> float:
     spline = time_spline(path_of(limits.robot, timed), timed.time)
     q, velocity, *_ = spline.evaluate(timed.time[:-1] + span / 2)
     speed = np.linalg.norm(tool_velocity(limits.robot, q, velocity), axis=1)
-    return float(span @ (segments_on_path(timed) & (speed < HELD * limits.speeds.tool_velocity)))
+    return float(span @ (segments_on_path(timed) & (speed < MIN_SPEED_SHARE * limits.speeds.tool_velocity)))
 
 
 def _on_segments(position: Array, places: Array, values: Array) -> Array:

@@ -19,7 +19,7 @@ from regionik.worlds.robot import Robot
 TIGHTENINGS = 6  # of limits, where they are exceeded between states
 EXCESS = 1e-3  # by which they may be, before the whole motion is slowed
 AT_REST = 1e-12  # squared path velocity at rest between runs; rounding in toppra does not bear 0
-LEAST_USE = 1e-3  # of the steering, at a path velocity of 1
+MIN_USE = 1e-3  # of the steering, at a path velocity of 1
 STEERING_SHARE = 0.95  # of the limit of its rate that it takes, which may peak between the shares below
 LAST = 1 - 1e-9  # share of a segment: at its end the next one starts
 CHECKED_SHARES = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, LAST)  # of a segment, at which limits are checked
@@ -133,7 +133,7 @@ class _MovingSegments:
             if share != LIMITED_SHARES[1]:
                 ends = slice(None, -1) if share == 0.0 else slice(1, None)
                 allowed = self.limits.largest_squared_velocity(q, q_s, self.on_path) / factor
-                steered = 1 / np.maximum(self.steered([share]), LEAST_USE) ** 2 / factor
+                steered = 1 / np.maximum(self.steered([share]), MIN_USE) ** 2 / factor
                 most[ends] = np.minimum(most[ends], np.minimum(allowed, steered))
             first, second, limit = self.limits.limited_derivatives(q_s, q_ss)
             samples.append(PathDerivatives(share, first * factor[:, None], second * factor[:, None]))

@@ -10,7 +10,7 @@ import numpy as np
 
 from regionik.planners.progress import track
 from regionik.postures.arm import deviation
-from regionik.timing.corner_rounding import HELD, rounded
+from regionik.timing.corner_rounding import MIN_ROUNDED_SHARE, rounded
 from regionik.timing.inserted_states import blended, refined, strayed, with_rests
 from regionik.timing.jerk_limited_timing import jerk_limited_motion, stretched
 from regionik.timing.limit_usage import check_tool_speed, slowdowns
@@ -118,13 +118,13 @@ def _fastest(limits: MotionLimits, plan: Plan) -> tuple[Plan, Report]:
     return min(found, key=lambda one: (not one[1].ok, float(one[0].motion.time[-1])))
 
 
-def _within(limits: MotionLimits, plan: Plan, asked: Array, most: Array) -> tuple[Plan, Report, bool]:
+def _within(limits: MotionLimits, plan: Plan, allowed: Array, most: Array) -> tuple[Plan, Report, bool]:
     """The plan timed, its report, and whether no rule made it rest where corners were to be rounder.
 
-    Points leave the motion by at most what is ``asked`` (n,) about each state, and ``most`` (n,) in it, by
+    Points leave the motion by at most what is ``allowed`` (n,) about each state, and ``most`` (n,) in it, by
     less where that breaks a rule, and where that does not help the robot rests [m].
     """
-    room, kept = asked.copy(), _kept(plan)
+    room, kept = allowed.copy(), _kept(plan)
     first = rests = _rests(limits, plan.motion, np.minimum(room, most))
     widths = iter(BESIDE)
     for k in track("timing", range(NARROWED + len(BESIDE))):
@@ -142,7 +142,7 @@ def _within(limits: MotionLimits, plan: Plan, asked: Array, most: Array) -> tupl
         room[wide] = np.maximum(room[wide] / NARROWER, limits.blend)
         if not len(wide):
             rests = np.union1d(rests, own[near(next(widths, ALL))])
-    return timed, report, not (asked[np.setdiff1d(rests, first)] > limits.blend).any()
+    return timed, report, not (allowed[np.setdiff1d(rests, first)] > limits.blend).any()
 
 
 def _rests(limits: MotionLimits, motion: Motion, room: Array) -> Index:
@@ -152,7 +152,7 @@ def _rests(limits: MotionLimits, motion: Motion, room: Array) -> Index:
     rests = path.corners(CORNER, gentle)
     if not limits.robot.drive.rolls:  # corners are rounded before the motion is timed
         sharp = np.isin(rests, path.corners(ROUNDED_CORNER, gentle))
-        rests = rests[(sharp & (room[rests] < LIFTED)) | (room[rests] <= HELD * limits.blend)]
+        rests = rests[(sharp & (room[rests] < LIFTED)) | (room[rests] <= MIN_ROUNDED_SHARE * limits.blend)]
     if limits.speeds.tool_velocity is None:
         return rests
     return np.union1d(rests, 1 + np.flatnonzero(np.diff(segments_on_path(motion))))

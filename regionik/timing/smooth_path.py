@@ -20,7 +20,7 @@ SAME = 1e-9  # states that differ by less are the same [m], [rad]
 SLIP, SLIPPED = 1e-3, 1e-5  # that wheels may slip from state to state: as a share of the way, and besides [m]
 CORNER = np.radians(30)  # at sharper corners the robot stops, others are rounded
 STEERED = 1e-6  # angle of steering that a car need not stop for [rad]
-STANDS = 1e-7  # of a way that a car rolls with its steering as it is, by rounding [m]
+REST_MOTION = 1e-7  # of a way that a car rolls with its steering as it is, by rounding [m]
 GENTLE = 0.1  # change of it from segment to segment that a car makes as it rolls [rad]
 CREEP = 1e-6  # part of the path's way that a car hardly rolls
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
@@ -237,7 +237,7 @@ class RollingPath(SmoothPath):
     def steering(self) -> Array:
         """See `SmoothPath.steering`."""
         rolled, turn = self._rolled, np.diff(self.base[:, 2])
-        stands = (self.lengths == 0) | (np.abs(rolled) <= STANDS)
+        stands = (self.lengths == 0) | (np.abs(rolled) <= REST_MOTION)
         angle = np.arctan(self.drive.turning_radius * turn / np.where(stands, 1.0, rolled))
         return np.where(stands, np.nan, angle)
 

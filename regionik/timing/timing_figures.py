@@ -15,7 +15,7 @@ from regionik.timing.trajectory import TrajectorySample, trajectory_within
 from regionik.values import Motion
 from regionik.worlds.arrays import Array, Index, Mask
 
-HELD = 0.99  # share of the asked tool speed from which it counts as held
+MIN_SPEED_SHARE = 0.99  # share of the asked tool speed from which it counts as held
 MAX_PLACES = 20  # where it is not, that are reported
 BESIDE = 0.15  # before and after such a place, where it is looked for what keeps the tool back [s]
 SHARES = np.linspace(0.0, 1.0, 13)  # of this time, at which it is looked
@@ -27,12 +27,14 @@ def timing_figures(limits: MotionLimits, motion: Motion) -> dict[str, Any]:
     """Plain numbers about a timing, for ``Plan.stats``."""
     used = {name: float(share.max()) for name, share in largest_usage(limits, motion).items()}
     figures: dict[str, Any] = {"duration": float(motion.time[-1]), "blend": limits.blend, "used": used}
-    if (asked := limits.speeds.tool_velocity) is not None:
-        figures["tool"] = _HeldSpeed(limits, motion, asked, *_tool_speeds(limits, motion, asked)).figures()
+    if (demanded := limits.speeds.tool_velocity) is not None:
+        figures["tool"] = _ConstantSpeed(
+            limits, motion, demanded, *_tool_speeds(limits, motion, demanded)
+        ).figures()
     return figures
 
 
-def _tool_speeds(limits: MotionLimits, motion: Motion, asked: float) -> tuple[Array, Array, Mask]:
+def _tool_speeds(limits: MotionLimits, motion: Motion, demanded: float) -> tuple[Array, Array, Mask]:
     """Instants at which the tool is on its path (n,), its speed then, and which it goes on from, (n - 1,).
 
     Those between which the speed begins or ceases to be held are next to each other.
@@ -46,9 +48,9 @@ def _tool_speeds(limits: MotionLimits, motion: Motion, asked: float) -> tuple[Ar
         speed.append(_speed(limits, sample).reshape(len(LOOKS), -1).T.ravel())
         part.append(np.repeat(lifted[pieces.segment], len(LOOKS)))
     t, v, run = np.concatenate(time), np.concatenate(speed), np.concatenate(part)
-    slow = v < HELD * asked
+    slow = v < MIN_SPEED_SHARE * demanded
     before = np.flatnonzero((np.diff(run) == 0) & (slow[1:] != slow[:-1]))
-    low, high = _crossings(limits, motion, HELD * asked, t[before], t[before + 1], slow[before])
+    low, high = _crossings(limits, motion, MIN_SPEED_SHARE * demanded, t[before], t[before + 1], slow[before])
     between, trajectory = (
         np.column_stack([low, high]).ravel(),
         trajectory_within(limits.robot, motion, limits.speeds),
@@ -59,13 +61,13 @@ def _tool_speeds(limits: MotionLimits, motion: Motion, asked: float) -> tuple[Ar
 
 
 def _crossings(
-    limits: MotionLimits, motion: Motion, held: float, low: Array, high: Array, slow: Mask
+    limits: MotionLimits, motion: Motion, least: float, low: Array, high: Array, slow: Mask
 ) -> tuple[Array, Array]:
-    """Instants (n,) next to each other, between others, the tool slower than ``held`` at one of the two."""
+    """Instants (n,) next to each other, between others, the tool slower than ``least`` at one of the two."""
     trajectory = trajectory_within(limits.robot, motion, limits.speeds)
     for _ in range(BISECTIONS if len(low) else 0):
         middle = (low + high) / 2
-        first = (_speed(limits, trajectory.sample(middle)) < held) == slow
+        first = (_speed(limits, trajectory.sample(middle)) < least) == slow
         low, high = np.where(first, middle, low), np.where(first, high, middle)
     return low, high
 
@@ -77,19 +79,19 @@ def _speed(limits: MotionLimits, sample: TrajectorySample) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class _HeldSpeed:
+class _ConstantSpeed:
     """Speed of the tool on its path against the one that is asked."""
 
     limits: MotionLimits
     motion: Motion
-    asked: float  # [m/s]
+    demanded: float  # [m/s]
     time: Array  # (n,) instants at which the tool is on its path [s]
     speed: Array  # (n,) of the tool then [m/s]
     goes_on: Mask  # (n - 1,) from each instant to the next
 
     def figures(self) -> dict[str, Any]:
         """Shares of time at which the speed is held, and what keeps the tool from it where."""
-        held = self.speed >= HELD * self.asked
+        held = self.speed >= MIN_SPEED_SHARE * self.demanded
         elsewhere = self._from_stops.min(axis=0) > self._braking
         slow, apart = np.concatenate([[False], ~held, [False]]), ~self.goes_on
         apart = np.concatenate([[True], apart, [True]])
@@ -97,7 +99,7 @@ class _HeldSpeed:
         ends = np.flatnonzero(slow[:-1] & (~slow[1:] | apart)) - 1
         longest = np.argsort(self.time[starts] - self.time[ends], kind="stable")[:MAX_PLACES]
         return {
-            "asked": self.asked,
+            "asked": self.demanded,
             "held": self._share(held, np.ones_like(held), 0.0),
             "held_elsewhere": self._share(held, elsewhere, 1.0),
             "below": len(starts),
@@ -105,11 +107,11 @@ class _HeldSpeed:
             "corners": [{"setpoint": int(self.motion.setpoint[k]), "turn": turn} for k, turn in self._turns],
         }
 
-    def _share(self, held: Mask, some: Mask, none: float) -> float:
+    def _share(self, steady: Mask, some: Mask, none: float) -> float:
         """Share of the time between ``some`` of the instants at which the speed is held."""
         span = np.diff(self.time) * (self.goes_on & some[1:] & some[:-1])
         whole = float(span.sum())
-        return float(span[held[1:] & held[:-1]].sum()) / whole if whole > 0 else none
+        return float(span[steady[1:] & steady[:-1]].sum()) / whole if whole > 0 else none
 
     def _places(self, starts: Index, ends: Index) -> list[dict[str, Any]]:
         """Where the tool is slower, from one instant to another: by what, and at what of its path."""
@@ -159,11 +161,11 @@ class _HeldSpeed:
         To lose half of what the ramps of its acceleration take may be a longer way than to stop.
         """
         strongest, ramp = self.limits.speeds.base_acceleration, self.limits.ramp
-        less = self.asked * SHARES
+        less = self.demanded * SHARES
         needed = np.where(
             less > strongest * ramp, less / strongest + ramp, 2 * np.sqrt(less * ramp / strongest)
         )
-        return float(((self.asked - less / 2) * needed).max())
+        return float(((self.demanded - less / 2) * needed).max())
 
     @cached_property
     def _way(self) -> Array:
@@ -190,7 +192,7 @@ class _HeldSpeed:
         Velocity changes by a pulse of acceleration that is as high as the base allows, or triangular and as
         steep as it allows.
         """
-        speeds, change = self.limits.speeds, 2 * self.asked * np.sin(angle / 2)
+        speeds, change = self.limits.speeds, 2 * self.demanded * np.sin(angle / 2)
         steep = 0.0 if speeds.base_jerk is None else change**1.5 / (6 * np.sqrt(speeds.base_jerk))
         return np.maximum(change**2 / (8 * speeds.base_acceleration), steep)
 

@@ -59,12 +59,12 @@ def verify_speeds(world: World, segments: MotionSegments, names: StateNames) -> 
     cones = [target.cone for target in world.task if target.direction is not None]
     blend = (world.speeds or Speeds()).blend
     yield _verify_deviation(segments, course, names, blend, min(cones, default=np.inf))
-    yield _held_against("speeds", _shares(world, segments, course, rates), names)
+    yield _limit_finding("speeds", _shares(world, segments, course, rates), names)
     if world.speeds is not None and world.speeds.limit_jerk:
-        yield _held_against("jerk", _jerks(world, course.moving, rates), names)
+        yield _limit_finding("jerk", _jerks(world, course.moving, rates), names)
 
 
-def _held_against(kind: str, shares: Iterable[tuple[str, Array, Indices]], names: StateNames) -> Finding:
+def _limit_finding(kind: str, shares: Iterable[tuple[str, Array, Indices]], names: StateNames) -> Finding:
     """Finding of who uses what shares of a limit on which segments."""
     violations, most = [], 0.0
     for who, share, rows in shares:

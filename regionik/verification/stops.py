@@ -13,8 +13,8 @@ from scipy.special import bdtr
 from regionik.planners.geometry.offsets import farthest_outside, radius_that_holds
 from regionik.values import Plan, Stop, Violation
 from regionik.verification.base_clearance import base_shadows, footprint_hulls
-from regionik.verification.led_postures import postures_led_to
 from regionik.verification.motion import wrap_angle
+from regionik.verification.postures_on_target import postures_on_target
 from regionik.verification.proofs import Finding, StateNames, finding
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target, World
@@ -146,7 +146,7 @@ def _unlikely(plan: Plan, n: int) -> Iterator[Violation]:
     fits = _rooms(plan.world, poses) >= -TOUCH
     some = np.arange(np.clip(PARKED_ARMS // len(stop.setpoints), FEWEST, FOOTPRINTS))
     reached = some[fits[some]]
-    reached = reached[_reached(plan, stop, poses[reached])]
+    reached = reached[_reachable_poses(plan, stop, poses[reached])]
     for good, tried, what in (
         (int(fits.sum()), FOOTPRINTS, "the base has room"),
         (len(reached), len(some), "it is good"),
@@ -157,13 +157,13 @@ def _unlikely(plan: Plan, n: int) -> Iterator[Violation]:
             yield Violation("stops", None, stop.first, stop.probability - good / tried, text)
 
 
-def _reached(plan: Plan, stop: Stop, poses: Array) -> NDArray[np.bool_]:
+def _reachable_poses(plan: Plan, stop: Stop, poses: Array) -> NDArray[np.bool_]:
     """Poses (n, 3) of the base from which a posture was found at every set-point of a stop."""
     reached = np.ones(len(poses), dtype=bool)
     for i in stop.setpoints:
         left = np.flatnonzero(reached)
         targets, joints = [plan.world.task[i]] * len(left), np.tile(plan.setpoints[i].joints, (len(left), 1))
-        excess = postures_led_to(plan.world, targets, poses[left], joints)[1]
+        excess = postures_on_target(plan.world, targets, poses[left], joints)[1]
         reached[left] = _restarted(plan.world, targets, poses[left], excess) <= 0
     return reached
 
@@ -176,27 +176,27 @@ def _worst_on_rim(plan: Plan, stop: Stop) -> tuple[int, float]:
     targets = [target for target in task for _ in range(RIM_POINTS)]
     for share in np.arange(1, RIM_STEPS + 1) / RIM_STEPS:
         poses = (base + share * (RIM * stop.tolerance)).reshape(-1, 3)
-        joints, excess = postures_led_to(plan.world, targets, poses, joints)
+        joints, excess = postures_on_target(plan.world, targets, poses, joints)
     excess = _restarted(plan.world, targets, poses, excess)
     worst = int(np.argmax(excess))
     return stop.setpoints[worst // RIM_POINTS], float(excess[worst])
 
 
-def within_reached_circles(plan: Plan) -> Plan:
+def within_reachable_circles(plan: Plan) -> Plan:
     """Return a plan whose stops promise no larger circle than one on whose rim their postures are found.
 
     Areas know that there is a posture all over a circle, not that it is found from the plan's own. What the
     rules ask for is promised in any case.
     """
-    stops = tuple(replace(stop, tolerance=_reached_radius(plan, stop)) for stop in plan.stops)
+    stops = tuple(replace(stop, tolerance=_reachable_radius(plan, stop)) for stop in plan.stops)
     return replace(plan, stops=stops)
 
 
-def _reached_radius(plan: Plan, stop: Stop) -> float:
-    def reached(radius: float) -> bool:
+def _reachable_radius(plan: Plan, stop: Stop) -> float:
+    def reachable(radius: float) -> bool:
         return _worst_on_rim(plan, replace(stop, tolerance=radius))[1] <= 0
 
-    return radius_that_holds(stop.tolerance, plan.world.rules.stop_tolerance, reached)
+    return radius_that_holds(stop.tolerance, plan.world.rules.stop_tolerance, reachable)
 
 
 def _restarted(world: World, targets: Sequence[Target], poses: Array, excess: Array) -> Array:
@@ -209,7 +209,7 @@ def _restarted(world: World, targets: Sequence[Target], poses: Array, excess: Ar
         if not len(left):
             break
         start = rng.uniform(low, high, (len(left), chain.dof))
-        again = postures_led_to(world, [targets[k] for k in left.tolist()], poses[left], start)[1]
+        again = postures_on_target(world, [targets[k] for k in left.tolist()], poses[left], start)[1]
         best[left] = np.minimum(best[left], again)
     return best
 
@@ -226,7 +226,7 @@ def verify_execution(plan: Plan, names: StateNames) -> Finding:
     poses = np.array([one.base for one in plan.setpoints])[:, None] + offsets
     joints = np.repeat([one.joints for one in plan.setpoints], len(offsets), axis=0)
     targets = [target for target in plan.world.task for _ in offsets]
-    led, missed = postures_led_to(plan.world, targets, poses.reshape(-1, 3), joints)
+    led, missed = postures_on_target(plan.world, targets, poses.reshape(-1, 3), joints)
     excess = missed.reshape(-1, len(offsets))
     violations, chain = [], plan.world.robot.chain
     for i in np.flatnonzero(excess.max(axis=1) > 0).tolist():

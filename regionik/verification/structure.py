@@ -117,8 +117,8 @@ def _misplaced_states(plan: Plan, names: StateNames) -> Iterator[Violation]:
             yield _fault(text + (names.setpoint(last) if last >= 0 else "none"), k, i)
 
 
-def _wrong_lift_offs(plan: Plan, reached: list[int]) -> Iterator[Violation]:
-    lifted = (plan.motion.kind == "transit")[reached[0] :] if reached else np.zeros(0, dtype=bool)
+def _wrong_lift_offs(plan: Plan, served: list[int]) -> Iterator[Violation]:
+    lifted = (plan.motion.kind == "transit")[served[0] :] if served else np.zeros(0, dtype=bool)
     runs = int(np.count_nonzero(np.diff(lifted.astype(int)) == 1))
     if runs != plan.lift_offs:
         yield _fault(f"the plan says {plan.lift_offs} lift-offs, its states have {runs}")

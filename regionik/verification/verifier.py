@@ -151,7 +151,7 @@ def verify_answers(
     violations: list[Violation] = []
     for i in rows:
         target = Target(answer.targets[i]) if targets is None else targets[i]
-        report = verify(_standing_plan(world, target, answer.base[i], answer.joints[i]))
+        report = verify(_stationary_plan(world, target, answer.base[i], answer.joints[i]))
         for kind, margin in report.margins.items():
             if kind not in ignored:
                 margins[kind] = min(margin, margins.get(kind, np.inf))
@@ -171,7 +171,7 @@ def _wrong_heading(world: World, base: Array) -> Iterator[Violation]:
             yield Violation("heading", None, None, off, f"the heading is {off:.4f} rad off the fixed one")
 
 
-def _standing_plan(world: World, target: Target, base: Array, joints: Array) -> Plan:
+def _stationary_plan(world: World, target: Target, base: Array, joints: Array) -> Plan:
     error = float(np.linalg.norm(world.robot.tool(base, joints)[:3, 3] - target.position))
     motion = Motion(
         np.tile(base, (2, 1)),

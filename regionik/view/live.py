@@ -13,8 +13,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from regionik.areas.free_space import PathAreas
 from regionik.areas.layers import grow
-from regionik.areas.standing import PathAreas
 from regionik.pruning import Pruned, whole_path
 from regionik.regions import path_areas
 from regionik.scene import scene_of
@@ -69,12 +69,12 @@ def live_areas(world: World, before: LiveAreas | None = None) -> LiveAreas:
 def _with_unchanged_parts(world: World, before: World) -> World:
     """The world with parts equal to those before replaced by them: caches know them by identity."""
 
-    def kept(now: Any, then: Any) -> Any:
+    def same_part(now: Any, then: Any) -> Any:
         return then if is_equal(now, then) else now
 
     known = {solid.name: solid for solid in before.obstacles}
-    obstacles = tuple(kept(solid, known.get(solid.name)) for solid in world.obstacles)
-    floor, robot = kept(world.floor, before.floor), kept(world.robot, before.robot)
+    obstacles = tuple(same_part(solid, known.get(solid.name)) for solid in world.obstacles)
+    floor, robot = same_part(world.floor, before.floor), same_part(world.robot, before.robot)
     return replace(world, obstacles=obstacles, floor=floor, robot=robot)
 
 
@@ -214,7 +214,7 @@ def failing_setpoints(areas: LiveAreas) -> NDArray[np.bool_]:
     failing[areas.areas.target[~shapely.is_empty(areas.areas.inner)]] = False
     if failing.any() and scene.free_floor.turns_matter:  # some headings may do where its circle does not
         rows = np.flatnonzero(failing)
-        turned = path_areas(scene, [scene.task[i] for i in rows], standing=scene.free_floor.by_heading)
+        turned = path_areas(scene, [scene.task[i] for i in rows], free_space=scene.free_floor.by_heading)
         failing[rows[turned.target[~shapely.is_empty(turned.inner)]]] = False
     failing[0 if areas.explanation.setpoint is None else areas.explanation.setpoint] = True
     return failing

@@ -36,7 +36,7 @@ MIN_DURATION, MAX_DURATION = 10.0, 60.0  # [s]
 END_PAUSE = 1.5  # at the end, before the animation starts again [s]
 MAX_FRAMES, FRAME_RATE = 2000, 15  # at most in all, and a second of a timed plan besides its states
 _TURN_RADIUS = 0.2  # a turn counts as the motion of a point at this distance from the axis [m]
-_LEAST_STEP = 0.002  # [m], so that no two states have the same time
+_MIN_STEP = 0.002  # [m], so that no two states have the same time
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +108,7 @@ def _even_times(base: Array, joints: Array, tools: Array) -> Array:
     driven, moved = (np.linalg.norm(np.diff(p, axis=0), axis=1) for p in (base[:, :2], tools))
     turned = np.abs(np.diff(np.column_stack([base[:, 2], joints]), axis=0)).max(axis=1)
     moves = np.maximum(np.maximum(driven, moved), _TURN_RADIUS * turned)
-    times = np.concatenate([[0.0], np.cumsum(np.maximum(moves, _LEAST_STEP))]) / SHOWN_SPEED
+    times = np.concatenate([[0.0], np.cumsum(np.maximum(moves, _MIN_STEP))]) / SHOWN_SPEED
     total = times[-1]
     return times * (np.clip(total, MIN_DURATION, MAX_DURATION) / total if total > 0 else 1.0)
 

@@ -35,7 +35,7 @@ class Clearances:
 def clearances(world: World, base: Array, joints: Array) -> Clearances:
     """Return the distances at base poses (n, 3) and joint values (n, dof)."""
     nothing = np.full(len(base), np.inf)
-    contact = scene_of(world).guard.contact
+    contact = scene_of(world).collision.contact
     return Clearances(
         base=_base_clearance(world, base),
         arm=_distances(bodies_around(world), base, joints, contact) if world.arm_solids else nothing,

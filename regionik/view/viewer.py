@@ -51,7 +51,7 @@ _THREE = {
     "faces": (".geometry[drawRange]", "string", True),
 }
 _FONT_SIZE, _LINE_HEIGHT, _PADDING = 30, 40, 14  # [pixels]
-_LINE, _MOST_LINES = 74, 5  # letters in a line, lines
+_LINE, _MAX_LINES = 74, 5  # letters in a line, lines
 _KEYS, _KEY_SIZE = 3, 24  # entries of a legend in a row, height of their letters [pixels]
 _INK, _PAPER = (31, 41, 55), (250, 249, 245)
 _DEFAULT_VIEW_ANGLE = np.radians(75.0)  # of MeshCat's camera
@@ -190,7 +190,7 @@ def text_image(text: str, legend: Sequence[LegendEntry] = ()) -> tuple[bytes, fl
     >>> png[1:4], aspect > 10
     (b'PNG', True)
     """
-    lines = textwrap.wrap(text, _LINE, max_lines=_MOST_LINES, placeholder=" ...") or [""]
+    lines = textwrap.wrap(text, _LINE, max_lines=_MAX_LINES, placeholder=" ...") or [""]
     font = ImageFont.load_default(_FONT_SIZE)
     width = 2 * _PADDING + int(max(font.getlength("n" * _LINE) * 0.95, *map(font.getlength, lines)))
     small = ImageFont.load_default(_KEY_SIZE)

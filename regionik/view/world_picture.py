@@ -88,7 +88,7 @@ def shown_start(world: World, area: BaseGeometry | None = None) -> tuple[Array, 
     if world.start is not None:
         return world.start.base, world.start.joints
     robot = world.robot
-    edge = _standing_places(world) if area is None else shapely.get_coordinates(shapely.boundary(area))
+    edge = _free_places(world) if area is None else shapely.get_coordinates(shapely.boundary(area))
     bases = [pose_of(robot, spot, 0.0) for spot in edge[:: 1 + len(edge) // _PLACES]]
     if not bases:
         return None
@@ -98,7 +98,7 @@ def shown_start(world: World, area: BaseGeometry | None = None) -> tuple[Array, 
     return (bases[best], robot.carry) if gaps[best] > 0 else None
 
 
-def _standing_places(world: World) -> Array:
+def _free_places(world: World) -> Array:
     """Free places (n, 2) round the first set-point, else anywhere at the edge of what is free."""
     free = scene_of(world).ground.inner.free
     if not world.task:

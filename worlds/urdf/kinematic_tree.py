@@ -109,7 +109,7 @@ def chain_along(model: UrdfModel, path: KinematicPath, limited: bool) -> Chain:
             joints.append(replace(_chain_joint(joint, T), mimic=mimic))
         T = np.eye(4)
     with located(model.where, ""):
-        return Chain(tuple(one if one.mimic else _led(one, joints) for one in joints), T)
+        return Chain(tuple(one if one.mimic else _with_mimic_limits(one, joints) for one in joints), T)
 
 
 def place_links(
@@ -274,7 +274,7 @@ def _mimic_on_path(path: KinematicPath, joint: UrdfJoint, mimic: Mimic) -> Mimic
     raise InputError(f"{text} {path.tip}: choose a tip above it, such as {joint.parent}")
 
 
-def _led(joint: Joint, joints: Iterable[Joint]) -> Joint:
+def _with_mimic_limits(joint: Joint, joints: Iterable[Joint]) -> Joint:
     """Return a joint with limits that those which mimic it keep theirs by."""
     for one in joints:
         if one.mimic is not None and one.mimic.joint == joint.name:

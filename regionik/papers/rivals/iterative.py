@@ -25,7 +25,7 @@ from regionik.planners.solvers.damped_least_squares import (
     scale_angles,
     tool_error,
 )
-from regionik.planners.solvers.fabrikr import held
+from regionik.planners.solvers.fabrikr import clamped_turn
 from regionik.planners.solvers.serial_chain import SerialArm, chain_frames, chain_jacobian, serial_arm
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, spread_postures
@@ -246,7 +246,7 @@ def _move_joint(
             c, s = c + share * dc, s + share * ds
     if c == 0.0 and s == 0.0:
         return
-    value = held(now + math.atan2(s, c), now, arm.lower[k], arm.upper[k])
+    value = clamped_turn(now + math.atan2(s, c), now, arm.lower[k], arm.upper[k])
     joints[k] = value
     tip = plus(origin, rotated(axis, value - now, lever))
     for i in range(3):

@@ -9,7 +9,7 @@ import numpy as np
 from regionik.papers.rivals.iterative import DampedLeastSquares
 from regionik.papers.rivals.method import ArmMethod, SearchResult, arm_length, position_error
 from regionik.planners.solvers.damped_least_squares import POSITION, Aim
-from regionik.planners.solvers.fabrikr import held
+from regionik.planners.solvers.fabrikr import clamped_turn
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, spread_postures
 from regionik.worlds.errors import InputError
@@ -94,7 +94,7 @@ class Network(ArmMethod):
         q = self._predict(local[None])[0]
         lower, upper = self.chain.lower, self.chain.upper
         if self._turns:
-            q[0] = held(q[0] + heading, float(joints[0]), lower[0], upper[0])
+            q[0] = clamped_turn(q[0] + heading, float(joints[0]), lower[0], upper[0])
         q = np.clip(q, lower, upper)
         return SearchResult(q, position_error(self.chain, aim, q), 0.0, 1, 0)
 

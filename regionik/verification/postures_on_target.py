@@ -17,11 +17,11 @@ Mask = NDArray[np.bool_]
 
 ITERATIONS = 40  # of damped least squares
 DAMPING = 1e-3
-LONGEST_STEP = 0.3  # of a joint [rad] or [m]
+MAX_STEP = 0.3  # of a joint [rad] or [m]
 CLOSE = 0.05  # share of the tolerance at which iterations end, in metres as in radians
 
 
-def postures_led_to(
+def postures_on_target(
     world: World, targets: Sequence[Target], poses: Array, joints: Array
 ) -> tuple[Array, Array]:
     """Postures (n, dof) led to targets with the base held, and by how much they miss beyond the tolerances.
@@ -48,7 +48,7 @@ def postures_led_to(
                 break
             J = np.where(blocked[:, None, :], 0.0, J)
             step = _damped_step(J, residual)
-        q[left] = np.clip(here + np.clip(step, -LONGEST_STEP, LONGEST_STEP), chain.lower, chain.upper)
+        q[left] = np.clip(here + np.clip(step, -MAX_STEP, MAX_STEP), chain.lower, chain.upper)
     return q, _excess(world, targets, poses, q)
 
 

@@ -13,23 +13,23 @@ from regionik.planners.collision.proximity import NearPairs, near_pairs
 from regionik.planners.collision.robot_motion import WORLD
 from regionik.planners.driving.footprint_scene import FootprintScene
 from regionik.planners.smoothing.path_smoothing import HalfSpaces
-from regionik.postures.arm_guard import Guard
+from regionik.postures.collision_checker import CollisionChecker
 from regionik.postures.poses import axis_of
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.robot import Robot
 
 AREA_MARGIN, ARM_MARGIN = 0.03, 0.01  # kept where there is room [m]
 AREA_COST, ARM_COST = 1.0, 0.02  # of what is missing; where an arm is too near the proof will say [1/m]
-NEAR = 0.05  # distance from which clearance of a link or of the footprint is looked after [m]
-TOUCHING = 1e-9  # of an outline and an edge, by rounding [m]
+CHECKED_DISTANCE = 0.05  # distance from which clearance of a link or of the footprint is looked after [m]
+CONTACT_ROUNDING = 1e-9  # of an outline and an edge, by rounding [m]
 
 
 @dataclass(frozen=True, eq=False)
-class StateKeeper:
+class StateConstraints:
     """Keeps the arm axis in its areas, the footprint on the floor and the links clear."""
 
     robot: Robot
-    guard: Guard
+    collision: CollisionChecker
     room: FootprintScene | None  # where the free floor depends on the heading
     within: Geometries  # (n,) where the arm axis may be in each state
     # (n,) distance from the edge of that, and beyond the clearance of links, that is not given up [m]
@@ -40,7 +40,7 @@ class StateKeeper:
         """Half-spaces about given states, see `path_smoothing`."""
         parts = [self._inside(states)] if not self.robot.drive.rolls else []
         parts += [self.on_floor(states)] if self.room else []
-        parts += [self._clear(states)] if self.guard.on else []
+        parts += [self._clear(states)] if self.collision.enabled else []
         if not parts:
             return HalfSpaces(np.empty(0, np.int64), np.empty((0, states.shape[1])), np.empty(0), np.empty(0))
         columns = ((one.state, one.normal, one.least, one.cost) for one in parts)
@@ -66,7 +66,7 @@ class StateKeeper:
         assert self.room is not None
         (x, y), c, s = self.room.corners.T, np.cos(states[:, 2:3]), np.sin(states[:, 2:3])
         turned = np.stack([c * x - s * y, s * x + c * y], axis=-1)
-        reach = float(self.room.clearance.max(initial=0.0)) + NEAR
+        reach = float(self.room.clearance.max(initial=0.0)) + CHECKED_DISTANCE
         far = reach + float(np.hypot(x, y).max())  # an outline takes longer than the point in it
         spots = shapely.points(states[:, :2])
         near = np.unique(self._floor_edges.query(spots, predicate="dwithin", distance=far)[0])
@@ -79,7 +79,7 @@ class StateKeeper:
         away = point - on_edge
         apart = np.linalg.norm(away, axis=1)
         inward = states[k, :2] + turned[k].mean(axis=1) - on_edge  # where they cross
-        away = np.where(apart[:, None] > TOUCHING, away, inward)
+        away = np.where(apart[:, None] > CONTACT_ROUNDING, away, inward)
         unit = away / np.linalg.norm(away, axis=1)[:, None]
         room = apart - self.room.clearance[edge] - self.demanded[k]
         lever = point - turned[k].mean(axis=1) - states[k, :2]
@@ -101,7 +101,9 @@ class StateKeeper:
 
     def near(self, states: Array) -> NearPairs:
         """What the links are near to in states (n, m)."""
-        return near_pairs(self.guard.bodies, states[:, :3], states[:, 3:], self.guard.contact, NEAR)
+        return near_pairs(
+            self.collision.bodies, states[:, :3], states[:, 3:], self.collision.contact, CHECKED_DISTANCE
+        )
 
     def approach(self, near: NearPairs, states: Array) -> Array:
         """How the distances of pairs in states (n, m) change with each coordinate, (k, m)."""

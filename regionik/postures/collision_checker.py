@@ -9,8 +9,8 @@ import numpy as np
 
 from regionik.planners.collision.distances import obstacles_from, solids_within
 from regionik.planners.collision.proximity import (
-    NOTHING,
-    Touch,
+    NOTHING_NEAR,
+    Proximity,
     describe,
     is_path_clear,
     name_of_other,
@@ -27,101 +27,101 @@ from regionik.planners.collision.robot_bodies import (
     span_about_tool,
 )
 from regionik.planners.collision.robot_motion import count_on_line, tool_frames
-from regionik.postures.poses import LARGEST_BEND, Pose, arrays
+from regionik.postures.poses import MAX_JOINT_CHANGE, Pose, arrays
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, CauseKind
 from regionik.worlds.scene import Rules, Target, World
 
-SPARE = 5e-4  # kept beyond what the rules want, so that what is planned can be proven [m]
-LEAST_SPARE = 1e-5  # of a start that has less than that to spare [m]
+MAX_SPARE = 5e-4  # kept beyond what the rules want, so that what is planned can be proven [m]
+MIN_SPARE = 1e-5  # of a start that has less than that to spare [m]
 
 
 @dataclass(frozen=True, eq=False)
-class Guard:
+class CollisionChecker:
     """The robot among the solids of its world, judged by the world's rules."""
 
     rules: Rules
     bodies: Bodies
     contact: ContactTargets  # where the last link may touch
-    spare: float = SPARE  # less for a start that has less: it need not be left at once [m]
+    spare: float = MAX_SPARE  # less for a start that has less: it need not be left at once [m]
 
     @property
-    def on(self) -> bool:
+    def enabled(self) -> bool:
         """True if the rules ask for the arm to avoid obstacles."""
         return self.rules.avoidance
 
-    def touch(self, pose: Pose, enough: float = -np.inf) -> Touch:
+    def nearest(self, pose: Pose, enough: float = -np.inf) -> Proximity:
         """The nearest thing that comes too near to the arm, of kind "none" where nothing does.
 
         Any thing nearer than ``enough`` is told without a look for nearer ones; see `nearest`.
         """
         if state_clear(self.bodies, pose.base, pose.joints, self.spare, self.contact):
-            return NOTHING
+            return NOTHING_NEAR
         return nearest(
             self.bodies, pose.base, pose.joints, contact=self.contact, within=self.spare, enough=enough
         )
 
-    def room(self, touch: Touch) -> float:
-        """Distance of a touch beyond what the rules want, infinite where nothing is too near [m]."""
-        return room_of(self.bodies, touch)
+    def room(self, proximity: Proximity) -> float:
+        """Distance beyond what the rules want, infinite where nothing is too near [m]."""
+        return room_of(self.bodies, proximity)
 
     def clear(self, pose: Pose) -> bool:
         """True if every link keeps clear."""
-        return not self.on or self.touch(pose, self.spare).kind == "none"
+        return not self.enabled or self.nearest(pose, self.spare).kind == "none"
 
     def proves(self, pose: Pose, beyond: float = 0.0) -> bool:
         """True if every link is quickly proven to keep clear, by so much more than it must."""
         margin = self.spare + beyond
-        return not self.on or state_clear(self.bodies, pose.base, pose.joints, margin, self.contact)
+        return not self.enabled or state_clear(self.bodies, pose.base, pose.joints, margin, self.contact)
 
     def passes(self, poses: Sequence[Pose]) -> bool:
         """True if the motion through poses is proven clear."""
-        if not self.on or len(poses) < 2:
+        if not self.enabled or len(poses) < 2:
             return True
         return is_path_clear(self.bodies, *arrays(poses), self.spare, self.contact)
 
-    def stop(self, poses: Sequence[Pose]) -> Touch | None:
+    def first_obstruction(self, poses: Sequence[Pose]) -> Proximity | None:
         """The first thing that keeps the motion through poses from being proven clear."""
         return self.proven(*arrays(poses))[1] if len(poses) > 1 else None
 
-    def proven(self, bases: Array, joints: Array) -> tuple[int, Touch | None]:
+    def proven(self, bases: Array, joints: Array) -> tuple[int, Proximity | None]:
         """Number of motions between states (n + 1, ...) proven clear, and what stops the next one."""
-        if not self.on:
+        if not self.enabled:
             return len(bases) - 1, None
         return path_clear(self.bodies, bases, joints, self.spare, self.contact)
 
-    def led(self, bases: Array, joints: Array, line: Array, shares: Array, stray: float) -> int:
+    def count_on_line(self, bases: Array, joints: Array, line: Array, shares: Array, stray: float) -> int:
         """Number of motions that jump nowhere and lead the tool along a line; see `count_on_line`."""
-        most = stray, LARGEST_BEND, float(self.rules.step)
+        most = stray, MAX_JOINT_CHANGE, float(self.rules.step)
         return int(count_on_line(self.bodies.mobile, bases, joints, line, shares, most))
 
     def tools(self, bases: Array, joints: Array, shares: Array) -> Array:
         """Tool frames at k times of every motion between states (n + 1, ...), (n, k, 4, 4)."""
         return tool_frames(self.bodies.mobile, bases, joints, shares)
 
-    def words(self, touch: Touch) -> str:
-        """Text of a touch, with how the link might touch what the tool works on."""
-        said, rules = describe(self.bodies, touch), self.rules
+    def words(self, proximity: Proximity) -> str:
+        """Text about the nearest thing, with how the link might touch what the tool works on."""
+        said, rules = describe(self.bodies, proximity), self.rules
         if (
-            touch.kind == "obstacle"
-            and self.bodies.links.outermost[touch.solid]
-            and touch.other in self.contact.owner
+            proximity.kind == "obstacle"
+            and self.bodies.links.outermost[proximity.solid]
+            and proximity.other in self.contact.owner
         ):
             said += f" (it may touch it {rules.deepest_contact:g} m deep, "
             said += f"within {rules.tool_contact:g} m of the tool)"
         return said
 
-    def other(self, touch: Touch) -> str:
+    def other(self, proximity: Proximity) -> str:
         """Name of what the link comes near to."""
-        return name_of_other(self.bodies, touch)
+        return name_of_other(self.bodies, proximity)
 
-    def cause(self, touch: Touch) -> Cause:
-        """The touch as a cause of a failure; the margin is what is missing [m]."""
-        if touch.kind == "obstacle":
-            floor = self.bodies.obstacles[touch.other] is self.bodies.floor
+    def cause(self, proximity: Proximity) -> Cause:
+        """The nearest thing as a cause of a failure; the margin is what is missing [m]."""
+        if proximity.kind == "obstacle":
+            floor = self.bodies.obstacles[proximity.other] is self.bodies.floor
             kind: CauseKind = "floor" if floor else "obstacle"
-            return Cause(kind, self.other(touch), max(0.0, self.bodies.clearance - touch.distance))
-        return Cause("self", self.other(touch), max(0.0, -touch.distance))
+            return Cause(kind, self.other(proximity), max(0.0, self.bodies.clearance - proximity.distance))
+        return Cause("self", self.other(proximity), max(0.0, -proximity.distance))
 
 
 def bodies_in(world: World) -> Bodies:
@@ -130,21 +130,21 @@ def bodies_in(world: World) -> Bodies:
     return bodies_from(world.robot, world.solids, near, deep, world.floor_slab)
 
 
-def guard_from(world: World, bodies: Bodies) -> Guard:
-    """The guard of a world with its bodies; a start that has little to spare leaves less to keep."""
-    guard = Guard(world.rules, bodies, contact_for(world, world.task))
-    if world.start is None or not guard.on:
-        return guard
-    room = guard.room(guard.touch(Pose(world.start.base, world.start.joints)))
-    spare = SPARE if room < LEAST_SPARE else min(SPARE, max(LEAST_SPARE, room / 2))
-    return replace(guard, spare=spare)
+def checker_from(world: World, bodies: Bodies) -> CollisionChecker:
+    """The collision checker of a world; a start that has little to spare leaves less to keep."""
+    collision = CollisionChecker(world.rules, bodies, contact_for(world, world.task))
+    if world.start is None or not collision.enabled:
+        return collision
+    room = collision.room(collision.nearest(Pose(world.start.base, world.start.joints)))
+    spare = MAX_SPARE if room < MIN_SPARE else min(MAX_SPARE, max(MIN_SPARE, room / 2))
+    return replace(collision, spare=spare)
 
 
-def guard_at(world: World, bodies: Bodies, target: Target) -> Guard:
-    """The guard of a world for postures with the tool at one target: of solids within the robot's reach."""
-    far = span_about_tool(world.robot) + world.rules.tolerance + 2 * SPARE
+def checker_at(world: World, bodies: Bodies, target: Target) -> CollisionChecker:
+    """The collision checker of a world with the tool at one target, for solids within the robot's reach."""
+    far = span_about_tool(world.robot) + world.rules.tolerance + 2 * MAX_SPARE
     near = near_bodies(bodies, target.position, far)
-    return Guard(world.rules, near, contact_for(world, [target]))
+    return CollisionChecker(world.rules, near, contact_for(world, [target]))
 
 
 def contact_for(world: World, targets: Sequence[Target]) -> ContactTargets:

@@ -11,24 +11,31 @@ from functools import partial
 
 import numpy as np
 
-from regionik.areas.standing import into_span
+from regionik.areas.free_space import into_span
 from regionik.mfabrik import Solver
 from regionik.planners.geometry.offsets import radius_that_holds
-from regionik.planners.reach.serial_criteria import led_along
+from regionik.planners.reach.serial_criteria import carried_along
 from regionik.planners.solvers.serial_chain import serial_arm
-from regionik.postures.arm_roadmap import TRIES, ArmRoadmap, HeldPostures, grown_roadmap, rooted_roadmap
+from regionik.postures.arm_roadmap import (
+    MAX_TRIES_PER_POSTURE,
+    ArmRoadmap,
+    FixedBasePostures,
+    grown_roadmap,
+    rooted_roadmap,
+)
 from regionik.postures.poses import Pose, axis_of, pose_of
 from regionik.postures.posture_search import PostureSearch
-from regionik.postures.serial_solver import MOST_STEPS, SerialSolver
+from regionik.postures.serial_solver import MAX_CARRY_STEPS, SerialSolver
 from regionik.worlds.arms import pivot_index
 from regionik.worlds.arrays import Array, Index, Mask
 
-STARTS = 24  # postures at the first set-point that are looked for
+MAX_STARTS = 24  # postures at the first set-point that are looked for
 KINDS = 4  # of postures that are tried at a set-point that is not joined by its first
-MORE_TRIES = 12  # motions to a posture that are looked at where few did not do
-ENOUGH = 3  # of those that serve every set-point, so many are compared
-RIM = np.arange(8) * np.pi / 4  # directions in which a circle to park in is tried [rad]
-RIM_SHARE = 0.5  # of the tolerance that the tool may miss there, so that others find the posture too
+MAX_TRIES_BY_TRAVEL = 12  # motions to a posture that are looked at where few did not do
+MAX_COMPARED = 3  # of those that serve every set-point, so many are compared
+RIM_DIRECTIONS = np.arange(8) * np.pi / 4  # directions in which a circle to park in is tried [rad]
+# of the tolerance that the tool may miss there, so that others find the posture too
+RIM_TOLERANCE_SHARE = 0.5
 RIM_STEPS = 4  # on the way out to its rim, each posture the start of the next
 
 
@@ -36,38 +43,38 @@ RIM_STEPS = 4  # on the way out to its rim, each posture the start of the next
 class PostureCarrier(PostureSearch):
     """The robot of a world, carried along set-points."""
 
-    def best(self, solver: Solver, axis: Array, span: tuple[float, float]) -> HeldPostures | None:
+    def best(self, solver: Solver, axis: Array, span: tuple[float, float]) -> FixedBasePostures | None:
         """Postures that serve most set-points from a place of the arm axis (2,), then have most spare.
 
         The base has a heading within ``span``. The solver finds postures at the first set-point at any one.
         """
         base, robot = pose_of(self.world.robot, axis, into_span(0.0, span)), self.world.robot
-        best: HeldPostures | None = None
+        best: FixedBasePostures | None = None
         full = 0
-        for start in solver.self_motion(self.targets[0], base, robot.carry, STARTS):
+        for start in solver.self_motion(self.targets[0], base, robot.carry, MAX_STARTS):
             found = self._from(start.base, start.joints, axis, span)
             if found is None or (best is not None and len(found.joints) < len(best.joints)):
                 continue
             if best is None or (len(found.joints), found.spare) > (len(best.joints), best.spare):
                 best = found
             full += len(found.joints) == len(self.targets)
-            if full == ENOUGH:
+            if full == MAX_COMPARED:
                 break
         if best is None or self.world.rules.order == "given":
             return best
         every = np.arange(len(self.targets))
         branched = self.at(best.base, every)
         if branched is None or branched.roadmap is None:
-            branched = self.kept(best.base, every[: len(best.joints)], best.joints)
+            branched = self.clear_postures(best.base, every[: len(best.joints)], best.joints)
         return best if branched is None else branched
 
-    def led_from(self, pose: Pose) -> Array:
+    def continued_from(self, pose: Pose) -> Array:
         """Postures (k, dof) at the first k targets, led on from that of a pose."""
         return self._carried(
             self._bound, axis_of(self.world.robot, pose.base), float(pose.base[2]), pose.joints
         )
 
-    def at(self, base: Array, some: Index) -> HeldPostures | None:
+    def at(self, base: Array, some: Index) -> FixedBasePostures | None:
         """Postures from a pose of the base at all of some set-points that have a clear one.
 
         In any order the tool may be lifted between two set-points, and what is not served from here is from
@@ -75,9 +82,9 @@ class PostureCarrier(PostureSearch):
         """
         found, joints = self.neighboring(base, some)
         held = self.joined(base, found, joints)
-        return held if held is not None else self.kept(base, found, joints)
+        return held if held is not None else self.clear_postures(base, found, joints)
 
-    def joined(self, base: Array, some: Index, joints: Array) -> HeldPostures | None:
+    def joined(self, base: Array, some: Index, joints: Array) -> FixedBasePostures | None:
         """Those of some set-points with clear postures (n, dof) that a roadmap joins, kept all round.
 
         Where it does not join all by the few that lie between, it may go by all that the arm knows, and to
@@ -86,23 +93,25 @@ class PostureCarrier(PostureSearch):
         travel, joints = self._travel, joints.copy()
         off = np.abs(joints[:, None] - travel.joints[None]).max(axis=2)
         between = travel.joints[travel.up_from(np.argmin(off, axis=1))][1:]
-        roadmap, held = self._joining(rooted_roadmap(base, self.root), between, joints, TRIES)
-        if not held.all() and self.guard.proves(Pose(base, self.root)):
-            clear = [self.guard.proves(Pose(base, q)) for q in travel.joints[1:]]
-            roadmap, held[~held] = self._joining(roadmap, travel.joints[1:][clear], joints[~held], MORE_TRIES)
+        roadmap, held = self._joining(rooted_roadmap(base, self.root), between, joints, MAX_TRIES_PER_POSTURE)
+        if not held.all() and self.collision.proves(Pose(base, self.root)):
+            clear = [self.collision.proves(Pose(base, q)) for q in travel.joints[1:]]
+            roadmap, held[~held] = self._joining(
+                roadmap, travel.joints[1:][clear], joints[~held], MAX_TRIES_BY_TRAVEL
+            )
             for at, others in self.families(base, some[~held], KINDS):
                 others = others[np.isin(at, some[~held])]
                 rows = np.flatnonzero(np.isin(some, at) & ~held)
-                roadmap, held[rows] = self._joining(roadmap, others[:0], others, TRIES)
+                roadmap, held[rows] = self._joining(roadmap, others[:0], others, MAX_TRIES_PER_POSTURE)
                 joints[rows] = others
-        found = self.kept(base, some[held], joints[held])
+        found = self.clear_postures(base, some[held], joints[held])
         return None if found is None else replace(found, roadmap=roadmap)
 
     def _joining(
         self, roadmap: ArmRoadmap, between: Array, joints: Array, tries: int
     ) -> tuple[ArmRoadmap, Mask]:
         """The roadmap grown by some postures to others, and which of these it holds, (k,)."""
-        roadmap, held = grown_roadmap(self.guard, roadmap, np.vstack([between, joints]), tries)
+        roadmap, held = grown_roadmap(self.collision, roadmap, np.vstack([between, joints]), tries)
         return roadmap, np.isin(np.arange(len(joints)) + len(between), held)
 
     @property
@@ -111,15 +120,15 @@ class PostureCarrier(PostureSearch):
         root: Array = self._travel.joints[0]
         return root
 
-    def kept(self, base: Array, some: Index, joints: Array) -> HeldPostures | None:
+    def clear_postures(self, base: Array, some: Index, joints: Array) -> FixedBasePostures | None:
         """Those of postures (n, dof) at set-points that are clear and keep all round the rim."""
-        kept = [n for n, i in enumerate(some.tolist()) if self.keeps(i, base, joints[n])]
+        kept = [n for n, i in enumerate(some.tolist()) if self.serves(i, base, joints[n])]
         if not kept:
             return None
         spare = float(self.world.robot.chain.room_to_limits(joints[kept]).min())
-        return HeldPostures(base, tuple(some[kept].tolist()), joints[kept], spare)
+        return FixedBasePostures(base, tuple(some[kept].tolist()), joints[kept], spare)
 
-    def led(self, base: Array, some: Index, joints: Array) -> Array:
+    def continued(self, base: Array, some: Index, joints: Array) -> Array:
         """Postures (n, dof) at set-points, each led on from the one before, or else the given one."""
         axis, heading, found = axis_of(self.world.robot, base), float(base[2]), joints.copy()
         first = 0
@@ -129,7 +138,7 @@ class PostureCarrier(PostureSearch):
             first += max(1, len(held))
         return found
 
-    def keeps(self, i: int, base: Array, joints: Array) -> bool:
+    def serves(self, i: int, base: Array, joints: Array) -> bool:
         """True if a posture at set-point i is clear, and kept all round the circle that the rules ask for."""
         wanted = self.world.rules.stop_tolerance
         if not self._holds(base, joints):
@@ -138,11 +147,11 @@ class PostureCarrier(PostureSearch):
 
     def _holds(self, base: Array, joints: Array) -> bool:
         """True if a posture is clear and meets the rules' criteria."""
-        return self.guard.proves(Pose(base, joints)) and self._bound.meets(self._behind(joints))
+        return self.collision.proves(Pose(base, joints)) and self._bound.meets(self._behind(joints))
 
     def _from(
         self, base: Array, joints: Array, axis: Array, span: tuple[float, float]
-    ) -> HeldPostures | None:
+    ) -> FixedBasePostures | None:
         """Carry one posture along: the pivot left free to choose a heading, then at that heading."""
         heading = float(base[2])
         if self._bound.chain.dof == self.world.robot.chain.dof:  # else the base turns in place of a pivot
@@ -158,9 +167,9 @@ class PostureCarrier(PostureSearch):
             return None
         count = next((i for i, q in enumerate(held) if not self._holds(pose, q)), len(held))
         if count == 0:  # the motion may lead it round what it touches
-            return HeldPostures(pose, (0,), held[:1], -np.inf)
+            return FixedBasePostures(pose, (0,), held[:1], -np.inf)
         spare = float(self.world.robot.chain.room_to_limits(held[:count]).min())
-        return HeldPostures(pose, tuple(range(count)), held[:count], spare)
+        return FixedBasePostures(pose, tuple(range(count)), held[:count], spare)
 
     def reaches_rim(self, i: int, base: Array, joints: Array, radius: float) -> bool:
         """True where a posture can be kept on the carrier's set-point i while the base goes any way to a rim.
@@ -169,9 +178,9 @@ class PostureCarrier(PostureSearch):
         """
         axis, some = axis_of(self.world.robot, base), np.full(RIM_STEPS, i)
         shares = radius * np.arange(1, RIM_STEPS + 1)[:, None] / RIM_STEPS
-        for angle in RIM:
+        for angle in RIM_DIRECTIONS:
             places = axis + shares * (np.cos(angle), np.sin(angle))
-            found = self._carried(self._bound, places, float(base[2]), joints, some, RIM_SHARE)
+            found = self._carried(self._bound, places, float(base[2]), joints, some, RIM_TOLERANCE_SHARE)
             if len(found) < RIM_STEPS:
                 return False
         return True
@@ -206,7 +215,9 @@ class PostureCarrier(PostureSearch):
         rows = np.zeros((len(aims.positions), solver.chain.dof))
         rows[0, more:] = joints
         rows[0] = np.clip(rows[0], arm.lower, arm.upper)
-        count = led_along(arm, self._asked, aims, effort.reach, share * effort.tolerance, MOST_STEPS, rows)
+        count = carried_along(
+            arm, self._thresholds, aims, effort.reach, share * effort.tolerance, MAX_CARRY_STEPS, rows
+        )
         return rows[:count, more:]
 
     def _heading(self, heading: float, free: Array) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import shapely
 
-from regionik.moving.standing_bases import component_around, standing_bases
+from regionik.moving.stationary_bases import component_around, stationary_bases
 from regionik.pipeline import plan
 from regionik.pruning import whole_path
 from regionik.scene import scene_of
@@ -63,8 +63,8 @@ def test_a_base_that_faces_its_targets_does_not_stand(heading: Heading) -> None:
         task=scene.task[::6],
         rules=replace(scene.rules, heading=heading),
     )
-    standing, _, pruned = whole_path(scene_of(scene))
-    found = list(standing_bases(scene_of(scene), pruned.ladder, pruned.keep, standing, 0, 5))
+    free_space, _, pruned = whole_path(scene_of(scene))
+    found = list(stationary_bases(scene_of(scene), pruned.ladder, pruned.keep, free_space, 0, 5))
     assert bool(found) == (heading == "free")
     for base in found:
         for i in range(5):

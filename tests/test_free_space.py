@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from shapely import affinity
 
 from regionik import admissible_area as area
-from regionik.areas.layers import GUARD
-from regionik.areas.standing import Standing, away, into_span, stands_about
+from regionik.areas.free_space import FreeSpace, away, into_span, stands_about
+from regionik.areas.layers import ROUNDING_MARGIN
 from regionik.scene import scene_of
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.obstacles import Box, Cylinder
@@ -64,7 +64,7 @@ def test_inner_slabs_hold_at_every_heading_and_outer_ones_at_no_other() -> None:
     world, rng = world_of(POST, CRATE), np.random.default_rng(0)
     for side in scene_of(world).free_floor.by_heading.sides:
         for axis in points_in(side.free, 40, rng):
-            assert room_left(world, axis, rng.uniform(*side.span)) >= GUARD / 2
+            assert room_left(world, axis, rng.uniform(*side.span)) >= ROUNDING_MARGIN / 2
     for side in scene_of(world).free_floor.outer.sides:
         beyond = shapely.box(-0.5, -0.5, 7, 2.5) - side.floor
         for axis in points_in(beyond, 40, rng):
@@ -80,7 +80,7 @@ def test_a_base_stands_about_a_pose_where_it_has_as_much_room(pointed: bool) -> 
         yaw, by = rng.uniform(-np.pi, np.pi), rng.choice([0.0, 0.01, 0.1])
         room = room_left(world, axis, yaw) - by
         stands = stands_about(scene_of(world).ground, world.robot, pose_of(world.robot, axis, yaw), by)
-        assert stands == (room > 0) or abs(room) < GUARD + 0.01 * by
+        assert stands == (room > 0) or abs(room) < ROUNDING_MARGIN + 0.01 * by
         found.add(stands)
     assert found == {True, False}
 
@@ -126,21 +126,21 @@ def test_where_slabs_bring_nothing_there_are_none() -> None:
 
 @pytest.mark.parametrize("floor", ["by_heading", "outer"])
 def test_worlds_share_slabs_where_nothing_differs_that_they_depend_on(floor: str) -> None:
-    def standing(world: World) -> Standing:
-        found: Standing = getattr(scene_of(world).free_floor, floor)
+    def free_space(world: World) -> FreeSpace:
+        found: FreeSpace = getattr(scene_of(world).free_floor, floor)
         return found
 
     world = world_of(POST)
     task = (Target(np.array([1.0, 1.0, 0.3])),)
     lifted = replace(world.robot, mount=world.robot.mount + [0.0, 0.0, 0.2, 0.0])
     aside = replace(world.robot, mount=world.robot.mount + [0.1, 0.0, 0.0, 0.0])
-    assert standing(replace(world, task=task)) is standing(world)
-    assert standing(replace(world, robot=lifted)) is standing(world)
+    assert free_space(replace(world, task=task)) is free_space(world)
+    assert free_space(replace(world, robot=lifted)) is free_space(world)
     others = (
         world_of(CRATE),
         replace(world, robot=aside),
         replace(world, rules=replace(world.rules, clearance=0.05)),
         replace(world, floor=Floor(shapely.box(0, 0, 3, 2))),
     )
-    areas = [[side.free.area for side in standing(one).sides] for one in (world, *others)]
+    areas = [[side.free.area for side in free_space(one).sides] for one in (world, *others)]
     assert all(one != areas[0] for one in areas[1:])

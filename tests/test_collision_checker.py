@@ -1,4 +1,4 @@
-"""The guard, against distances of points sampled along the links."""
+"""The collision checker, against distances of points sampled along the links."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import pytest
 import shapely
 
 from regionik.pipeline import search
-from regionik.planners.collision.proximity import Touch
-from regionik.postures.arm_guard import SPARE
+from regionik.planners.collision.proximity import Proximity
+from regionik.postures.collision_checker import MAX_SPARE
 from regionik.postures.poses import Pose
 from regionik.scene import scene_of
 from regionik.worlds.bundled import robot_named
@@ -54,51 +54,51 @@ def sampled(world: World, at: Pose, skip_last: bool = False) -> float:
 def apart(at: Pose) -> bool:
     """Whether links are well away from each other, so that obstacles alone decide."""
     world = replace(cluttered(0.0), obstacles=())
-    return scene_of(world).guard.clear(at)
+    return scene_of(world).collision.clear(at)
 
 
 @pytest.mark.parametrize("clearance", [0.0, 0.03])
 def test_clear_where_sampled_distances_are(clearance: float) -> None:
     world, rng, seen = cluttered(clearance), np.random.default_rng(0), [0, 0]
-    guard = scene_of(world).guard
+    collision = scene_of(world).collision
     for _ in range(300):
         at = random_pose(rng)
         gap = sampled(world, at)
-        if not apart(at) or abs(gap - clearance - SPARE) < 0.007:
+        if not apart(at) or abs(gap - clearance - MAX_SPARE) < 0.007:
             continue
-        clear = gap > clearance + SPARE
+        clear = gap > clearance + MAX_SPARE
         seen[clear] += 1
-        assert guard.clear(at) == clear
-        assert guard.clear(at) == (guard.stop([at, at]) is None)
+        assert collision.clear(at) == clear
+        assert collision.clear(at) == (collision.first_obstruction([at, at]) is None)
     assert min(seen) > 30
 
 
 def test_a_motion_that_is_not_stopped_is_clear_all_along() -> None:
     world, rng, passed = cluttered(0.01), np.random.default_rng(1), 0
-    guard = scene_of(world).guard
+    collision = scene_of(world).collision
     for _ in range(120):
         a = random_pose(rng)
         b = Pose(a.base + rng.uniform(-0.1, 0.1, 3), np.clip(
             a.joints + rng.uniform(-0.4, 0.4, 5), ROBOT.chain.lower, ROBOT.chain.upper
         ))  # fmt: skip
         way = [pose_between(a, b, share, ROBOT) for share in np.linspace(0, 1, 9)]
-        touch = guard.stop([a, b])
-        if touch is None:
+        proximity = collision.first_obstruction([a, b])
+        if proximity is None:
             passed += 1
-            assert all(guard.clear(at) for at in way)
+            assert all(collision.clear(at) for at in way)
             assert min(sampled(world, at) for at in way) >= 0.01
         else:
-            assert not all(guard.clear(at) for at in way) or touch.distance < 0.01 + 0.01
+            assert not all(collision.clear(at) for at in way) or proximity.distance < 0.01 + 0.01
     assert passed > 20
 
 
 def test_without_avoidance_everything_is_clear() -> None:
     world, rng = cluttered(0.05), np.random.default_rng(2)
-    guard = scene_of(replace(world, rules=replace(world.rules, avoidance=False))).guard
+    collision = scene_of(replace(world, rules=replace(world.rules, avoidance=False))).collision
     poses = [random_pose(rng) for _ in range(20)]
-    assert not guard.on
-    assert all(guard.clear(at) for at in poses)
-    assert guard.stop(poses) is None
+    assert not collision.enabled
+    assert all(collision.clear(at) for at in poses)
+    assert collision.first_obstruction(poses) is None
 
 
 def on_target(world: World, spot: Array, rng: np.random.Generator) -> Pose:
@@ -117,35 +117,37 @@ def test_the_last_link_may_touch_what_the_tool_works_on() -> None:
     world = cluttered(0.0, (Target(spot),))
     world = replace(world, rules=replace(world.rules, tool_contact=0.26, contact_depth=0.3))
     at = on_target(world, spot, rng)
-    assert scene_of(world).guard.clear(at)
-    shallow = scene_of(replace(world, rules=replace(world.rules, contact_depth=0.0))).guard
+    assert scene_of(world).collision.clear(at)
+    shallow = scene_of(replace(world, rules=replace(world.rules, contact_depth=0.0))).collision
     assert not shallow.clear(at)
-    assert "it may touch it 0.001 m deep, within 0.26 m of the tool" in shallow.words(shallow.touch(at))
-    assert not scene_of(replace(world, rules=replace(world.rules, tool_contact=0.0))).guard.clear(at)
-    assert not scene_of(replace(world, task=())).guard.clear(at)
+    assert "it may touch it 0.001 m deep, within 0.26 m of the tool" in shallow.words(shallow.nearest(at))
+    assert not scene_of(replace(world, rules=replace(world.rules, tool_contact=0.0))).collision.clear(at)
+    assert not scene_of(replace(world, task=())).collision.clear(at)
     lifted = Pose(at.base + [0.0, 0.3, 0.0], at.joints)  # farther off than tool_contact
-    assert scene_of(world).guard.clear(lifted) == scene_of(replace(world, task=())).guard.clear(lifted)
+    assert scene_of(world).collision.clear(lifted) == scene_of(replace(world, task=())).collision.clear(
+        lifted
+    )
 
 
 def test_words_and_causes_name_link_and_thing() -> None:
-    guard = scene_of(cluttered(0.03)).guard
+    collision = scene_of(cluttered(0.03)).collision
     off = np.zeros(3)
-    near = Touch(0.01, 2, "obstacle", 1, off, off)
-    deep = Touch(-0.02, 2, "self", 0, off, off)
-    base = Touch(-0.01, 3, "base", -1, off, off)
+    near = Proximity(0.01, 2, "obstacle", 1, off, off)
+    deep = Proximity(-0.02, 2, "self", 0, off, off)
+    base = Proximity(-0.01, 3, "base", -1, off, off)
     link = ROBOT.solids[2].name
-    assert guard.words(near) == f"{link} comes within 0.0100 m of post"
-    assert guard.words(deep) == f"{link} overlaps {ROBOT.solids[0].name} by 0.0200 m"
-    assert "base" in guard.words(base)
-    cause = guard.cause(near)
+    assert collision.words(near) == f"{link} comes within 0.0100 m of post"
+    assert collision.words(deep) == f"{link} overlaps {ROBOT.solids[0].name} by 0.0200 m"
+    assert "base" in collision.words(base)
+    cause = collision.cause(near)
     assert (cause.kind, cause.name) == ("obstacle", "post")
     assert cause.margin == pytest.approx(0.02)
-    assert guard.cause(deep).kind == "self"
-    assert guard.cause(deep).margin == pytest.approx(0.02)
+    assert collision.cause(deep).kind == "self"
+    assert collision.cause(deep).margin == pytest.approx(0.02)
 
 
 def test_a_start_with_little_to_spare_is_not_blocked() -> None:
     """Two links of this arm, with a joint between them that turns both, are 0.4 mm apart in all postures."""
     world = witness("offsets", 806).world
-    assert 0 < scene_of(world).guard.spare < SPARE
+    assert 0 < scene_of(world).collision.spare < MAX_SPARE
     search(scene_of(world))  # raises where no plan is found

@@ -1,4 +1,4 @@
-"""Free floor of the base, by heading.
+"""Free space of the base: where it may stand, by heading.
 
 Areas that hold at every heading need room for the circle around the footprint. Where that is too much, a full
 turn is divided into slabs of heading: within a slab the footprint needs room for its turns in it alone. The
@@ -20,7 +20,7 @@ from shapely.geometry import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import EVERY, Ground, Side, united
-from regionik.areas.layers import GUARD, BodyLayer, Geometries, disjoint
+from regionik.areas.layers import ROUNDING_MARGIN, BodyLayer, Geometries, disjoint
 from regionik.planners.driving.footprint import fits
 from regionik.planners.driving.footprint_scene import FootprintScene, footprint_scene
 from regionik.planners.driving.heading_slabs import (
@@ -37,9 +37,9 @@ from regionik.worlds.joints import nearest_turn
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import World
 
-SLABS = 24  # of equal width in a full turn
-WALLS = 4  # longest directions of walls: slabs end where a side of the footprint is along one
-LEAST_AREA = 1e-8  # smaller areas are none, and areas that share less do not overlap [m2]
+HEADING_SLABS = 24  # of equal width in a full turn
+MAX_WALL_DIRECTIONS = 4  # longest directions of walls: slabs end where a side of the footprint is along one
+MIN_AREA = 1e-8  # smaller areas are none, and areas that share less do not overlap [m2]
 
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
@@ -59,7 +59,7 @@ class PathAreas:
 
     target: Index  # (m,) ascending
     family: tuple[Family, ...]
-    side: Index  # (m,) of the standing
+    side: Index  # (m,) of the free space
     inner: Geometries  # (m,)
 
     def sorted_by(self, target: Index) -> PathAreas:
@@ -70,7 +70,7 @@ class PathAreas:
 
 
 @dataclass(frozen=True, eq=False)
-class Standing:
+class FreeSpace:
     """Free floor of the base: one side for every heading, or one a slab round the full turn, or both.
 
     Of both, the side for every heading comes first.
@@ -93,7 +93,7 @@ class Standing:
             return Pieces(polygon, side, np.arange(len(polygon)))
         pairs = shapely.STRtree(polygon).query(polygon, predicate="intersects")
         a, b = pairs[:, self.beside(*side[pairs])]
-        real = shapely.area(shapely.intersection(polygon[a], polygon[b])) > LEAST_AREA
+        real = shapely.area(shapely.intersection(polygon[a], polygon[b])) > MIN_AREA
         return Pieces(polygon, side, component_labels(len(polygon), np.column_stack([a[real], b[real]])))
 
     @cached_property
@@ -171,22 +171,22 @@ class FreeFloor:
         return self.headings == EVERY and not self.ground.is_round
 
     @cached_property
-    def anywhere(self) -> Standing:
+    def anywhere(self) -> FreeSpace:
         """One side: for every heading, or for the one that the rules fix."""
         ground = self.ground
         if self.headings != EVERY and not ground.is_round:
-            return Standing(_slab_sides(ground.floor, ground.base, ground.around, np.array([self.headings])))
-        return Standing((Side(ground.inner.floor, ground.inner.parts, self.headings),))
+            return FreeSpace(_slab_sides(ground.floor, ground.base, ground.around, np.array([self.headings])))
+        return FreeSpace((Side(ground.inner.floor, ground.inner.parts, self.headings),))
 
     @cached_property
-    def by_heading(self) -> Standing:
+    def by_heading(self) -> FreeSpace:
         """One side a slab of headings; `anywhere` where slabs make no difference."""
         if not self.turns_matter:
             return self.anywhere
         return _inner_slabs(self.ground.floor, self.ground.base, self.ground.around)
 
     @cached_property
-    def turning(self) -> Standing:
+    def turning(self) -> FreeSpace:
         """A side for every heading and one a slab; `anywhere` where slabs make no difference.
 
         Within a slab an arm without a pivot reaches next to nothing: it works where the base turns as it
@@ -194,14 +194,14 @@ class FreeFloor:
         """
         if not self.turns_matter:
             return self.anywhere
-        return Standing((*self.anywhere.sides, *self.by_heading.sides))
+        return FreeSpace((*self.anywhere.sides, *self.by_heading.sides))
 
     @cached_property
-    def outer(self) -> Standing:
+    def outer(self) -> FreeSpace:
         """Outer free floor by slab: no place outside a side is free at any heading of its slab."""
         ground = self.ground
         if not self.turns_matter:
-            return Standing((Side(ground.outer.floor, ground.outer.parts, self.headings),))
+            return FreeSpace((Side(ground.outer.floor, ground.outer.parts, self.headings),))
         return _outer_slabs(ground.floor, ground.base, ground.inside)
 
 
@@ -214,13 +214,17 @@ def headings_of(world: World) -> tuple[float, float]:
 
 
 def footprint_on(ground: Ground, robot: Robot, outline: Array | None = None) -> FootprintScene:
-    """Outlines of a base in its frame and all they must keep clear of, with a guard against rounding.
+    """Outlines of a base in its frame and all they must keep clear of, with a margin against rounding.
 
     The footprint's outline may be another, (n, 2).
     """
     outline = robot.footprint if outline is None else outline
     return footprint_scene(
-        outline, ground.floor, ground.shadows, ground.clearance + GUARD, ground.upper(robot.mount[:2])
+        outline,
+        ground.floor,
+        ground.shadows,
+        ground.clearance + ROUNDING_MARGIN,
+        ground.upper(robot.mount[:2]),
     )
 
 
@@ -236,13 +240,13 @@ def stands_about(ground: Ground, robot: Robot, base: Array, by: float) -> bool:
 
 
 @lru_cache(maxsize=8)
-def _inner_slabs(floor: Polygon, base: BodyLayer, around: tuple[BodyLayer, ...]) -> Standing:
+def _inner_slabs(floor: Polygon, base: BodyLayer, around: tuple[BodyLayer, ...]) -> FreeSpace:
     """Cached by its inputs: worlds that differ in task or height of the mount share it."""
-    return Standing(_slab_sides(floor, base, around, _bounds(floor, base, around)))
+    return FreeSpace(_slab_sides(floor, base, around, _bounds(floor, base, around)))
 
 
 @lru_cache(maxsize=8)
-def _outer_slabs(floor: Polygon, base: BodyLayer, inside: tuple[BodyLayer, ...]) -> Standing:
+def _outer_slabs(floor: Polygon, base: BodyLayer, inside: tuple[BodyLayer, ...]) -> FreeSpace:
     bounds = _bounds(floor, base, inside)
     areas = slab_areas(np.array(base.outline.corners), floor, base.shadows, base.clearance, bounds)
     none = np.empty(0, dtype=object)
@@ -253,14 +257,14 @@ def _outer_slabs(floor: Polygon, base: BodyLayer, inside: tuple[BodyLayer, ...])
         for scene in scenes:
             free &= free_at_some(scene, area.low, area.high)
         sides.append(Side(free, none, (area.low, area.high)))
-    return Standing(tuple(sides))
+    return FreeSpace(tuple(sides))
 
 
 def _slab_sides(
     floor: Polygon, base: BodyLayer, around: tuple[BodyLayer, ...], bounds: Array
 ) -> tuple[Side, ...]:
-    upper = [layer.moved(np.zeros(2), GUARD) for layer in around]
-    corners, keep = np.array(base.outline.corners), base.clearance + GUARD
+    upper = [layer.moved(np.zeros(2), ROUNDING_MARGIN) for layer in around]
+    corners, keep = np.array(base.outline.corners), base.clearance + ROUNDING_MARGIN
     found = slab_rejections(corners, floor, base.shadows, keep, bounds, upper)
     spans = [(low, high) for low, high in bounds.tolist()]
     return tuple(Side(one.floor, disjoint(one.taken), span) for one, span in zip(found, spans, strict=True))
@@ -270,7 +274,7 @@ def _bounds(floor: Polygon, base: BodyLayer, upper: tuple[BodyLayer, ...]) -> Ar
     """Headings of the slabs, those with a side of an outline along a wall among them."""
     corners = np.array(base.outline.corners)
     scene = footprint_scene(corners, floor, base.shadows, base.clearance, [layer.outline for layer in upper])
-    return slabs_along(scene, SLABS, WALLS)
+    return slabs_along(scene, HEADING_SLABS, MAX_WALL_DIRECTIONS)
 
 
 def spread(area: BaseGeometry, count: int, seed: int) -> Array:

@@ -11,8 +11,8 @@ import shapely
 from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
+from regionik.areas.free_space import FreeSpace, into_span, spread
 from regionik.areas.ground import united
-from regionik.areas.standing import Standing, into_span, spread
 from regionik.ladder import Ladder, Mask
 from regionik.postures.poses import axis_of, pose_of
 from regionik.scene import Scene
@@ -20,21 +20,22 @@ from regionik.worlds.arms import pivot_index, with_pivot
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target
 
-PLACES = 3  # of the base that are tried besides the middle
-QUARTERS = np.array([0.0, 0.5, -0.5, 1.0]) * np.pi  # headings tried, from the one that faces the run [rad]
-TRIES = 8  # poses of the base that are tried
+MAX_PLACES = 3  # of the base that are tried besides the middle
+# headings tried, from the one that faces the run [rad]
+HEADINGS_TRIED = np.array([0.0, 0.5, -0.5, 1.0]) * np.pi
+MAX_BASES = 8  # poses of the base that are tried
 
 
-class StandingBase(NamedTuple):
+class StationaryBase(NamedTuple):
     """A pose of the base (3,), on one side of the free floor."""
 
     pose: Array
     side: int
 
 
-def standing_bases(
-    scene: Scene, ladder: Ladder, keep: Mask, standing: Standing, first: int, end: int
-) -> Iterator[StandingBase]:
+def stationary_bases(
+    scene: Scene, ladder: Ladder, keep: Mask, free_space: FreeSpace, first: int, end: int
+) -> Iterator[StationaryBase]:
     """Yield poses of the base for a run of set-points with poses of the tool, the likeliest first.
 
     There are none for arms whose posture a place gives, nor where the base rolls or has to face its targets.
@@ -46,20 +47,20 @@ def standing_bases(
     shared = _shared(ladder, keep, first, end)
     if shared is not None:
         side, area = shared
-        for pose in islice(_bases(scene, area, standing.sides[side].span, targets), TRIES):
-            yield StandingBase(pose, side)
+        for pose in islice(_bases(scene, area, free_space.sides[side].span, targets), MAX_BASES):
+            yield StationaryBase(pose, side)
 
 
-def component_around(scene: Scene, ladder: Ladder, keep: Mask, i: int, base: StandingBase) -> int:
+def component_around(scene: Scene, ladder: Ladder, keep: Mask, i: int, base: StationaryBase) -> int:
     """Return the component of set-point i around a base, or nearest to it."""
     axis = Point(axis_of(scene.robot, base.pose))
-    some = [k for k in ladder.kept(keep, i) if ladder.side[k] == base.side]
+    some = [k for k in ladder.components_at(keep, i) if ladder.side[k] == base.side]
     return some[int(np.argmin(shapely.distance(ladder.component[some], axis)))]
 
 
 def _shared(ladder: Ladder, keep: Mask, first: int, end: int) -> tuple[int, BaseGeometry] | None:
     """Side of the floor and the largest part that areas of a run share there; None for nothing."""
-    kept = [ladder.kept(keep, i) for i in range(first, end)]
+    kept = [ladder.components_at(keep, i) for i in range(first, end)]
     best: tuple[int, BaseGeometry] | None = None
     for side in sorted({int(ladder.side[k]) for k in kept[0]}):
         own = [united(ladder.component[[k for k in some if ladder.side[k] == side]]) for some in kept]
@@ -78,8 +79,10 @@ def _bases(
     robot, arm = scene.robot, with_pivot(scene.robot.chain)
     pivot = arm.active_joints[pivot_index(arm)]
     limited = bool(np.isfinite(pivot.upper - pivot.lower))
-    ahead, quarters = ((pivot.lower + pivot.upper) / 2, QUARTERS) if limited else (0.0, QUARTERS[:1])
-    for axis in np.vstack([middle, spread(area, PLACES, 0)]):
+    ahead, quarters = (
+        ((pivot.lower + pivot.upper) / 2, HEADINGS_TRIED) if limited else (0.0, HEADINGS_TRIED[:1])
+    )
+    for axis in np.vstack([middle, spread(area, MAX_PLACES, 0)]):
         facing = np.arctan2(*(center - axis)[::-1]) - robot.mount[3] - ahead
         yaws = [into_span(float(yaw), span) for yaw in facing + quarters]
         for yaw in dict.fromkeys(yaws):

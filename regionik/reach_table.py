@@ -1,4 +1,4 @@
-"""Reach of targets in a scene as rows of areas, before the ground takes what it rejects."""
+"""Reach of targets in a scene as a table of areas, before the ground takes what it rejects."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import EVERY, united
-from regionik.areas.layers import GUARD, Geometries
-from regionik.areas.reach_model import FineRows, ReachModel, ReachQuery, Rows
+from regionik.areas.layers import ROUNDING_MARGIN, Geometries
+from regionik.areas.reach_model import FineReachTable, ReachModel, ReachQuery, ReachTable
 from regionik.areas.reachable import FINE_ARC_POINTS, reach_model
 from regionik.planners.progress import track
 from regionik.postures.arm import goal_of
@@ -20,7 +20,7 @@ from regionik.scene import Scene
 from regionik.worlds.scene import Target
 
 
-def reach_rows(
+def reach_table(
     scene: Scene,
     targets: Sequence[Target],
     facings: Sequence[int],
@@ -29,13 +29,13 @@ def reach_rows(
     span: tuple[float, float] = EVERY,
     coarse: bool = False,
     proven: bool = False,
-) -> Rows:
+) -> ReachTable:
     """Reach of targets as rings and ring sectors, before rejection, the base's heading within a span.
 
     See `ReachQuery` for ``coarse`` and ``proven``.
     """
     margin = scene.rules.reach_margin if inner else None
-    which, kinds, shapes = rows_of(
+    which, kinds, shapes = reach_table_of(
         scene, targets, ReachQuery(scene.rules, margin, span, tuple(facings), coarse=coarse, proven=proven)
     )
     if inner:
@@ -44,16 +44,16 @@ def reach_rows(
     return which[real], tuple(kinds[k] for k in real.tolist()), shapes[real]
 
 
-def inner_rows(
+def inner_reach_tables(
     scene: Scene,
     targets: Sequence[Target],
     facings: Sequence[int],
     spans: Sequence[tuple[float, float]],
     *,
     coarse: bool = False,
-) -> list[Rows]:
-    """Inner `reach_rows` at several spans of headings: the very same where these make no difference."""
-    known: dict[tuple[float, float], Rows] = {}
+) -> list[ReachTable]:
+    """Inner `reach_table` at several spans of headings: the very same where these make no difference."""
+    known: dict[tuple[float, float], ReachTable] = {}
     models = {scene.model(target): None for target in targets}
     found = []
     for span in track("headings", spans):
@@ -61,13 +61,13 @@ def inner_rows(
         heeded = scene.lifted.matters or any(model.heeds_headings(query) for model in models)
         asked = span if heeded else EVERY
         if asked not in known:
-            known[asked] = reach_rows(scene, targets, facings, inner=True, span=asked, coarse=coarse)
+            known[asked] = reach_table(scene, targets, facings, inner=True, span=asked, coarse=coarse)
         found.append(known[asked])
     return found
 
 
-def rows_of(scene: Scene, targets: Sequence[Target], query: ReachQuery) -> Rows:
-    """`reach_rows` as a query asks for them, whatever place an execution puts the arm axis off.
+def reach_table_of(scene: Scene, targets: Sequence[Target], query: ReachQuery) -> ReachTable:
+    """`reach_table` as a query asks for them, whatever place an execution puts the arm axis off.
 
     Places from which a lift would bring its load too near to something are none; where no other is left to an
     inner area, those from which some part of its range does not.
@@ -78,7 +78,7 @@ def rows_of(scene: Scene, targets: Sequence[Target], query: ReachQuery) -> Rows:
     which, shapes = np.empty(0, dtype=np.intp), np.empty(0, dtype=object)
     kinds: tuple[Family, ...] = ()
     for model, members in alike.items():
-        rows = model.rows([targets[i] for i in members], query)
+        rows = model.table([targets[i] for i in members], query)
         which = np.concatenate([which, np.array(members, dtype=np.intp)[rows[0]]])
         kinds, shapes = kinds + rows[1], np.concatenate([shapes, rows[2]])
     order = np.argsort(which, kind="stable")
@@ -87,7 +87,9 @@ def rows_of(scene: Scene, targets: Sequence[Target], query: ReachQuery) -> Rows:
     return _without_lifted(scene, targets, query, rows) if scene.lifted.matters else rows
 
 
-def _without_lifted(scene: Scene, targets: Sequence[Target], query: ReachQuery, rows: Rows) -> Rows:
+def _without_lifted(
+    scene: Scene, targets: Sequence[Target], query: ReachQuery, rows: ReachTable
+) -> ReachTable:
     """Rows less the places that what lifts carry rejects."""
     (which, kinds, whole), left = rows, rows[2].copy()
     heights = np.array([target.position[2] for target in targets])[which]
@@ -121,14 +123,16 @@ def _by_parts_of_lifts(
 
 def fine_reach(
     scene: Scene, target: Target, kinds: Sequence[Family], span: tuple[float, float], *, inner: bool
-) -> FineRows:
+) -> FineReachTable:
     """Reach of one target without the rules' ``reach_margin``, with finer circles: families and shapes.
 
     Shapes lie within the true reach, or around it by the layer of the height, with the base's heading within
     a span.
     """
-    query = ReachQuery(scene.rules, GUARD if inner else None, span, arcs=FINE_ARC_POINTS, coarse=not inner)
-    families, shapes = reach_model(scene.robot, goal_of(target)).fine_rows(target, kinds, query)
+    query = ReachQuery(
+        scene.rules, ROUNDING_MARGIN if inner else None, span, arcs=FINE_ARC_POINTS, coarse=not inner
+    )
+    families, shapes = reach_model(scene.robot, goal_of(target)).fine_table(target, kinds, query)
     return families, _eroded(shapes, scene.world.axis_error) if inner else shapes
 
 
