@@ -1,4 +1,4 @@
-"""Ladder of a whole path: components of the areas of its set-points, joined where they overlap.
+"""Ladder of a whole path: components of the areas of its set-points, with edges where they overlap.
 
 While the tool rests at set-point i the base may go anywhere within one component of its area; the tool goes
 on to i + 1 while the base stands in components of both. So a path without lift-offs is a chain of components
@@ -21,7 +21,7 @@ from regionik.areas.layers import Geometries
 from regionik.planners.geometry.polygons import FlatPolygon
 from regionik.postures.families import Family
 
-MAX_FLAT_COMPONENTS = 512  # components that are kept flattened
+MAX_FLAT_COMPONENTS = 512  # components that are cached as flat polygons
 SURE_OVERLAP = 1e-4  # half the side of a square that two areas share beyond doubt [m]
 
 Mask = NDArray[np.bool_]
@@ -53,11 +53,11 @@ class Ladder:
         return np.flatnonzero(np.diff(self.rungs) == 0).tolist()
 
     def components_at(self, keep: Mask, i: int) -> list[int]:
-        """Components of set-point i that a mask (m,) keeps."""
+        """Return the components of set-point i that a mask (m,) selects."""
         return [k for k in range(self.rungs[i], self.rungs[i + 1]) if keep[k]]
 
     def off(self, piece: int | None) -> list[int]:
-        """Set-points with components, none of them on one piece of the free floor."""
+        """Return the set-points that have components, but none on a given piece of the free floor."""
         there = set(self.target[self.floor == piece].tolist()) if piece is not None else set()
         return sorted(set(self.target.tolist()) - there)
 
@@ -108,7 +108,7 @@ def build_ladder(areas: PathAreas, count: int, free_space: FreeSpace) -> Ladder:
 
 
 def _pieces(spots: Geometries, side: Index, free_space: FreeSpace) -> Index:
-    """Label of the piece of free floor around each spot, -1 for none."""
+    """Return the label of the piece of free floor around each spot, -1 for none."""
     piece = np.full(len(spots), -1, dtype=np.intp)
     polygons, sides, label = free_space.pieces
     which, found = shapely.STRtree(polygons).query(spots)
@@ -129,7 +129,7 @@ def _overlaps(
     count: int,
     ahead: int,
 ) -> Index:
-    """Pairs of overlapping components of like posture, ``ahead`` set-points apart."""
+    """Return the pairs of overlapping components of like posture, ``ahead`` set-points apart."""
     if len(free_space.sides) == 1 and not ahead:  # components of one area are apart
         return np.empty((0, 2), dtype=np.intp)
     facing = np.array([kind.facing for kind in kinds])
@@ -160,7 +160,7 @@ def _spots_of(parts: Geometries, spots: Geometries) -> _Spots:
 
 
 def _shared(parts: Geometries, spots: _Spots, here: Index, there: Index) -> Mask:
-    """Mask of pairs of prepared parts that overlap: mostly the spot of one is well inside the other."""
+    """Return a mask of the pairs of prepared parts that overlap; mostly the spot of one lies in the other."""
     shared = np.zeros(len(here), dtype=bool)
     for one, other in ((here, there), (there, here)):
         asked = np.flatnonzero(~shared & spots.sure[one])

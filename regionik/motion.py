@@ -64,7 +64,7 @@ def connect_setpoints(scene: Scene, pruned: Pruned, free_space: FreeSpace, seed:
 
 @dataclass(frozen=True, eq=False)
 class _Connection:
-    """Runs through the ladder, within the components that pruning left."""
+    """Connection of the set-points by runs through the ladder, within the components that pruning left."""
 
     pruned: Pruned
     free_space: FreeSpace
@@ -113,7 +113,7 @@ class _Connection:
                 raise NoPlanFound(self._one_lift_too_many(len(done)))
 
     def _run(self, i: int, here: Pose | None) -> JoinedRun:
-        """Move to set-point i with the tool lifted, and the longest run found from there.
+        """Return the transit to set-point i and the longest run found from there.
 
         A base that does for the whole run stands still. Else, where the tool is turned as asked, and on
         wheels, base and joints go on together, and configurations are searched where they are stuck.
@@ -131,7 +131,7 @@ class _Connection:
         return known if len(known.steps) == end - i else self._resumed(i, end, known)
 
     def _stationary_run(self, i: int, end: int, here: Pose | None) -> JoinedRun | None:
-        """A whole run with the base in one place that the areas share; None for none."""
+        """Return a whole run with a stationary base; None if there is none."""
         if not self.scene.rules.avoidance:
             return None
         ladder, keep = self.pruned.ladder, self.pruned.keep
@@ -143,12 +143,12 @@ class _Connection:
         return None
 
     def _postures(self, base: StationaryBase, at: int) -> Iterator[Candidate]:
-        """Clear postures at a set-point with the base in a place."""
+        """Yield collision-free postures at a set-point with a stationary base."""
         component = component_around(self.scene, self.pruned.ladder, self.pruned.keep, at, base)
         return self.search.sampler.other_postures(at, base.pose, component)
 
     def _together(self, i: int, end: int, here: Pose | None) -> JoinedRun | None:
-        """The longest run of base and joints together from set-point i; None for none."""
+        """Return the longest run of base and joints together from set-point i; None if there is none."""
         grown = list[GrownRun]()
         for run in self.growth.runs_from(i, end, partial(self._seeds, i, here)):
             whole = self._arrived(i, end, here, [run] if run.end >= end else [])
@@ -158,7 +158,7 @@ class _Connection:
         return self._arrived(i, end, here, (run for run in grown[::-1] if run.end < end))
 
     def _arrived(self, i: int, end: int, here: Pose | None, runs: Iterable[GrownRun]) -> JoinedRun | None:
-        """The first of some runs to whose set-point i the arm gets; None for none."""
+        """Return the first of some runs whose set-point i the arm can get to; None if there is none."""
         for run in runs:
             steps = run.between(i, end)
             way = self._unfolded(i, here, steps[0].candidate)
@@ -167,11 +167,11 @@ class _Connection:
         return None
 
     def _resumed(self, i: int, end: int, known: JoinedRun) -> JoinedRun:
-        """A run that is gone on with by search where it is stuck."""
+        """Return a run that a search has extended from where it was stuck."""
         return JoinedRun(known.way, self.search.resumed(i, end - i, known.steps, self._ahead).longest())
 
     def _searched(self, i: int, end: int, here: Pose | None, soon: int = MAX_STALLED_CANDIDATES) -> JoinedRun:
-        """The longest run that a search finds; base and joints go on together where it does not end soon."""
+        """Return the longest run that a search finds; if that takes long, base and joints move together."""
         way, first = self._arrive(i, here)
         run = self.search.run(i, end - i, first, self._ahead)
         if len(run.longest(soon)) < end - i and soon < MAX_STALLED_CANDIDATES:
@@ -194,13 +194,13 @@ class _Connection:
         yield from islice(sampler.arrivals(at, kept, start, goal), MAX_CANDIDATES)
 
     def _unfolded(self, i: int, here: Pose | None, first: Candidate) -> list[MotionState] | None:
-        """The way to where a run begins with the tool lifted, the arm folded on it; None without one."""
+        """Return the transit to the first state of a run, with the arm folded; None if there is none."""
         search = self.search
         arrived = search.arrive(i, here, [first], search.transits.folded, hard=0)
         return None if arrived is None else arrived[0]
 
     def _goal(self, i: int) -> Candidate:
-        """What M-FABRIK finds at a set-point: at the first, before a chain is made, in its widest area."""
+        """Return M-FABRIK's solution at a set-point; at the first, without a chain, in its widest area."""
         if i > 0 or self._rolls:
             return self.nominal[i]
         ladder, scene = self.pruned.ladder, self.scene
@@ -210,7 +210,7 @@ class _Connection:
         return Candidate(solver(scene.task[0], *start_pose(scene, self.pruned, k)), k)
 
     def _arrive(self, i: int, here: Pose | None) -> tuple[list[MotionState], Candidate]:
-        """Move to a first candidate at set-point i with the tool lifted, from the start or the last run."""
+        """Return the transit to a first candidate at set-point i, from the start or the last run."""
         search, goal = self.search, self.nominal[i]
         start = here or goal.pose
         for components in (self._components_at(i, goal), self._cut(i)):
@@ -221,7 +221,7 @@ class _Connection:
         raise NoPlanFound(search.why_not(i, here, goal))
 
     def _ahead(self, i: int, here: Candidate) -> Iterator[Candidate]:
-        """Candidates at the set-point after i, in components that the base can move to."""
+        """Yield candidates at the set-point after i, in components that the base can move to."""
         if i + 1 >= len(self.scene.task):
             return iter(())
         ladder = self.pruned.ladder  # a base may turn into another component where it has come to
@@ -232,11 +232,11 @@ class _Connection:
         return islice(found, MAX_CANDIDATES)
 
     def _components_at(self, i: int, goal: Candidate) -> list[int]:
-        """Components of a set-point that the pruning left, that of what M-FABRIK found first."""
+        """Return the components of a set-point that pruning left, that of M-FABRIK's solution first."""
         return sorted(self.pruned.components_at(i), key=lambda k: (k != goal.component, k))
 
     def _cut(self, i: int) -> list[int]:
-        """Components of a set-point that the pruning cut, as ways are known that no areas show."""
+        """Return the components that pruning cut: a motion may exist where the areas show none."""
         return self.pruned.ladder.components_at(~self.pruned.keep, i)
 
     def _one_lift_too_many(self, i: int) -> Explanation:

@@ -115,7 +115,7 @@ def _by_parts_of_lifts(
         taken = scene.lifted.rejection_of(part, query.span, inner=True)
         if shapely.difference(places, taken).is_empty:
             continue
-        _, kinds, shapes = scene.model_with_lift(target, part).rows([target], query)
+        _, kinds, shapes = scene.model_with_lift(target, part).table([target], query)
         own = [shape for kind, shape in zip(kinds, shapes, strict=True) if kind == family]
         found += [shapely.difference(shape, taken) for shape in own]
     return united(np.array(found, dtype=object))

@@ -127,7 +127,7 @@ class Guarded:
 
     def nearest(self, base: ArrayLike, joints: ArrayLike, within: float = 1e6) -> Proximity:
         """Return the nearest thing to the robot's solids, of kind "none" where nothing is within that."""
-        return replace(self.scene.collision, spare=within).touch(_pose(base, joints))
+        return replace(self.scene.collision, spare=within).nearest(_pose(base, joints))
 
     def stop(
         self, here: ArrayLike, joints: ArrayLike, there: ArrayLike, bent: ArrayLike, margin: float = 0.0

@@ -135,7 +135,7 @@ class DelayedProgress:
 
     It listens to all stages while it is entered; call it with ``(stage, done, total)`` for others. It shows
     those that are not done, nothing where stderr is no terminal, and leaves nothing behind on one. ``work``
-    is shown from beginning to end, ``kept`` says what remains of it when Ctrl-C ends it, and ``said`` is what
+    is shown from beginning to end, ``rest`` says what remains of it when Ctrl-C ends it, and ``said`` is what
     was said while it went on.
     """
 

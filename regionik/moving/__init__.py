@@ -1,1 +1,1 @@
-"""The pieces of a motion: the tool on its path, the tool lifted, the arm round things."""
+"""Parts of a motion: with the tool on its path, with the tool lifted, and the arm avoiding obstacles."""

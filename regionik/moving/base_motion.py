@@ -40,7 +40,7 @@ class Candidate:
 
 
 class BasePath(NamedTuple):
-    """A way of the base from one set-point to the next, knot by knot, and how far the tool is at each."""
+    """A path of the base from one set-point to the next, and how far the tool is at each knot."""
 
     rolls: bool  # how the base goes from knot to knot; see `regionik.worlds.drives.BaseDrive`
     # (k, 3) base poses; where the heading is NaN it is free, and the place is that of the arm axis [m], [rad]
@@ -53,7 +53,7 @@ class BasePath(NamedTuple):
 
 
 def simultaneous(rolls: bool, knots: Array) -> BasePath:
-    """The tool goes on as the base does; a base that is there already stands while it does."""
+    """Return a path on which tool and base advance together; a base that has arrived waits for the tool."""
     if len(knots) == 1:
         knots = np.concatenate([knots, knots])
     far = np.concatenate([[0.0], np.cumsum(leg_lengths(knots))])
@@ -61,15 +61,15 @@ def simultaneous(rolls: bool, knots: Array) -> BasePath:
 
 
 def halting(rolls: bool, before: Array, after: Array) -> BasePath:
-    """The base moves, stands while the tool goes on, and moves on: ``after`` begins where ``before`` ends."""
+    """Return a path that halts while the tool advances; ``after`` begins where ``before`` ends."""
     return BasePath(rolls, np.concatenate([before, after]), np.repeat([0.0, 1.0], [len(before), len(after)]))
 
 
 class BasePaths(Protocol):
-    """Ways of one kind of base while the tool goes on."""
+    """Paths of one kind of base while the tool advances."""
 
     def between(self, k: int, j: int, here: Array, goal: Array) -> Iterator[BasePath]:
-        """Ways from a pose in component k to one in component j of the next set-point, the plainest first.
+        """Yield paths from a pose in component k to one in j of the next set-point, the simplest first.
 
         Raises
         ------
@@ -80,7 +80,7 @@ class BasePaths(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class StationaryPaths:
-    """The base stands still while the tool goes on."""
+    """Paths of a base that is stationary while the tool advances."""
 
     scene: Scene
 
@@ -91,7 +91,7 @@ class StationaryPaths:
 
 @dataclass(frozen=True, eq=False)
 class Driver(ABC):
-    """One kind of base that moves: by its footprint, proven free, where it has no other way."""
+    """Motion of one kind of base; by default its whole footprint is proven collision-free."""
 
     scene: Scene
     free_space: FreeSpace
@@ -100,29 +100,29 @@ class Driver(ABC):
 
     @abstractmethod
     def route(self, here: Pose, there: Pose, label: int, berth: float = 0.0) -> Array:
-        """Way over a piece of free floor, with ``berth`` more kept from its edge; raises NoPathError."""
+        """Return a route over a piece of free floor that keeps ``berth`` from its edge; raise NoPathError."""
 
     @abstractmethod
     def direct(self, here: Pose, there: Pose, label: int) -> list[Pose] | None:
-        """States of the straight motion between two poses; None where it leaves the floor."""
+        """Return the states of the straight motion between two poses, or None if it leaves the floor."""
 
     @abstractmethod
     def paths(self, ladder: Ladder) -> BasePaths:
-        """Ways while the tool stays on its path."""
+        """Return the paths of the base while the tool stays on its path."""
 
     def onto(self, here: Pose, label: int) -> list[Pose]:
-        """From a pose onto the free floor of a piece, the arm still; the pose alone where it is there.
+        """Return poses from one onto a piece of free floor, the arm still; the pose alone if it is there.
 
-        Raises NoPathError.
+        Raise NoPathError if there are none.
         """
         return [here]
 
     def shaped(self) -> Driver:
-        """The same base, driven by its footprint."""
+        """Return a driver of the same base that plans with its whole footprint."""
         return self
 
     def states(self, here: Pose, there: Pose, route: Array) -> list[Pose]:
-        """States strictly between two poses: base along a route (n, 3), joints spread over its way."""
+        """Return the states strictly between two poses: base along a route (n, 3), joints spread over it."""
         drive, change = self.scene.robot.drive, there.joints - here.joints
         moves = displacement(route[:-1], route[1:])
         ways = np.hypot(moves[:, 0], moves[:, 1])
@@ -144,17 +144,17 @@ class Driver(ABC):
         return rows[:-1]
 
     def inside(self, at: Pose, label: int) -> bool:
-        """True if the base may stand there."""
+        """True if the base is collision-free at a pose."""
         return bool(fits(self.scene.footprint_between(at.base), *at.base))
 
     def extent(self, label: int) -> Array:
-        """Least and greatest x and y of the arm axis on a piece of floor, (2, 2) [m]."""
+        """Return the bounds of x and y of the arm axis on a piece of floor, (2, 2) [m]."""
         return np.reshape(self.scene.floor.polygon.bounds, (2, 2))
 
     def retreats(self, at: Pose, far: float, label: int) -> Iterator[list[Pose]]:
-        """Short ways off, the arm still: states after the first, to the last.
+        """Yield short retreats with the arm still, as their states after the first.
 
-        Straight off in sixteen directions, away from the tool first.
+        They go straight in sixteen directions, the one away from the tool first.
         """
         robot, axis = self.scene.robot, axis_of(self.scene.robot, at.base)
         away = float(np.arctan2(*(axis - robot.tool(at.base, at.joints)[:2, 3])[::-1]))
@@ -169,9 +169,9 @@ class Driver(ABC):
 
     @property
     def room(self) -> FootprintScene:
-        """The footprint and all it keeps away from."""
+        """The footprint and everything from which it keeps its clearance."""
         return self.scene.footprint
 
     def count(self, method: str) -> None:
-        """Note that a method made a move."""
+        """Count a move that a method made."""
         self.methods[method] = self.methods.get(method, 0) + 1

@@ -1,8 +1,8 @@
-"""Configurations at a set-point whose arm touches nothing.
+"""Collision-free configurations at a set-point.
 
-First what M-FABRIK found and how it would go on from where the robot is; then the arm alone goes round, by
-FABRIK with obstacle-avoiding rotations; then the self-motion of the whole robot is looked through: places of
-the base in the area, and the arm's postures at each.
+First comes the solution of M-FABRIK, and the one that it finds from the present state. Then the arm alone
+avoids obstacles, by FABRIK with obstacle-avoiding rotations. Last comes the null space of the whole robot:
+places of the base in the area, and postures of the arm at each.
 """
 
 from __future__ import annotations
@@ -51,16 +51,16 @@ from regionik.worlds.joints import nearest_turn
 MAX_PLACES = 24  # of the base, looked through in one component
 MAX_PITCHES = 48  # of the last link, looked through at every place
 MIN_FAR_TURN = 1.5  # change of an endless joint from which on the other way round is tried too [rad]
-MAX_MENDED = 4  # postures led round what they touch, where no other is clear
+MAX_MENDED = 4  # postures made clear by avoidance, where no other is clear
 MAX_SEARCHED = 2  # of their places, at which all postures are looked for
 MAX_BOXES = 20_000  # of postures weighed there
 # components by heading that are looked through, and more where nothing is clear in them
 MAX_NEAR_COMPONENTS = 4
 TURN_WEIGHT = 0.3  # what a turn of the base counts against driving to them [m/rad]
-MAX_FUTILE_TRIES = 16  # tries in a row at one component that led round nothing, after which no more are made
+MAX_FUTILE_TRIES = 16  # failed avoidances in turn at one component, after which no more are tried
 MAX_HEADINGS = 16  # of a base on wheels from which base and joints may go on together
 MAX_STARTS = 8  # of postures at a pose to which a base on wheels comes with the tool lifted
-MAX_POSTURES_PER_PLACE = 2  # postures that a place offers to one that asks
+MAX_POSTURES_PER_PLACE = 2  # postures offered at one place
 
 
 @dataclass(eq=False)
@@ -76,7 +76,7 @@ class Evidence:
     clear_bases: list[Array] = field(default_factory=list)  # poses (3,) of the base in clear postures
 
     def add(self, base: Array, proximity: Proximity, room: float) -> None:
-        """Note a posture that was tried on a pose of the base (3,)."""
+        """Record a posture that was tried on a base pose (3,)."""
         self.postures += 1
         if proximity.kind == "none":
             self.clear += 1
@@ -88,7 +88,7 @@ class Evidence:
 
 @dataclass(frozen=True, eq=False)
 class ConfigurationSampler:
-    """Finds clear configurations for the set-points of a world."""
+    """Sampler of collision-free configurations at the set-points of a world."""
 
     scene: Scene
     collision: CollisionChecker
@@ -108,7 +108,7 @@ class ConfigurationSampler:
     def options(
         self, i: int, components: Sequence[int], here: Pose, nominal: Candidate, *, together: bool = False
     ) -> Iterator[Candidate]:
-        """Clear configurations at set-point i with the base in some components, the likeliest first.
+        """Yield collision-free configurations at set-point i in some components, the likeliest first.
 
         The robot comes from ``here``, and M-FABRIK found the ``nominal`` one, which is far where base and
         joints have gone on ``together`` to here: then they go on so first.
@@ -123,9 +123,9 @@ class ConfigurationSampler:
     def arrivals(
         self, i: int, components: Sequence[int], here: Pose, nominal: Candidate
     ) -> Iterator[Candidate]:
-        """Clear configurations as `options` has them, for a base that comes with the tool lifted.
+        """Yield collision-free configurations like `options`, for a base that arrives with the tool lifted.
 
-        Other postures are taken where no near one is clear, as an arm that comes may take any.
+        If no nearby posture is clear, others are tried: an arm with its tool lifted may change its posture.
         """
         poses = iter(()) if self.layers is None else self.layers.arrivals(i, components, here.base)
         some = ((self._near_postures(i, *pose, here), self.other_postures(i, *pose)) for pose in poses)
@@ -145,13 +145,13 @@ class ConfigurationSampler:
     def nominal(
         self, i: int, components: Sequence[int], here: Pose, nominal: Candidate
     ) -> Iterator[Candidate]:
-        """What M-FABRIK found, where it is clear."""
+        """Yield the solution of M-FABRIK if it is collision-free."""
         reached = nominal.configuration.converged and nominal.component in components
         if reached and self.clear(i, nominal.pose):
             yield from self._turns(nominal, here)
 
     def far_from_limits(self, i: int, components: Sequence[int], start: Pose) -> Iterator[Candidate]:
-        """Clear configurations at headings all round, of each the one farthest from joint limits first.
+        """Yield collision-free configurations at headings all round, those farthest from joint limits first.
 
         The base is brought under the arm, or as near as its area lets it. Its arm turns back what the base is
         turned, or is in another posture.
@@ -178,7 +178,7 @@ class ConfigurationSampler:
     def nearest(
         self, i: int, components: Sequence[int], start: Pose, still: Sequence[int] = ()
     ) -> Iterator[Candidate]:
-        """The clear configuration at a set-point the least motion away; see `ResolvedStates.state`."""
+        """Yield the collision-free configuration that takes the least motion; see `ResolvedStates.state`."""
         assert self.resolved is not None
         aim = in_columns([aim_of(self.scene.task[i])])
         pose = self.resolved.states.state(aim, start, still, bend=np.inf)
@@ -189,7 +189,7 @@ class ConfigurationSampler:
             yield from (Candidate(found, k) for k in self._by_nearness(components, pose)[:1])
 
     def _sought(self, i: int, components: Sequence[int], here: Pose) -> Iterator[Candidate]:
-        """What else is clear: as M-FABRIK goes on from here, led round, or elsewhere in the area."""
+        """Yield other collision-free configurations: by M-FABRIK, by avoidance, or elsewhere in the area."""
         if not self.collision.enabled:
             return
         target, near, rest = self.scene.task[i], components, list[int]()
@@ -212,7 +212,7 @@ class ConfigurationSampler:
             yield from self._mended(i, near)
 
     def _by_nearness(self, components: Sequence[int], here: Pose) -> list[int]:
-        """Components, those that the base has the least way to first."""
+        """Return the components in the order of the base's distance from them."""
         axis, parts = Point(axis_of(self.scene.robot, here.base)), self.ladder.component[list(components)]
         yaw, spans = here.base[2], self._spans[self.ladder.side[list(components)]]
         turns = np.abs(into_spans(np.full(len(spans), yaw), *spans.T) - yaw)
@@ -228,7 +228,7 @@ class ConfigurationSampler:
         back: bool = False,
         still: Sequence[int] = (),
     ) -> Iterator[Candidate]:
-        """The configuration to which base and joints go on together by the least motion, in any component.
+        """Yield the configuration that base and joints reach together by the least motion, in any component.
 
         They come from the set-point before, or ``back`` from the one after. Areas of set-points far apart
         need not overlap for that, nor need they show where it stands. See `ResolvedMotion.onward`.
@@ -244,7 +244,7 @@ class ConfigurationSampler:
             yield Candidate(found, k, tuple(way))
 
     def _near_postures(self, i: int, base: Array, k: int, here: Pose) -> Iterator[Candidate]:
-        """Clear postures at a base pose that FABRIK and damped least squares come to from the present one."""
+        """Yield collision-free postures that FABRIK and damped least squares find from the present one."""
         solver, target = self.solver(k, float(base[2])), self.scene.task[i]
         for found in (solver.hold, solver.least_change):
             one = found(target, base, here.joints)
@@ -254,7 +254,7 @@ class ConfigurationSampler:
                     yield candidate
 
     def other_postures(self, i: int, base: Array, k: int) -> Iterator[Candidate]:
-        """Clear postures at a base pose that lie near to some drawn within the joints' limits."""
+        """Yield collision-free postures at a base pose, from starts sampled within the joint limits."""
         solver, target = self.solver(k, float(base[2])), self.scene.task[i]
         for start in sampled_reach(self.scene.robot).postures(base, target.position, MAX_STARTS):
             one = solver.least_change(target, base, start)
@@ -264,7 +264,7 @@ class ConfigurationSampler:
                     yield candidate
 
     def _turns(self, candidate: Candidate, here: Pose) -> Iterator[Candidate]:
-        """A candidate, its endless joints turned the shorter way from here, then each the longer way."""
+        """Yield a candidate, its unlimited joints turned the shorter way from here, then the longer way."""
         chain, found = self.scene.robot.chain, candidate.configuration
         turns = chain.turning & np.isinf(chain.upper - chain.lower)  # without end
         change = found.joints - here.joints
@@ -276,24 +276,24 @@ class ConfigurationSampler:
             yield replace(candidate, configuration=replace(found, joints=far))
 
     def clear(self, i: int, at: Pose) -> bool:
-        """True if the arm keeps clear; what it comes near to is kept as evidence."""
+        """True if the arm is collision-free; what it comes near to is recorded as evidence."""
         return not self.collision.enabled or self._room(i, at) == np.inf
 
     def _room(self, i: int, at: Pose) -> float:
-        """Margin of the arm's distance, infinite where it is clear; kept as evidence [m]."""
+        """Return the margin of the arm's distance, infinite if it is clear; record it as evidence [m]."""
         proximity = self.collision.nearest(at)
         room = self.collision.room(proximity)
         self._seen(i, at.base).add(at.base, proximity, room)
         return room
 
     def _seen(self, i: int, base: Array) -> Evidence:
-        """The record of a set-point, with a place of the base that was tried."""
+        """Return the record of a set-point, with a place of the base added."""
         seen = self.evidence.setdefault(i, Evidence())
         seen.places.add((float(base[0]), float(base[1])))
         return seen
 
     def around(self, i: int, candidate: Candidate) -> Iterator[Candidate]:
-        """The base stays; the arm goes round what it touches, by FABRIK with avoiding rotations."""
+        """Yield candidates on the same base pose whose arm avoids what it collides with."""
         key, target = (i, candidate.component), self.scene.task[i]
         if self._futile.get(key, 0) >= MAX_FUTILE_TRIES:
             return
@@ -306,7 +306,7 @@ class ConfigurationSampler:
         yield from around
 
     def _looked(self, i: int, candidate: Candidate) -> Iterator[Candidate]:
-        """The base stays; the arm is tried in other postures on the pose."""
+        """Yield the candidate with another collision-free posture of the arm on the same base pose."""
         robot = self.scene.robot
         arm = serial_solver(robot.chain, float(robot.mount[2]), self.scene.rules.tolerance)
         quest = arm.goal_for(self.scene.task[i])
@@ -330,7 +330,7 @@ class ConfigurationSampler:
             yield from self._faced(i, candidate, found.joints, found.error)
 
     def _faced(self, i: int, candidate: Candidate, joints: Array, error: float) -> Iterator[Candidate]:
-        """Other joints at a candidate, if clear; a base that must face the target turns under the arm."""
+        """Yield the candidate with other joints if clear, its base turned if it must face the target."""
         at = Pose(candidate.configuration.base, joints)
         if self.scene.rules.heading == "face_target":
             at = facing(self.scene.robot, at)
@@ -341,7 +341,7 @@ class ConfigurationSampler:
             yield replace(candidate, configuration=found)
 
     def _elsewhere(self, i: int, k: int, here: Pose) -> Iterator[Candidate]:
-        """Clear postures at places of the base in a component, near places first."""
+        """Yield collision-free postures at places of the base in a component, near places first."""
         axis = axis_of(self.scene.robot, here.base)
         places = self._spread(k)
         for m in np.argsort(np.hypot(*(places - axis).T), kind="stable").tolist():
@@ -353,7 +353,7 @@ class ConfigurationSampler:
                 yield found[n]
 
     def _mended(self, i: int, components: Sequence[int]) -> Iterator[Candidate]:
-        """The postures nearest to being clear, led round what they touch; then all at their places."""
+        """Yield the postures nearest to being clear after avoidance, then all postures at their places."""
         nearly = [one for k in components for one in self._nearly.get(k, [])]
         nearest = [candidate for _, candidate in sorted(nearly, key=lambda one: -one[0])[:MAX_MENDED]]
         for candidate in nearest:
@@ -366,7 +366,7 @@ class ConfigurationSampler:
                 yield from self._searched[candidate]
 
     def _at(self, i: int, k: int, m: int) -> list[Candidate]:
-        """All clear postures at one place, looked through once."""
+        """Return all collision-free postures at one place; they are computed once."""
         key = (k, m)
         if key not in self._clear:
             target, place = self.scene.task[i], self._spread(k)[m]
@@ -384,14 +384,14 @@ class ConfigurationSampler:
         return self._clear[key]
 
     def _heading(self, k: int, target: Array, axis: Array) -> float:
-        """Base yaw of a component's headings: on wheels the cheapest, else the nearest to the target."""
+        """Return a heading of a component: the cheapest on wheels, else the nearest to the target."""
         yaw = None if self.layers is None else self.layers.heading(int(self.ladder.target[k]), axis)
         if yaw is None:
             yaw = float(np.arctan2(*(target[:2] - axis)[::-1]))
         return into_span(yaw, self._span(k))
 
     def _span(self, k: int) -> tuple[float, float]:
-        """Headings of a component [rad]."""
+        """Return the range of headings of a component [rad]."""
         return self.free_space.sides[int(self.ladder.side[k])].span
 
     @cached_property
@@ -400,7 +400,7 @@ class ConfigurationSampler:
         return np.array([side.span for side in self.free_space.sides])
 
     def solver(self, k: int, heading: float | None = None) -> Solver:
-        """M-FABRIK inside a component, at any heading of its slab or at one."""
+        """Return M-FABRIK inside a component, at one heading or any of its slab."""
         solver = solver_for(self.scene, self.ladder.family[k], self.ladder.flat(k), self._span(k))
         return solver if heading is None else replace(solver, span=(heading, heading))
 

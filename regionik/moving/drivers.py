@@ -54,12 +54,12 @@ def driver_for(scene: Scene, free_space: FreeSpace, seed: int) -> Driver:
 
 @dataclass(frozen=True, eq=False)
 class AnyHeadingDriver(Driver):
-    """On floor that is free at every heading: the arm axis is driven as a point."""
+    """Driver over floor that is free at every heading: the arm axis is planned for as a point."""
 
     _floors: dict[int, FlatPolygon] = field(default_factory=dict)
 
     def onto(self, here: Pose, label: int) -> list[Pose]:
-        """A robot may start where only its heading keeps it clear."""
+        """Return poses to the free floor from a start that only its heading keeps clear."""
         axis = axis_of(self.scene.robot, here.base)
         spot = _nearest_inside(self._piece(label), axis)
         if spot is axis:
@@ -82,7 +82,7 @@ class AnyHeadingDriver(Driver):
         return self.within(piece, self._flat(label), a, b)
 
     def _off_the_edge(self, label: int, a: Array, b: Array, berth: float) -> Array:
-        """Way that keeps a berth from the edge of a piece but for its ends, which are led straight to it."""
+        """Return a route that keeps a berth from the edge of a piece, except straight on at its ends."""
         piece, flat = self._piece(label), self._flat(label)
         free = piece.buffer(-berth)
         if free.is_empty:
@@ -154,7 +154,7 @@ class AnyHeadingDriver(Driver):
         return self.free_space.pieces.polygon[label]
 
     def _flat(self, label: int) -> FlatPolygon:
-        """A piece of the free floor for kernels, kept."""
+        """Return a piece of the free floor for kernels; it is cached."""
         if label not in self._floors:
             self._floors[label] = FlatPolygon.from_shapely(self._piece(label))
         return self._floors[label]
@@ -162,7 +162,7 @@ class AnyHeadingDriver(Driver):
 
 @dataclass(frozen=True, eq=False)
 class ByHeadingDriver(Driver):
-    """It turns so as to pass where its circle would not."""
+    """Driver that turns the base to pass where its circumscribed circle does not fit."""
 
     def route(self, here: Pose, there: Pose, label: int, berth: float = 0.0) -> Array:
         """Of the base, (n, 3)."""
@@ -188,12 +188,12 @@ class ByHeadingDriver(Driver):
 
 @dataclass(frozen=True, eq=False)
 class WheeledDriver(Driver):
-    """A base that rolls along lines and arcs, or turns on the spot."""
+    """Driver of a base that rolls along lines and arcs, or turns on the spot."""
 
     _paths: dict[tuple[bytes, bytes, float], WheeledPath | NoPathError] = field(default_factory=dict)
 
     def path(self, a: Array, b: Array, berth: float = 0.0) -> WheeledPath:
-        """Path on wheels from one pose to another, searched for once; raises NoPathError."""
+        """Return a path on wheels between two poses, searched for once; raise NoPathError."""
         key = (a.tobytes(), b.tobytes(), berth)
         if key not in self._paths:
             room, radius = self.scene.footprint_between(a, b), self.scene.robot.drive.turning_radius
@@ -226,12 +226,12 @@ class WheeledDriver(Driver):
         return path.sample(self.scene.rules.step)
 
     def direct(self, here: Pose, there: Pose, label: int) -> list[Pose] | None:
-        """Straight motions of base and arm are no rolling."""
+        """Return None: a straight motion of base and arm violates the rolling constraint."""
         still = np.array_equal(here.base, there.base)
         return self.states(here, there, np.stack([here.base, there.base])) if still else None
 
     def retreats(self, at: Pose, far: float, label: int) -> Iterator[list[Pose]]:
-        """Straight back and straight ahead."""
+        """Yield retreats straight back and straight ahead."""
         x, y, yaw = at.base
         for length in (-far, far) if far else (0.0,):
             if arc_is_free(self.scene.footprint_between(at.base), at.base, length, 0.0):
@@ -244,7 +244,7 @@ class WheeledDriver(Driver):
 
 @dataclass(frozen=True, eq=False)
 class AnyHeadingPaths:
-    """The arm axis is led through areas that hold at every heading."""
+    """Paths of the arm axis through areas that hold at every heading."""
 
     ladder: Ladder
     driver: AnyHeadingDriver
@@ -281,7 +281,7 @@ class AnyHeadingPaths:
 
 @dataclass(frozen=True, eq=False)
 class ByHeadingPaths:
-    """The base turns and drives through the slabs of a component's group."""
+    """Paths on which the base turns and drives through the heading slabs of a component's group."""
 
     ladder: Ladder
     driver: ByHeadingDriver
@@ -354,7 +354,7 @@ class ByHeadingPaths:
 
 @dataclass(frozen=True, eq=False)
 class WheeledPaths:
-    """A base that rolls: while the tool goes on, after it, or before.
+    """Paths of a base that rolls: while the tool advances, after it, or before.
 
     It goes as it is steered; on a way that has to be searched for the arm hardly ever holds the tool.
     """

@@ -1,4 +1,4 @@
-"""Runs of set-points that base and joints do together, grown from a configuration towards both ends.
+"""Runs of set-points with base and joints moving together, grown from a configuration towards both ends.
 
 A motion with the tool on its path may be gone through either way, so a run need not begin where the path
 does. Where the farthest run is stuck others are begun, and grow back to where it began and onward past there.
@@ -28,7 +28,7 @@ Seeds = Callable[[int], Iterator[Candidate]]  # configurations at a set-point, t
 
 @dataclass(frozen=True, eq=False)
 class GrownRun:
-    """Configurations at set-points in a row, each with the states that lead to it from the one before."""
+    """Configurations at consecutive set-points, each with the states that connect it to the one before."""
 
     first: int  # set-point
     steps: list[SearchStep]
@@ -39,14 +39,14 @@ class GrownRun:
         return self.first + len(self.steps)
 
     def between(self, i: int, end: int) -> list[SearchStep]:
-        """Steps of some of its set-points; none leads to the first."""
+        """Return the steps of some of its set-points; the first has no states before it."""
         first, *others = self.steps[i - self.first : end - self.first]
         return [_begun(first.candidate), *others]
 
 
 @dataclass(frozen=True, eq=False)
 class RunGrowth:
-    """Grows runs, and knows those that it has grown."""
+    """Growth of runs, with those that were grown before."""
 
     search: PathSearch
     still: Sequence[int] = ()  # coordinates of the base's motion that stay as they are
@@ -79,17 +79,17 @@ class RunGrowth:
             at = farthest
 
     def _through(self, i: int) -> list[GrownRun]:
-        """Known runs through a set-point, that which gets farthest last."""
+        """Return the known runs through a set-point, the one that gets farthest last."""
         return sorted((run for run in self.known if run.first <= i < run.end), key=lambda run: run.end)
 
     def _in_vain(self, passed: list[int]) -> bool:
-        """Whether no more seeds are tried, by the set-points that runs from those before went through."""
+        """True if no more seeds are to be tried, by the set-points that earlier runs passed through."""
         return sum(passed) > max(
             MIN_SETPOINT_BUDGET, SETPOINT_BUDGET_FACTORS[self.search.scene.robot.drive.rolls] * max(passed)
         )
 
     def _grown(self, i: int, seed: Candidate, within: range) -> GrownRun:
-        """The run through a configuration at set-point i, inside a range of set-points."""
+        """Return the run through a configuration at set-point i, inside a range of set-points."""
         home = self._home(seed)
         before = self._continued(seed, range(i - 1, within.start - 1, -1), home)
         after = self._continued(seed, range(i + 1, within.stop), home)
@@ -102,7 +102,7 @@ class RunGrowth:
         return GrownRun(first, steps)
 
     def _continued(self, here: Candidate, setpoints: range, home: Array | None) -> list[Candidate]:
-        """Configurations at set-points to which base and joints go on together, as far as they do."""
+        """Return configurations at set-points that base and joints reach together, as far as they do."""
         found = list[Candidate]()
         for k in setpoints:
             count_tries()
@@ -114,7 +114,7 @@ class RunGrowth:
         return found
 
     def _home(self, seed: Candidate) -> Array | None:
-        """Joints that a run from a configuration goes back to: its own ones, off their limits.
+        """Return the joints that a run tends back to: those of its first configuration, off their limits.
 
         On wheels the base cannot make room for that at once.
         """
@@ -133,5 +133,5 @@ def _begun(first: Candidate) -> SearchStep:
 
 
 def _step(i: int, way: Sequence[Pose], there: Candidate) -> SearchStep:
-    """The step from set-point i to a candidate at the next, by the states strictly between."""
+    """Return the step from set-point i to a candidate at the next, with the states strictly between."""
     return SearchStep(there, [MotionState(pose, "step", i) for pose in way], iter(()))

@@ -1,4 +1,4 @@
-"""Layered graph of a base on wheels: least cost to do the rest of the tool path, lift-offs first.
+"""Layered graph of a base on wheels: the least cost of the rest of the tool path, lift-offs first.
 
 A layer is a set-point. Its nodes are poses of a lattice whose arm axis lies in a component that pruning
 left, and from which the arm likely reaches the set-point. While the tool rests, the base moves from node to
@@ -65,7 +65,7 @@ class Layer:
 
 @dataclass(frozen=True, eq=False)
 class LayeredSearch:
-    """Poses of a base on wheels for all set-points of a pruned ladder, by what the rest of the path costs."""
+    """Poses of a base on wheels along a pruned ladder, with the cost of the rest of the path."""
 
     scene: Scene
     ladder: Ladder
@@ -75,11 +75,11 @@ class LayeredSearch:
     _layers: dict[int, Layer] = field(default_factory=dict)
 
     def onward(self, i: int, components: Sequence[int], here: Array) -> Iterator[tuple[Array, int]]:
-        """Poses at set-point i, each in one of some components, that the base steers to, the best first."""
+        """Return poses at set-point i in some components that the base can steer to, the best first."""
         return ((pose, k) for pose, k, steered in self._ranked(i, components, here) if steered)
 
     def arrivals(self, i: int, components: Sequence[int], here: Array) -> Iterator[tuple[Array, int]]:
-        """The same for a base that comes with the tool lifted, and gets farther than by steering."""
+        """Return poses like `onward`, for a base that arrives with the tool lifted."""
         return ((pose, k) for pose, k, _ in self._ranked(i, components, here))
 
     def lift_offs(self, i: int) -> int | None:
@@ -179,7 +179,7 @@ class LayeredSearch:
 
     @cached_property
     def _fixed_heading(self) -> Scene:
-        """The world of a base that keeps its heading."""
+        """Return the world of a base with a fixed heading."""
         return self.scene.changed(rules=replace(self.scene.rules, heading="fixed"))
 
     def _ranked(self, i: int, components: Sequence[int], here: Array) -> Iterator[tuple[Array, int, bool]]:
@@ -226,7 +226,7 @@ class LayeredSearch:
         return cost if held.all() else np.inf
 
     def _holds(self, layer: Layer, poses: Array) -> Mask:
-        """Mask of the base poses (n, 3) that are nearest to a node."""
+        """Return a mask of the base poses (n, 3) whose nearest lattice pose is a node."""
         off = np.abs(np.angle(np.exp(1j * (poses[:, 2:] - self._yaws))))
         cell = np.rint(poses[:, :2] @ self._turn / self.cell).astype(np.intp) - layer.corner
         inside = ((cell >= 0) & (cell < layer.owner.shape[2:])).all(axis=1)

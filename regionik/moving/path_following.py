@@ -1,4 +1,4 @@
-"""The tool goes on along its path from one set-point to the next, and base and arm with it.
+"""Following of the tool path from one set-point to the next by base and arm.
 
 The base moves as `base_motion.BasePaths` offers; the arm is solved along the way so that the tool keeps to
 its own and nothing jumps. Or both are solved together.
@@ -69,17 +69,17 @@ class PathSegment:
 
     @property
     def bare(self) -> bool:
-        """True if the tool may be turned as it will."""
+        """True if the orientation of the tool is free."""
         return self.goals[0].direction is None and self.goals[1].direction is None
 
     @property
     def points(self) -> Array:
-        """Positions of the tool at every knot, (k, 3) [m]."""
+        """Return the positions of the tool at every knot, (k, 3) [m]."""
         return self._laid[0]
 
     @property
     def wished(self) -> Array:
-        """Joints wished for at every knot, (k, dof)."""
+        """Return the preferred joints at every knot, (k, dof)."""
         return self._laid[1]
 
     def places(self) -> list[SegmentPoint]:
@@ -124,7 +124,7 @@ class PathSegment:
 
 @dataclass(frozen=True, eq=False)
 class PathFollower:
-    """Moves the robot with its tool on the path."""
+    """Follower of the tool path."""
 
     scene: Scene
     ladder: Ladder
@@ -200,7 +200,7 @@ class PathFollower:
         return states, len(states) < len(places)
 
     def _avoiding(self, segment: PathSegment, at: SegmentPoint, near: Pose) -> Pose | None:
-        """State at one place, the arm led round what it would touch; a heading that is free goes along."""
+        """Return the state at one place whose arm avoids its collision; a free heading adapts."""
         place = segment.base.places(*_columns([at]))[0]
         bound = not np.isnan(place[2])
         base = place if bound else pose_of(self.scene.robot, place[:2], near.base[2])
@@ -325,7 +325,7 @@ def _goals(a: Target, b: Target, shares: list[float]) -> list[Target]:
 def proven_hops(
     collision: CollisionChecker, poses: list[Pose], line: Array, goals: list[Target]
 ) -> tuple[int, Proximity | None]:
-    """Number of hops that lead the tool as asked, jump nowhere and are clear, and what stops the next.
+    """Return the number of hops that follow the path, do not jump and are clear, and what stops the next.
 
     The tool goes along a ``line`` (n, 3), turned as ``goals`` in each of n poses, if in any.
     """
@@ -340,7 +340,7 @@ def proven_hops(
 
 
 def follows_orientation(p: Target, q: Target, tools: Array) -> bool:
-    """True if tool frames on the way between two targets, at `CHECKED_SHARES`, are turned as asked."""
+    """True if tool frames between two targets, at `CHECKED_SHARES`, are oriented as these ask."""
     if p.direction is None or q.direction is None:
         return True
     goals = goals_between(p, q, CHECKED_SHARES)

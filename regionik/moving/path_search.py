@@ -51,7 +51,7 @@ class JoinedMotion:
 
 @dataclass(frozen=True, eq=False)
 class SearchStep:
-    """A candidate of a run, how the tool came there, and what may follow."""
+    """A candidate of a run, the states that lead to it, and the candidates that may follow."""
 
     candidate: Candidate
     states: list[MotionState]
@@ -60,7 +60,7 @@ class SearchStep:
 
 @dataclass(frozen=True, eq=False)
 class PathSearch:
-    """The search, with all that it asks."""
+    """Search for runs, with the sampler, follower and transit planner that it uses."""
 
     scene: Scene
     sampler: ConfigurationSampler
@@ -72,7 +72,7 @@ class PathSearch:
         return self.sampler.collision
 
     def start(self) -> list[MotionState]:
-        """The state that the robot starts in, if any; raises NoPlanFound where its arm is not clear there."""
+        """Return the state that the robot starts in, if any; raise NoPlanFound if its arm collides there."""
         start, collision = self.scene.start, self.collision
         if start is None:
             return []
@@ -133,7 +133,7 @@ class PathSearch:
         return RunSearch(self, i, count, ahead, own, list(own))
 
     def step(self, k: int, here: Candidate, goal: Candidate, ahead: Ahead) -> SearchStep | None:
-        """The step from a candidate to one at set-point k; None where the tool cannot be led there."""
+        """Return the step from a candidate to one at set-point k; None if the tool cannot follow its path."""
         states = [MotionState(pose, "step", k - 1) for pose in goal.way] or self._followed(k - 1, here, goal)
         if states is None or not self.sampler.meets(states[-1].pose):  # the arm is solved anew on the way
             return None
@@ -143,7 +143,7 @@ class PathSearch:
     def resolved_candidate(
         self, k: int, here: Candidate, home: Array | None, *, back: bool, still: Sequence[int]
     ) -> Candidate | None:
-        """The candidate at set-point k to which base and joints go on together; None where they do not.
+        """Return the candidate at set-point k that base and joints reach together; None if they do not.
 
         They come from the set-point before it, or ``back`` from the one after. See `ResolvedMotion.onward`.
         """
@@ -153,7 +153,7 @@ class PathSearch:
         return self._arrived(k, found, found.pose)
 
     def _followed(self, i: int, here: Candidate, goal: Candidate) -> list[MotionState] | None:
-        """Motion from set-point i to the next; where the base stands in no area, its way is proven free."""
+        """Return the motion from set-point i to the next; a base outside its areas is proven free."""
         states, resolved = self.follower.follow(i, here, goal), self.sampler.resolved
         if states is None or resolved is None or self._in_area(here):
             return states
@@ -164,7 +164,7 @@ class PathSearch:
         return self.sampler.ladder.flat(one.component).holds(axis)
 
     def _arrived(self, i: int, candidate: Candidate, pose: Pose) -> Candidate:
-        """The candidate as the motion reaches it; iterations stay those of M-FABRIK."""
+        """Return the candidate as the motion reaches it; the iterations stay those of M-FABRIK."""
         tool: Array = self.collision.tools(*arrays([pose, pose]), np.zeros(1))[0, 0, :3, 3]
         error = math.dist(tool, self.scene.task[i].position)
         good = error <= self.scene.rules.tolerance
@@ -174,7 +174,7 @@ class PathSearch:
         return replace(candidate, configuration=found)
 
     def joined(self, states: list[MotionState], candidates: list[Candidate]) -> JoinedMotion:
-        """The states of a finished search."""
+        """Return the motion of a finished search."""
         methods = dict(sorted(self.transits.driver.methods.items()))
         return JoinedMotion(
             untimed_motion(states), tuple(candidate.configuration for candidate in candidates), methods
@@ -207,7 +207,7 @@ class PathSearch:
         return arm_failures.no_clear_posture(self.scene, i, looked, closest, cause, cut_off=cut_off)
 
     def _walls(self, i: int, here: Pose, seen: Evidence) -> Barrier | None:
-        """What cuts off the floor from which alone the arm may be clear at set-point i; None where not so."""
+        """Return what cuts off the floor from which alone the arm is clear at set-point i, if anything."""
         ladder, free_space, robot = self.sampler.ladder, self.sampler.free_space, self.scene.robot
 
         def piece(base: Array) -> int | None:
@@ -225,7 +225,7 @@ class PathSearch:
 
 @dataclass(eq=False)
 class RunSearch:
-    """The search for a run from one candidate, which may be gone on with where it was left."""
+    """Search for a run from one candidate, which can be resumed where it stopped."""
 
     search: PathSearch
     first: int  # set-point where the run begins
@@ -237,7 +237,7 @@ class RunSearch:
     seen: set[Candidate] = field(default_factory=set)
 
     def longest(self, patience: int = MAX_STALLED_CANDIDATES) -> list[SearchStep]:
-        """The longest run found when so many candidates have been tried without getting farther."""
+        """Return the longest run found when so many candidates have been tried without progress."""
         tell("run", len(self.best), self.count)
         while self.steps and len(self.best) < self.count and self.tried < patience:
             candidate = next(self.steps[-1].ahead, None)
@@ -265,7 +265,7 @@ class RunSearch:
 def path_search(
     scene: Scene, ladder: Ladder, free_space: FreeSpace, seed: int, layers: LayeredSearch | None
 ) -> PathSearch:
-    """The search of a world, its base moving while the tool is on its path; on wheels by a layered graph."""
+    """Return the search of a world whose base moves with the tool; on wheels by a layered graph."""
     search = search_from_places(scene, ladder, free_space, seed)
     follower = replace(search.follower, paths=search.transits.driver.paths(ladder))
     sampler = replace(search.sampler, layers=layers, resolved=ResolvedMotion(scene, search.collision))
@@ -273,7 +273,7 @@ def path_search(
 
 
 def search_from_places(scene: Scene, ladder: Ladder, free_space: FreeSpace, seed: int) -> PathSearch:
-    """The search of a world, its base standing while the tool is on its path."""
+    """Return the search of a world whose base is stationary while the tool is on its path."""
     collision = scene.collision
     return PathSearch(
         scene,
@@ -284,5 +284,5 @@ def search_from_places(scene: Scene, ladder: Ladder, free_space: FreeSpace, seed
 
 
 def transit_planner(scene: Scene, free_space: FreeSpace, seed: int) -> TransitPlanner:
-    """The planner of motions with the tool lifted."""
+    """Return the planner of motions with the tool lifted."""
     return TransitPlanner(scene, scene.collision, driver_for(scene, free_space, seed))

@@ -93,7 +93,7 @@ class Shortcuts:
         cost: Callable[[list[Pose]], float],
         saved: float,
     ) -> list[Pose] | None:
-        """The motion with another one between two places, in states; None without gain or proof."""
+        """Return the motion with a shortcut between two places; None without gain or proof."""
         u, v = (round(end) if abs(end - round(end)) < SAME_SHARE else end for end in ends)
         i, j = int(u), int(np.ceil(v))
         here, there = (self._at(poses, end) for end in (u, v))
@@ -158,7 +158,7 @@ class Shortcuts:
         return [Pose(*one) for one in zip(bases, _rows_at(swings, share), strict=True)]
 
     def _at(self, poses: list[Pose], u: float) -> Pose:
-        """Place on a motion, in states."""
+        """Return the pose at a place on a motion."""
         k, drive = int(u), self.driver.scene.robot.drive
         return poses[k] if u == k else pose_between(poses[k], poses[k + 1], u - k, drive)
 
@@ -203,7 +203,7 @@ class Clock:
 
 
 def travel(poses: list[Pose]) -> float:
-    """How far the base goes from state to state [m]."""
+    """Return the length of the base's path from state to state [m]."""
     places = np.array([pose.base[:2] for pose in poses])
     return float(np.hypot(*np.diff(places, axis=0).T).sum())
 
@@ -213,7 +213,7 @@ def _sums(hops: Array) -> Array:
 
 
 def _shares(times: Array) -> Array:
-    """Times as shares of the last one, even where that is 0."""
+    """Return times as shares of the last one; they are evenly spaced if that is 0."""
     return times / times[-1] if times[-1] > 0 else np.linspace(0, 1, len(times))
 
 

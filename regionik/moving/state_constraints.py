@@ -26,7 +26,7 @@ CONTACT_ROUNDING = 1e-9  # of an outline and an edge, by rounding [m]
 
 @dataclass(frozen=True, eq=False)
 class StateConstraints:
-    """Keeps the arm axis in its areas, the footprint on the floor and the links clear."""
+    """Constraints that keep the arm axis in its areas, the footprint on the floor and the links clear."""
 
     robot: Robot
     collision: CollisionChecker
@@ -37,7 +37,7 @@ class StateConstraints:
     area_cost: float = AREA_COST  # of what is missing of an area, or on the floor [1/m]
 
     def half_spaces(self, states: Array) -> HalfSpaces:
-        """Half-spaces about given states, see `path_smoothing`."""
+        """Return the half-spaces about given states; see `path_smoothing`."""
         parts = [self._inside(states)] if not self.robot.drive.rolls else []
         parts += [self.on_floor(states)] if self.room else []
         parts += [self._clear(states)] if self.collision.enabled else []
@@ -47,7 +47,7 @@ class StateConstraints:
         return HalfSpaces(*(np.concatenate(column) for column in zip(*columns, strict=True)))
 
     def _inside(self, states: Array) -> HalfSpaces:
-        """The arm axis stays on its side of the nearest edge of its area."""
+        """Return half-spaces that keep the arm axis on its side of the nearest edge of its area."""
         axis = axis_of(self.robot, states[:, :3])
         points = shapely.points(axis)
         lines = shapely.shortest_line(self._edges, points)
@@ -62,7 +62,7 @@ class StateConstraints:
         return HalfSpaces(np.arange(len(states)), normal, least, np.full(len(states), self.area_cost))
 
     def on_floor(self, states: Array) -> HalfSpaces:
-        """Front, back, left and right of the footprint keep their distances from what is nearest to each."""
+        """Return half-spaces that keep the four sides of the footprint off what is nearest to each."""
         assert self.room is not None
         (x, y), c, s = self.room.corners.T, np.cos(states[:, 2:3]), np.sin(states[:, 2:3])
         turned = np.stack([c * x - s * y, s * x + c * y], axis=-1)
@@ -93,20 +93,20 @@ class StateConstraints:
         return HalfSpaces(k, normal, _least(room[kept], AREA_MARGIN), np.full(len(k), self.area_cost))
 
     def _clear(self, states: Array) -> HalfSpaces:
-        """Links that are near to something come no nearer than they may."""
+        """Return half-spaces that keep the clearance of links near obstacles."""
         near = self.near(states)
         room = near.room - self.demanded[near.state]
         normal = self.approach(near, states)
         return HalfSpaces(near.state, normal, _least(room, ARM_MARGIN), np.full(len(room), ARM_COST))
 
     def near(self, states: Array) -> NearPairs:
-        """What the links are near to in states (n, m)."""
+        """Return the pairs of nearby solids in states (n, m)."""
         return near_pairs(
             self.collision.bodies, states[:, :3], states[:, 3:], self.collision.contact, CHECKED_DISTANCE
         )
 
     def approach(self, near: NearPairs, states: Array) -> Array:
-        """How the distances of pairs in states (n, m) change with each coordinate, (k, m)."""
+        """Return the derivatives of the distances of pairs in states (n, m), (k, m)."""
         at, own = states[near.state], near.other != WORLD
         frames = self.robot.frames(at[:, :3], at[:, 3:])
         moved = self._moved(frames, at, near.link, near.point)

@@ -1,4 +1,4 @@
-"""Poses of the base from which a whole run may be done: in what the areas of all its set-points share."""
+"""Stationary base poses for a whole run, in the intersection of the areas of its set-points."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MAX_BASES = 8  # poses of the base that are tried
 
 
 class StationaryBase(NamedTuple):
-    """A pose of the base (3,), on one side of the free floor."""
+    """A base pose (3,) on one side of the free space."""
 
     pose: Array
     side: int
@@ -36,9 +36,9 @@ class StationaryBase(NamedTuple):
 def stationary_bases(
     scene: Scene, ladder: Ladder, keep: Mask, free_space: FreeSpace, first: int, end: int
 ) -> Iterator[StationaryBase]:
-    """Yield poses of the base for a run of set-points with poses of the tool, the likeliest first.
+    """Yield base poses for a run of set-points with tool poses, the likeliest first.
 
-    There are none for arms whose posture a place gives, nor where the base rolls or has to face its targets.
+    There are none for arms whose place determines the posture, nor for bases that roll or face targets.
     """
     targets = scene.task[first:end]
     moves = scene.rules.heading == "face_target" or scene.robot.drive.rolls
@@ -59,7 +59,7 @@ def component_around(scene: Scene, ladder: Ladder, keep: Mask, i: int, base: Sta
 
 
 def _shared(ladder: Ladder, keep: Mask, first: int, end: int) -> tuple[int, BaseGeometry] | None:
-    """Side of the floor and the largest part that areas of a run share there; None for nothing."""
+    """Return the side and the largest common part of a run's areas; None if they have none in common."""
     kept = [ladder.components_at(keep, i) for i in range(first, end)]
     best: tuple[int, BaseGeometry] | None = None
     for side in sorted({int(ladder.side[k]) for k in kept[0]}):
@@ -73,7 +73,7 @@ def _shared(ladder: Ladder, keep: Mask, first: int, end: int) -> tuple[int, Base
 def _bases(
     scene: Scene, area: BaseGeometry, span: tuple[float, float], targets: Sequence[Target]
 ) -> Iterator[Array]:
-    """Poses of the base in an area, the arm turned to the targets at first."""
+    """Yield base poses in an area, those with the arm facing the targets first."""
     middle = shapely.maximum_inscribed_circle(area).coords[0]
     center = np.mean([target.position[:2] for target in targets], axis=0)
     robot, arm = scene.robot, with_pivot(scene.robot.chain)

@@ -25,7 +25,7 @@ from regionik.worlds.limits import Speeds
 
 MAX_FAMILIES = 8  # of postures that are looked for
 SAME_POSTURE = 0.05  # postures that differ by less in every joint are one [rad]
-MAX_CONTINUATION_ROUNDS = 3  # rounds in which each posture is led on from the one before
+MAX_CONTINUATION_ROUNDS = 3  # rounds in which each posture is continued from the one before
 # rounds in which what was chosen is proven, and then only what is known to hold is chosen
 MAX_PROOF_ROUNDS = 12
 MAX_ROUNDS = 120  # in all, until a tour is chosen of which every way round is known
@@ -33,7 +33,7 @@ ROUNDING = 1e-9  # [s]
 
 
 def in_short_order(placements: PlacementSearch, group: StopGroup) -> tuple[StopGroup, float]:
-    """Group with its set-points along a short tour at its widest place, and the arm's time for that [s].
+    """Return the group with its set-points along a short tour at its widest place, and the arm's time [s].
 
     Where a place gives the arm its posture there are no others, and the tool keeps to its path where it can:
     the order is that of its way.
@@ -50,7 +50,7 @@ def in_short_order(placements: PlacementSearch, group: StopGroup) -> tuple[StopG
 
 
 def _timed(placements: PlacementSearch, group: StopGroup) -> float:
-    """The arm's time for what the widest place serves of a group, in its order [s]."""
+    """Return the arm's time for what the widest place serves of a group, in its order [s]."""
     placement = placements.widest(group)
     if placement is None:
         return 0.0
@@ -61,14 +61,14 @@ def _timed(placements: PlacementSearch, group: StopGroup) -> float:
 
 
 def _velocity(scene: Scene) -> Array:
-    """Limit of the speed of each joint (dof,)."""
+    """Return the velocity limit of each joint (dof,)."""
     return (scene.world.speeds or Speeds()).joint_limits(scene.robot.chain)[0]
 
 
 def _toured(
     scene: Scene, group: StopGroup, postures: FixedBasePostures
 ) -> tuple[FixedBasePostures, VisitingOrder]:
-    """Postures in the order of a tour, and the places of their set-points in the group by that order."""
+    """Return the postures in the order of a tour, and that order as indices into the group."""
     carrier = PostureCarrier(scene.world, scene.collision, [scene.task[i] for i in group.setpoints])
     arm = _ArmTour(carrier, postures, _velocity(scene))
     chosen, tour = arm.proven(arm.continued(arm.branches()))
@@ -86,7 +86,7 @@ class _Branches:
         return _Branches(self.joints[some], self.owner[some])
 
     def joined(self, joints: Array, owner: Index) -> _Branches:
-        """These and others that are not like one of them at the same set-point."""
+        """Return these and those others that differ from them at the same set-point."""
         known = (self.joints[self.owner == k] for k in owner)
         off = [np.abs(rows - q).max(axis=1).min() for rows, q in zip(known, joints, strict=True)]
         new = np.flatnonzero(np.array(off) > SAME_POSTURE)
@@ -104,7 +104,7 @@ class _ArmTour:
     _seen: set[tuple[int, int]] = field(default_factory=set)  # motions between branches that were looked at
 
     def branches(self) -> _Branches:
-        """The postures that are known, first, and families of others."""
+        """Return the known postures, then families of others."""
         every = np.arange(len(self.postures.joints))
         found = _Branches(self.postures.joints, every)
         for owner, joints in self.carrier.families(self.postures.base, every, MAX_FAMILIES):
@@ -112,7 +112,7 @@ class _ArmTour:
         return found
 
     def continued(self, branches: _Branches) -> _Branches:
-        """Branches, and more: along the shortest tour each posture led on from the one before."""
+        """Return the branches and more: along the shortest tour, postures continued from the one before."""
         for _ in range(MAX_CONTINUATION_ROUNDS):
             far = _times(branches.joints, self.velocity)
             chosen = branches.of(np.array(self._shortest(branches, far).order))
@@ -141,7 +141,7 @@ class _ArmTour:
         return branches.of(order), tour
 
     def _holds(self, branches: _Branches, n: int) -> bool:
-        """True if a posture is clear, kept all round, and joined to the roadmap."""
+        """True if a posture is clear, holds all round the parking circle, and is joined to the roadmap."""
         joints, roadmap, carrier = branches.joints[n], self.postures.roadmap, self.carrier
         if not carrier.serves(int(branches.owner[n]), self.postures.base, joints):
             return False
@@ -163,7 +163,7 @@ class _ArmTour:
         return found
 
     def _shortest(self, branches: _Branches, far: Array) -> VisitingOrder:
-        """Shortest tour from the roadmap's root, in which the arm is driven, and back to it."""
+        """Return the shortest tour from the roadmap's root, the posture for driving, and back to it."""
         if self.postures.roadmap is None:
             return shortest_tour_of_sets(far, branches.owner)
         root = self.postures.roadmap.joints[:1]

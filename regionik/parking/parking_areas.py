@@ -29,7 +29,7 @@ MIN_SHOWN_RADIUS = 1e-3  # radius of the circle that is shown around a pose, whe
 
 @dataclass(frozen=True, eq=False)
 class StopGroup:
-    """Set-points that one stop can serve, and all positions that do."""
+    """Set-points that one stop can serve, and all positions from which it does."""
 
     setpoints: tuple[int, ...]
     places: dict[int, BaseGeometry]  # by side of the free space; shrunk by the circle to park in
@@ -58,7 +58,7 @@ class StopPart:
 
 @dataclass(frozen=True, eq=False)
 class ParkingAreas:
-    """Areas to park in, under one way to stand and to face."""
+    """Areas to park in, for one free space and some facings."""
 
     free_space: FreeSpace
     facings: tuple[int, ...]
@@ -73,11 +73,11 @@ class ParkingAreas:
 
     @cached_property
     def floor(self) -> BaseGeometry:
-        """The piece of floor that the base gets to, at any heading."""
+        """The piece of floor that the base can reach, at any heading."""
         return shapely.union_all(self.free_space.whole(self.piece))
 
     def groups(self, begin: int = 0, end: int | None = None) -> list[StopGroup]:
-        """Fewest groups of set-points ``begin`` to ``end`` in their order, with their places."""
+        """Return the fewest groups of set-points ``begin`` to ``end`` in their order, with their places."""
         rungs = self.ladder.rungs[begin : None if end is None else end + 1]
         offset = int(rungs[0])
         back = [[m - offset for m in row if m >= offset] for row in self.back[offset : int(rungs[-1])]]
@@ -92,18 +92,18 @@ class ParkingAreas:
 
     @cached_property
     def sides(self) -> list[int]:
-        """Sides of the free space on which there are areas."""
+        """Return the sides of the free space that have areas."""
         return sorted(set(self.ladder.side.tolist()))
 
     def group(self, setpoints: tuple[int, ...], order: Order) -> StopGroup:
-        """Group of given set-points with all their places: in their order, or in any."""
+        """Return the group of given set-points with all their places, in their order or in any."""
         if order == "given":
             return self.groups(setpoints[0], setpoints[-1] + 1)[0]
         shared = {s: shapely.intersection_all(self.areas_at(s)[list(setpoints)]) for s in self.sides}
         return StopGroup(setpoints, {s: area for s, area in shared.items() if area.area > 0})
 
     def areas_at(self, side: int) -> Geometries:
-        """Places to park at one side, by set-point, whatever the posture."""
+        """Return the places to park at one side, by set-point, whatever the posture."""
         if side not in self._areas:
             own, target = self.ladder.side == side, self.ladder.target
             parts = [self.narrow[own & (target == i)] for i in range(self.ladder.count)]

@@ -197,7 +197,7 @@ class PlacementSearch:
         return replace(group, spot=best.axis, postures=held)
 
     def _on(self, group: StopGroup, postures: FixedBasePostures) -> BasePlacement:
-        """Placement on a pose at which postures are held; they keep all round the circle that it tells."""
+        """Return the placement on the base pose of postures, which hold all round its circle."""
         base, some = postures.base, tuple(group.setpoints[n] for n in postures.served)
         axis = axis_of(self.scene.robot, base)
         components = self.parking_areas.nearest(some, axis, float(base[2]))
@@ -282,7 +282,7 @@ class PlacementSearch:
         return None if chain is None else self._along(group, chain, axis, side)
 
     def in_place(self, group: StopGroup, pose: Pose) -> BasePlacement | None:
-        """Placement where the robot stands, of those of a stop's first set-points that its posture is led to.
+        """Return the placement at the robot's own pose, for the first set-points its posture continues to.
 
         It need not be in an area, as those of arms whose posture no place gives are not all that there is.
         """

@@ -1,7 +1,7 @@
-"""Postures along set-points while the base stands still, of arms whose posture no place gives.
+"""Postures along set-points on a fixed base, for arms whose posture the base place does not determine.
 
-A place gives an arm in one plane its posture. Any other arm may be carried along the set-points from each of
-its postures at the first, and the heading of the base is one that leaves its pivot within limits at all.
+The base place determines the posture of an arm in one plane. Any other arm can be moved along the set-points
+from each of its postures at the first, with a base heading that keeps its pivot within limits at all of them.
 """
 
 from __future__ import annotations
@@ -41,10 +41,10 @@ RIM_STEPS = 4  # on the way out to its rim, each posture the start of the next
 
 @dataclass(frozen=True, eq=False)
 class PostureCarrier(PostureSearch):
-    """The robot of a world, carried along set-points."""
+    """Postures of a robot along set-points, each continued from the one before."""
 
     def best(self, solver: Solver, axis: Array, span: tuple[float, float]) -> FixedBasePostures | None:
-        """Postures that serve most set-points from a place of the arm axis (2,), then have most spare.
+        """Return the postures that serve most set-points from a place (2,), and of these have most spare.
 
         The base has a heading within ``span``. The solver finds postures at the first set-point at any one.
         """
@@ -69,13 +69,13 @@ class PostureCarrier(PostureSearch):
         return best if branched is None else branched
 
     def continued_from(self, pose: Pose) -> Array:
-        """Postures (k, dof) at the first k targets, led on from that of a pose."""
+        """Return postures (k, dof) at the first k targets, continued from that of a pose."""
         return self._carried(
             self._bound, axis_of(self.world.robot, pose.base), float(pose.base[2]), pose.joints
         )
 
     def at(self, base: Array, some: Index) -> FixedBasePostures | None:
-        """Postures from a pose of the base at all of some set-points that have a clear one.
+        """Return postures from a base pose at all those of some set-points that have a clear one.
 
         In any order the tool may be lifted between two set-points, and what is not served from here is from
         elsewhere. None where none is found. Where none can be joined to the carry posture, others are taken.
@@ -121,7 +121,7 @@ class PostureCarrier(PostureSearch):
         return root
 
     def clear_postures(self, base: Array, some: Index, joints: Array) -> FixedBasePostures | None:
-        """Those of postures (n, dof) at set-points that are clear and keep all round the rim."""
+        """Return those of postures (n, dof) that are clear and hold all round the rim of the circle."""
         kept = [n for n, i in enumerate(some.tolist()) if self.serves(i, base, joints[n])]
         if not kept:
             return None
@@ -129,7 +129,7 @@ class PostureCarrier(PostureSearch):
         return FixedBasePostures(base, tuple(some[kept].tolist()), joints[kept], spare)
 
     def continued(self, base: Array, some: Index, joints: Array) -> Array:
-        """Postures (n, dof) at set-points, each led on from the one before, or else the given one."""
+        """Return postures (n, dof) at set-points, continued from the one before, or else the given ones."""
         axis, heading, found = axis_of(self.world.robot, base), float(base[2]), joints.copy()
         first = 0
         while first < len(some):
@@ -139,7 +139,7 @@ class PostureCarrier(PostureSearch):
         return found
 
     def serves(self, i: int, base: Array, joints: Array) -> bool:
-        """True if a posture at set-point i is clear, and kept all round the circle that the rules ask for."""
+        """True if a posture at set-point i is clear and holds all round the circle that the rules ask for."""
         wanted = self.world.rules.stop_tolerance
         if not self._holds(base, joints):
             return False
@@ -152,7 +152,7 @@ class PostureCarrier(PostureSearch):
     def _from(
         self, base: Array, joints: Array, axis: Array, span: tuple[float, float]
     ) -> FixedBasePostures | None:
-        """Carry one posture along: the pivot left free to choose a heading, then at that heading."""
+        """Continue a posture along the targets, with a free pivot to choose a heading, then at that."""
         heading = float(base[2])
         if self._bound.chain.dof == self.world.robot.chain.dof:  # else the base turns in place of a pivot
             free = self._carried(self._free, axis, heading, joints)
@@ -172,7 +172,7 @@ class PostureCarrier(PostureSearch):
         return FixedBasePostures(pose, tuple(range(count)), held[:count], spare)
 
     def reaches_rim(self, i: int, base: Array, joints: Array, radius: float) -> bool:
-        """True where a posture can be kept on the carrier's set-point i while the base goes any way to a rim.
+        """True if a posture stays on target i while the base moves in any direction to a rim.
 
         The rim is ``radius`` from a base pose (3,) [m].
         """
@@ -186,7 +186,7 @@ class PostureCarrier(PostureSearch):
         return True
 
     def widest_circle(self, base: Array, joints: Array, most: float) -> float:
-        """Radius of a circle around a pose, at most so large, all round which postures (n, dof) are kept.
+        """Return the radius, at most so large, of a circle around a pose in which postures (n, dof) hold.
 
         They are those at the carrier's set-points; the circle that the rules ask for is known to be one.
         """
@@ -204,7 +204,7 @@ class PostureCarrier(PostureSearch):
         some: Index | None = None,
         share: float = 1.0,
     ) -> Array:
-        """Postures (k, dof) at the first k of some set-points, the base at one place or at one for each.
+        """Return postures (k, dof) at the first k of some set-points, the base at one place or one each.
 
         They miss no more than a ``share`` of the tolerance.
         """
@@ -221,7 +221,7 @@ class PostureCarrier(PostureSearch):
         return rows[:count, more:]
 
     def _heading(self, heading: float, free: Array) -> float:
-        """Heading that leaves the pivot as near as may be to the middle of its limits."""
+        """Return the heading that leaves the pivot as near as possible to the middle of its limits."""
         pivot = self._bound.chain.active_joints[pivot_index(self._bound.chain)]
         if not np.isfinite(pivot.upper - pivot.lower) or not len(free):
             return heading

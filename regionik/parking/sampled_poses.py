@@ -1,4 +1,4 @@
-"""Poses of the base that serve most set-points, of arms whose posture no place gives, in any order.
+"""Sampled base poses that serve most set-points in any order, for arms whose place determines no posture.
 
 Poses are drawn over the free floor, at any heading, and more of them around those that the prices of a linear
 cover favour, as in column generation (Gilmore and Gomory 1961). What a pose serves is found in two steps:
@@ -46,7 +46,7 @@ Prove = Callable[["_Drawn"], FixedBasePostures | None]
 
 @dataclass(frozen=True, eq=False)
 class _Drawn:
-    """A pose that was drawn, and clear postures (n, dof) at set-points."""
+    """A sampled base pose with collision-free postures (n, dof) at set-points."""
 
     side: int
     row: Array  # (3,) of the arm axis [m], yaw [rad]
@@ -58,7 +58,7 @@ class _Drawn:
 
 @dataclass(frozen=True, eq=False)
 class PoseCover:
-    """Covers of a world's set-points by poses drawn all over the floor of its parking areas."""
+    """Covers of a world's set-points by base poses sampled all over the floor of its parking areas."""
 
     scene: Scene
     parking_areas: ParkingAreas
@@ -121,7 +121,7 @@ class PoseCover:
         return PostureCarrier(self.scene.world, self.scene.collision, self.scene.task)
 
     def _all_over(self, rng: np.random.Generator) -> Array:
-        """Poses (n, 3) spread over the floor from which some set-point may be reached."""
+        """Return poses (n, 3) spread over the floor from which some set-point may be reached."""
         area = shapely.union_all(self._outer) & shapely.union_all(self._floors)
         if area.area == 0.0:
             return np.empty((0, 3))
@@ -251,7 +251,7 @@ class _ProvenCover:
 
 
 def _left(every: Index, parts: Sequence[StopPart]) -> Index:
-    """Those of some set-points that no part serves."""
+    """Return those of some set-points that no part serves."""
     served = [i for part in parts for i in part.setpoints]
     return every[~np.isin(every, served)]
 
@@ -264,5 +264,5 @@ def _served(poses: Sequence[_Drawn], setpoints: Index) -> Mask:
 
 
 def _shaken(rng: np.random.Generator, by: float) -> Array:
-    """Offsets (n, 3) of poses around one, by a deviation [m]."""
+    """Return random offsets (n, 3) of poses around one, with a deviation [m]."""
     return rng.normal(size=(POSES_AROUND, 3)) * (by, by, HEADING_DEVIATION * by)

@@ -101,7 +101,7 @@ def _connection(sequence: StopSequence, seed: int, *, leaves: bool = False) -> _
 
 @dataclass(frozen=True, eq=False)
 class _Attempt:
-    """Work done from one place: states, and a candidate for each set-point done."""
+    """The work done from one place: its states, and a candidate for each set-point that is done."""
 
     placement: BasePlacement
     states: list[MotionState]
@@ -110,7 +110,7 @@ class _Attempt:
 
 @dataclass(frozen=True, eq=False)
 class _StopConnection:
-    """Stops one after the other, each from the place that serves most of it."""
+    """Connection of stops one after the other, each from the place that serves most of it."""
 
     sequence: StopSequence
     search: PathSearch
@@ -128,7 +128,7 @@ class _StopConnection:
         return PlacementSearch(self.scene, self.sequence.parking_areas)
 
     def from_start(self) -> _Attempt | None:
-        """What is done from the place where the robot starts; None where that is nothing."""
+        """Return what is done from the start of the robot; None if that is nothing."""
         states = self.search.start()
         if not states or self.scene.rules.order != "given":
             return None
@@ -137,7 +137,7 @@ class _StopConnection:
         return found if found is not None and found.candidates else None
 
     def made(self, first: _Attempt | None = None) -> StopMotion:
-        """Stop after stop until all set-points are done."""
+        """Connect stop after stop until all set-points are done."""
         states, found = self.search.start(), list[Candidate]()
         sequence, k = self.sequence, 0
         stops, split, places = list[Stop](), list[int](), list[BaseGeometry]()
@@ -253,7 +253,7 @@ class _StopConnection:
         return _Attempt(replace(placement, tolerance=self._parking_radius(placement, done)), states, done)
 
     def _gets_out(self, here: Pose) -> bool:
-        """True if a way of the arm from a pose to the posture in which it is carried is found."""
+        """True if a motion of the arm from a pose to its carry posture is found."""
         return self.search.transits.arm_way(here, self.scene.robot.carry) is not None
 
     def _admits(self, placement: BasePlacement, i: int, joints: Array) -> bool:
@@ -285,7 +285,7 @@ class _StopConnection:
         return self._carriers[i]
 
     def _parking_radius(self, placement: BasePlacement, done: list[Candidate]) -> float:
-        """Radius of the circle all round which postures at the set-points were found, as `_keeps` does."""
+        """Radius of the circle all round which postures at the set-points were found, as `_serves` asks."""
         wanted, radius = self.scene.rules.stop_tolerance, placement.tolerance
         for i, candidate in zip(placement.setpoints, done, strict=False):
             if self.scene.model(self.scene.task[i]).exact:
@@ -318,14 +318,14 @@ class _StopConnection:
         return came or self.search.arrive(i, here, postures[:1], self.search.transits.round_about, 0)
 
     def _own_posture(self, placement: BasePlacement, i: int) -> Candidate:
-        """The placement's own posture at a set-point."""
+        """Return the placement's own posture at a set-point."""
         at, target = placement.setpoints.index(i), self.scene.task[i]
         joints, robot = placement.near[at], self.scene.robot
         error = float(np.linalg.norm(robot.tool(placement.base, joints)[:3, 3] - target.position))
         return Candidate(Configuration(placement.base, joints, error, 0, True), placement.chain[at])
 
     def _swung(self, roadmap: ArmRoadmap, here: Pose, there: Pose, _: int) -> list[Pose] | None:
-        """States strictly between two postures of a stop, by its roadmap."""
+        """Return the states strictly between two postures of a stop, by its roadmap."""
         return roadmap.way(self.search.collision, here.joints, there.joints)
 
     def _driven(self, roadmap: ArmRoadmap, here: Pose, there: Pose, piece: int) -> list[Pose] | None:
@@ -352,7 +352,7 @@ class _StopConnection:
         return [own, *(k for k in found if k != own and parking_areas.ladder.component[k].covers(point))]
 
     def _ahead(self, placement: BasePlacement, i: int, here: Candidate) -> Iterator[Candidate]:
-        """Postures at the set-point after i of a stop."""
+        """Yield postures at the set-point after i of a stop."""
         if i >= placement.setpoints[-1]:
             return iter(())
         if placement.roadmap is not None:
@@ -367,7 +367,7 @@ class _StopConnection:
     def _postures(
         self, placement: BasePlacement, i: int, components: list[int], near: Array
     ) -> Iterator[Candidate]:
-        """Clear postures on a set-point with the base where it is, the least changed first."""
+        """Yield collision-free postures on a set-point with the base where it is, the least changed first."""
         target, base = self.scene.task[i], placement.base
         for k in components:
             solver = self.search.sampler.solver(k, float(base[2]))
@@ -378,7 +378,7 @@ class _StopConnection:
                     yield candidate
 
     def _round(self, i: int, components: list[int], base: Array, near: Array) -> Iterator[Candidate]:
-        """A posture on a set-point led round what it touches, where all others touch something."""
+        """Yield a posture on a set-point that avoids its collision, if all others collide."""
         solver = self.search.sampler.solver(components[0], float(base[2]))
         found = solver.hold(self.scene.task[i], base, near)
         if self.search.collision.enabled and found.converged:

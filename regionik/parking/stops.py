@@ -84,7 +84,7 @@ def find_served(scene: Scene) -> tuple[tuple[Stop, ...], Parking, tuple[Skipped,
 
 
 def _renumbered(stop: Stop, remaining: Sequence[int]) -> Stop:
-    """The stop with the numbers as given of its set-points."""
+    """Return the stop with its set-points numbered as they were given."""
     setpoints, doubts = (tuple(remaining[i] for i in some) for some in (stop.setpoints, stop.unconfirmed))
     return replace(stop, setpoints=setpoints, unconfirmed=doubts)
 

@@ -33,7 +33,7 @@ _ANY_TURN = np.zeros((3, 3))  # for kernels that do not read it
 
 @dataclass(frozen=True, eq=False)
 class ArmSolution:
-    """Place of the arm axis and posture of the arm, the pivot counted from a given heading."""
+    """Place of the arm axis and joints that reach a target, the pivot counted from a given heading."""
 
     axis: Array  # (2,) [m]
     joints: Array  # (dof,)
@@ -44,7 +44,7 @@ class ArmSolution:
 
 
 class Arm(Protocol):
-    """An arm on a base, the heading of its base frame given."""
+    """Inverse kinematics of an arm on a base with a given heading."""
 
     def reach(
         self, target: Target, axis: Array, yaw: float, joints: Array, area: FlatPolygon, mobile: bool
@@ -52,12 +52,12 @@ class Arm(Protocol):
         """Bring the tool to a target; a mobile base follows inside the area, any other stays."""
 
     def least_change(self, target: Target, axis: Array, yaw: float, joints: Array) -> ArmSolution | None:
-        """Return the posture on target that changes least, the base held."""
+        """Return the posture on target that changes least, on a fixed base."""
 
     def self_motion(
         self, target: Target, axis: Array, yaw: float, joints: Array, tries: int
     ) -> list[ArmSolution]:
-        """Return postures on target of many kinds, the base held."""
+        """Return postures on target of many kinds, on a fixed base."""
 
 
 def goal_of(target: Target) -> Goal:

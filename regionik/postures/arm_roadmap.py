@@ -1,4 +1,4 @@
-"""Roadmap of an arm whose base stands still: postures, and straight motions between them, proven clear.
+"""Roadmap of an arm on a fixed base: postures, and straight motions between them that are proven clear.
 
 It grows as a tree from one posture, by the shortest motion that is left. A motion is only looked at when it
 is the shortest, as in LazyPRM (Bohlin and Kavraki 2000).
@@ -26,7 +26,7 @@ MAX_TRIES_PER_POSTURE = 4  # motions to a posture that are looked at
 
 @dataclass(frozen=True, eq=False)
 class ArmRoadmap:
-    """Tree of postures on one pose of the base."""
+    """Tree of postures on one base pose."""
 
     base: Array  # (3,)
     joints: Array  # (n, dof) postures, the root first
@@ -34,7 +34,7 @@ class ArmRoadmap:
     parent: Index
 
     def way(self, collision: CollisionChecker, here: Array, there: Array) -> list[Pose] | None:
-        """States strictly between two postures: straight, else along the tree, cut short where that is clear.
+        """Return the states strictly between two postures: straight, else along the tree with shortcuts.
 
         None where an end is no posture of the tree, nor a straight motion from the nearest.
         """
@@ -51,7 +51,7 @@ class ArmRoadmap:
         return rows[:-1]
 
     def joins(self, collision: CollisionChecker, joints: Array) -> bool:
-        """True if a straight motion from the nearest posture of the tree to another is clear."""
+        """True if a straight motion from the nearest posture of the tree to another is collision-free."""
         return goes(collision, self.base, self.joints[self._nearest(joints)], joints)
 
     def up_from(self, some: Index) -> Index:
@@ -87,7 +87,7 @@ class ArmRoadmap:
 
 @dataclass(frozen=True, eq=False)
 class FixedBasePostures:
-    """Postures at set-points in a row from one pose of the base."""
+    """Postures at consecutive set-points from one base pose."""
 
     base: Array  # (3,)
     # Indices of the k set-points among those asked for: the first k, or any where their order is free
@@ -98,7 +98,7 @@ class FixedBasePostures:
     roadmap: ArmRoadmap | None = None
 
     def of(self, some: Sequence[int]) -> FixedBasePostures:
-        """Return what is held at some of the postures, in the order given."""
+        """Return the same for some of the postures, in the order given."""
         return replace(self, served=tuple(range(len(some))), joints=self.joints[list(some)])
 
 

@@ -38,7 +38,7 @@ MIN_SPARE = 1e-5  # of a start that has less than that to spare [m]
 
 @dataclass(frozen=True, eq=False)
 class CollisionChecker:
-    """The robot among the solids of its world, judged by the world's rules."""
+    """Collision checker of a robot among the solids of its world, under the world's rules."""
 
     rules: Rules
     bodies: Bodies
@@ -51,9 +51,9 @@ class CollisionChecker:
         return self.rules.avoidance
 
     def nearest(self, pose: Pose, enough: float = -np.inf) -> Proximity:
-        """The nearest thing that comes too near to the arm, of kind "none" where nothing does.
+        """Return the nearest thing that comes too near to the arm, of kind "none" if nothing does.
 
-        Any thing nearer than ``enough`` is told without a look for nearer ones; see `nearest`.
+        Once something nearer than ``enough`` is found, nearer things are not looked for; see `nearest`.
         """
         if state_clear(self.bodies, pose.base, pose.joints, self.spare, self.contact):
             return NOTHING_NEAR
@@ -66,41 +66,41 @@ class CollisionChecker:
         return room_of(self.bodies, proximity)
 
     def clear(self, pose: Pose) -> bool:
-        """True if every link keeps clear."""
+        """True if every link is collision-free."""
         return not self.enabled or self.nearest(pose, self.spare).kind == "none"
 
     def proves(self, pose: Pose, beyond: float = 0.0) -> bool:
-        """True if every link is quickly proven to keep clear, by so much more than it must."""
+        """True if every link is quickly proven collision-free, by so much more than the rules ask."""
         margin = self.spare + beyond
         return not self.enabled or state_clear(self.bodies, pose.base, pose.joints, margin, self.contact)
 
     def passes(self, poses: Sequence[Pose]) -> bool:
-        """True if the motion through poses is proven clear."""
+        """True if the motion through poses is proven collision-free."""
         if not self.enabled or len(poses) < 2:
             return True
         return is_path_clear(self.bodies, *arrays(poses), self.spare, self.contact)
 
     def first_obstruction(self, poses: Sequence[Pose]) -> Proximity | None:
-        """The first thing that keeps the motion through poses from being proven clear."""
+        """Return the first thing that keeps the motion through poses from being proven collision-free."""
         return self.proven(*arrays(poses))[1] if len(poses) > 1 else None
 
     def proven(self, bases: Array, joints: Array) -> tuple[int, Proximity | None]:
-        """Number of motions between states (n + 1, ...) proven clear, and what stops the next one."""
+        """Return the number of motions between states (n + 1, ...) proven clear, and what stops the next."""
         if not self.enabled:
             return len(bases) - 1, None
         return path_clear(self.bodies, bases, joints, self.spare, self.contact)
 
     def count_on_line(self, bases: Array, joints: Array, line: Array, shares: Array, stray: float) -> int:
-        """Number of motions that jump nowhere and lead the tool along a line; see `count_on_line`."""
+        """Return the number of motions without a jump whose tool follows a line; see `count_on_line`."""
         most = stray, MAX_JOINT_CHANGE, float(self.rules.step)
         return int(count_on_line(self.bodies.mobile, bases, joints, line, shares, most))
 
     def tools(self, bases: Array, joints: Array, shares: Array) -> Array:
-        """Tool frames at k times of every motion between states (n + 1, ...), (n, k, 4, 4)."""
+        """Return tool frames at k times of every motion between states (n + 1, ...), (n, k, 4, 4)."""
         return tool_frames(self.bodies.mobile, bases, joints, shares)
 
     def words(self, proximity: Proximity) -> str:
-        """Text about the nearest thing, with how the link might touch what the tool works on."""
+        """Return a description of the nearest thing, and how the link might touch what the tool works on."""
         said, rules = describe(self.bodies, proximity), self.rules
         if (
             proximity.kind == "obstacle"
@@ -112,11 +112,11 @@ class CollisionChecker:
         return said
 
     def other(self, proximity: Proximity) -> str:
-        """Name of what the link comes near to."""
+        """Return the name of what the link comes near to."""
         return name_of_other(self.bodies, proximity)
 
     def cause(self, proximity: Proximity) -> Cause:
-        """The nearest thing as a cause of a failure; the margin is what is missing [m]."""
+        """Return the nearest thing as a cause of a failure; its margin is what is missing [m]."""
         if proximity.kind == "obstacle":
             floor = self.bodies.obstacles[proximity.other] is self.bodies.floor
             kind: CauseKind = "floor" if floor else "obstacle"
@@ -125,13 +125,13 @@ class CollisionChecker:
 
 
 def bodies_in(world: World) -> Bodies:
-    """The robot's solids and those that they must keep clear of."""
+    """Return the robot's solids and those that they must keep clear of."""
     near, deep = world.arm_clearance, world.rules.deepest_contact
     return bodies_from(world.robot, world.solids, near, deep, world.floor_slab)
 
 
 def checker_from(world: World, bodies: Bodies) -> CollisionChecker:
-    """The collision checker of a world; a start that has little to spare leaves less to keep."""
+    """Return the collision checker of a world; a start with little to spare reduces what is spared."""
     collision = CollisionChecker(world.rules, bodies, contact_for(world, world.task))
     if world.start is None or not collision.enabled:
         return collision
@@ -141,14 +141,14 @@ def checker_from(world: World, bodies: Bodies) -> CollisionChecker:
 
 
 def checker_at(world: World, bodies: Bodies, target: Target) -> CollisionChecker:
-    """The collision checker of a world with the tool at one target, for solids within the robot's reach."""
+    """Return the collision checker for the tool at one target, of solids within the robot's reach."""
     far = span_about_tool(world.robot) + world.rules.tolerance + 2 * MAX_SPARE
     near = near_bodies(bodies, target.position, far)
     return CollisionChecker(world.rules, near, contact_for(world, [target]))
 
 
 def contact_for(world: World, targets: Sequence[Target]) -> ContactTargets:
-    """Each set-point with the solid that it lies on or in, or is nearest to within ``tool_contact``."""
+    """Return set-points with the solid that each lies on or in, or within ``tool_contact`` of."""
     reach, obstacles = world.rules.tool_contact, obstacles_from(world.arm_solids)
     spots, owners = [], []
     for target in targets:

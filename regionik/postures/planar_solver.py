@@ -109,7 +109,7 @@ class PlanarSolver:
         return next((one for one in others if one is not None), best)
 
     def _holds_direction(self, target: Target, axis: Array) -> bool:
-        """True where some posture from a place holds the tool as asked, not only within its cone."""
+        """True if some posture from a place points the tool exactly as asked, not only within its cone."""
         (r, _), z = self._seen(target.position, axis), float(target.position[2])
         pitches, bends = np.array([kind.pitch for kind in self._kinds(target)]), np.zeros(3)
         return bool(np.isfinite(nearest_of(self.plane, pitches, r, z, np.zeros(3), bends)))
@@ -186,13 +186,13 @@ class PlanarSolver:
 
     @staticmethod
     def _worth(solution: ArmSolution) -> tuple[bool, bool, float]:
-        """Shortcomings of a posture, the gravest first."""
+        """Return the shortcomings of a posture, the gravest first."""
         return not solution.meets, solution.angle > ANGLE_SLACK, solution.error
 
     def _meeting(
         self, kind: Family, target: Target, solution: ArmSolution, yaw: float, joints: Array
     ) -> ArmSolution:
-        """The posture where it meets the thresholds, else the nearest from the same place that does."""
+        """Return the posture if it meets the thresholds, else the nearest from the same place that does."""
         if self.thresholds is None or self._meets(solution, COMFORT):
             return solution
         r, plane_yaw = self._seen(target.position, solution.axis)
@@ -284,7 +284,7 @@ class PlanarSolver:
 
 
 def _swung(kind: Family, target: Array, axis: Array) -> Array:
-    """The axis led round a target until the plane points as the family allows."""
+    """Return the axis moved round a target until the plane points as the family allows."""
     dx, dy = kind.facing * (target[:2] - axis)
     azimuth, away = float(np.arctan2(dy, dx)), kind.facing * float(np.hypot(dx, dy))
     widest = kind.bands[0]

@@ -1,4 +1,4 @@
-"""Poses of the whole robot, and states of a motion under construction."""
+"""Poses of the whole robot, and states of a motion that is being built."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Pose:
 
 @dataclass(frozen=True, eq=False)
 class MotionState:
-    """One state of a motion under construction."""
+    """A state of a motion that is being built."""
 
     pose: Pose
     kind: str
@@ -36,12 +36,12 @@ class MotionState:
 
 
 def configuration_pose(configuration: Configuration) -> Pose:
-    """Base and arm of a configuration."""
+    """Return the pose of a configuration."""
     return Pose(configuration.base, configuration.joints)
 
 
 def pose_between(here: Pose, there: Pose, share: float, drive: BaseDrive) -> Pose:
-    """Part of the way between two states, as every reader of a plan fills it in."""
+    """Return a pose on the way between two states, as every reader of a plan interpolates it."""
     base = drive.between(here.base, there.base, share)
     return Pose(base, here.joints + share * (there.joints - here.joints))
 
@@ -49,7 +49,7 @@ def pose_between(here: Pose, there: Pose, share: float, drive: BaseDrive) -> Pos
 def lifted_states(
     here: Pose, way: Sequence[Pose], there: Pose, owner: int, drive: BaseDrive
 ) -> list[MotionState]:
-    """States strictly between two poses, the tool lifted; however short the way, it leaves its path.
+    """Return the states strictly between two poses with the tool lifted, at least one if it leaves its path.
 
     The ``owner`` is the set-point that it leaves, -1 where the robot starts.
     """
@@ -60,7 +60,7 @@ def lifted_states(
 
 
 def distinct(poses: Sequence[Pose]) -> list[Pose]:
-    """Poses without those that are the same as the one before but for rounding; the last one stays."""
+    """Return poses without those that equal the one before but for rounding; the last one stays."""
     states = np.hstack(arrays(poses)) if len(poses) > 1 else np.empty((0, 0))
     if (np.abs(np.diff(states, axis=0)).max(axis=1) > SAME_POSE).all():
         return list(poses)
@@ -79,12 +79,12 @@ def _apart(one: Pose, other: Pose) -> bool:
 
 
 def arrays(poses: Sequence[Pose]) -> tuple[Array, Array]:
-    """Poses as arrays, base (n, 3) and joints (n, dof)."""
+    """Return poses as arrays, base (n, 3) and joints (n, dof)."""
     return np.array([one.base for one in poses]), np.array([one.joints for one in poses])
 
 
 def untimed_motion(states: Sequence[MotionState]) -> Motion:
-    """States as a motion that is not timed."""
+    """Return states as a motion that is not timed."""
     base, joints = arrays([state.pose for state in states])
     return Motion(
         base=base,
@@ -96,14 +96,14 @@ def untimed_motion(states: Sequence[MotionState]) -> Motion:
 
 
 def lift_offs(motion: Motion) -> int:
-    """Runs of states with the tool lifted, after the first set-point."""
+    """Return the number of runs of states with the tool lifted after the first set-point."""
     lifted = np.concatenate([[False], motion.kind == "transit", [False]]).astype(int)
     first = int(np.argmax(motion.kind == "setpoint"))
     return int(np.count_nonzero(np.diff(lifted[first + 1 :]) == 1))
 
 
 def transits(motion: Motion) -> Iterator[slice]:
-    """States with the tool lifted between two others; where the robot starts is one of these."""
+    """Yield the states with the tool lifted between two others; the start is one of these others."""
     lifted = np.concatenate([[False], motion.kind == "transit", [False]])
     for first, end in np.flatnonzero(np.diff(lifted)).reshape(-1, 2).tolist():
         yield slice(max(first, 1), end)
@@ -112,7 +112,7 @@ def transits(motion: Motion) -> Iterator[slice]:
 def motion_stats(
     drive: BaseDrive, setpoints: Sequence[Configuration], motion: Motion, methods: dict[str, int]
 ) -> dict[str, Any]:
-    """Plain numbers about a motion, for `regionik.values.Plan.stats`."""
+    """Return figures of a motion for `regionik.values.Plan.stats`."""
     return {
         "setpoints": len(setpoints),
         "iterations": int(sum(found.iterations for found in setpoints)),
@@ -124,7 +124,7 @@ def motion_stats(
 
 
 def axis_of(robot: Robot, base: Array) -> Array:
-    """Arm axis on the floor (..., 2) for base poses (..., 3)."""
+    """Return the arm axis on the floor (..., 2) for base poses (..., 3)."""
     x, y = robot.mount[0], robot.mount[1]
     if x == 0.0 and y == 0.0:
         return np.array(base[..., :2])
@@ -133,14 +133,14 @@ def axis_of(robot: Robot, base: Array) -> Array:
 
 
 def pose_of(robot: Robot, axis: Array, yaw: float) -> Array:
-    """Base pose (3,) that puts the arm axis on a spot with a heading."""
+    """Return the base pose (3,) that puts the arm axis on a spot with a heading."""
     c, s = np.cos(yaw), np.sin(yaw)
     x, y = robot.mount[0], robot.mount[1]
     return np.array([axis[0] - (c * x - s * y), axis[1] - (s * x + c * y), yaw])
 
 
 def facing(robot: Robot, at: Pose) -> Pose:
-    """A pose with the base turned under the arm until the pivot is as near to zero as its limits let it.
+    """Return a pose with the base turned under the arm until the pivot is as near to zero as limits allow.
 
     The same pose where the arm has no pivot of its own.
     """
@@ -154,7 +154,7 @@ def facing(robot: Robot, at: Pose) -> Pose:
 
 
 def arm_states(here: Pose, there: Pose) -> list[Pose]:
-    """States strictly between two postures, the base standing."""
+    """Return the states strictly between two postures on a stationary base."""
     change = there.joints - here.joints
     count = max(1, int(np.ceil(float(np.abs(change).max()) / MAX_JOINT_CHANGE * 1.001)))
     return [Pose(here.base, here.joints + k / count * change) for k in range(1, count)]

@@ -1,4 +1,4 @@
-"""Clear postures at set-points from one pose of the base, led on from those that the arm knows and nearby."""
+"""Collision-free postures at set-points from one base pose, continued from known ones and neighbours."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ MAX_STARTS = 4  # postures that the search at a target begins from
 
 @dataclass(frozen=True, eq=False)
 class PostureSearch:
-    """The robot of a world among set-points, its base at any pose."""
+    """Search for postures of a robot at set-points, its base at any pose."""
 
     world: World
     collision: CollisionChecker
     targets: Sequence[Target]
 
     def neighboring(self, base: Array, some: Index, starts: int = MAX_STARTS) -> tuple[Index, Array]:
-        """Those of some set-points at which a clear posture was soon found, and the postures (n, dof)."""
+        """Return those of some set-points where a clear posture was soon found, and the postures."""
         return next(self._neighboring(base, some, [slice(None, starts)]))
 
     def families(self, base: Array, some: Index, count: int) -> Iterator[tuple[Index, Array]]:
@@ -102,16 +102,16 @@ class PostureSearch:
 
     @cached_property
     def _tool_on(self) -> Index:
-        """Obstacle that the tool works on at each set-point, -1 for none."""
+        """Index of the obstacle that the tool works on at each set-point, -1 for none."""
         owners = [contact_for(self.world, [target]).owner for target in self.targets]
         return np.array([own[0] if len(own) else -1 for own in owners], dtype=np.int64)
 
     def _behind(self, joints: Array) -> Array:
-        """Postures (..., dof) as the solver has them."""
+        """Return postures (..., dof) as the solver has them."""
         return pivot_joints(self.world.robot.chain, joints)
 
     def _aims(self, axis: Array, yaw: float, some: Index | slice) -> Aims:
-        """Set-points as an arm sees them whose base frame stands at a place with a heading."""
+        """Return set-points in the frame of an arm whose base is at a place with a heading."""
         c, s = np.cos(yaw), np.sin(yaw)
         back = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
         goals = self._goals.part(some)

@@ -118,13 +118,13 @@ class SerialSolver:
         return replace(missed, joints=joints, error=off) if off < missed.error else missed
 
     def _fixed_base(self, goal: SerialGoal, axis: Array, yaw: float, joints: Array) -> ArmSolution:
-        """FABRIK-R with the base held."""
+        """Return the result of FABRIK-R on a fixed base."""
         q, aim = np.array(joints), in_arm_frame(axis, yaw, self.height, goal.aim)
         error, angle, passes, _, _ = solve_ik(goal.bodies, aim, goal.starts, goal.effort, q)
         return goal.solution(axis, q, error, angle, passes)
 
     def _within_demand(self, goal: SerialGoal, solution: ArmSolution, yaw: float) -> ArmSolution | None:
-        """A posture led to one from the same place that meets the demand; None where it comes to none."""
+        """Return a posture from the same place that meets the demand; None if none is found."""
         if self.demand is None:
             return solution
         arm, effort, q = serial_arm(self.endless), goal.effort, np.array(solution.joints)
@@ -233,7 +233,7 @@ class SerialSolver:
         return None
 
     def _polished(self, goal: SerialGoal, place: Array, yaw: float, joints: Array) -> ArmSolution | None:
-        """Damped least squares from a posture, the base held."""
+        """Return the result of damped least squares from a posture on a fixed base."""
         n, effort = len(goal.bodies.arm.lower), goal.effort
         q, aim = np.array(joints[:n]), in_arm_frame(place, yaw, self.height, goal.aim)
         error, angle, _ = polish(
@@ -283,7 +283,7 @@ def serial_solver(
     turns: bool = True,
     demand: PostureDemand | None = None,
 ) -> SerialSolver:
-    """Kept for the last few, as every set-point asks for it.
+    """Return the solver of a chain; the last few are cached, as every set-point asks for one.
 
     The pivot has no limits where the base ``turns``, and its own where that keeps its heading.
     """
