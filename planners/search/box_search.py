@@ -17,7 +17,7 @@ Source: set inversion by interval analysis (Jaulin and Walter, Automatica 29(4),
 >>> import numpy as np
 >>> def judge(least, low, high):  # where is x^2 at least so much?
 ...     if min(low[0] ** 2, high[0] ** 2) >= least:
-...         return Verdict.PROVEN, 0.0, WHOLE
+...         return Verdict.PROVEN, 0.0, NO_SIDE
 ...     open_ = max(low[0] ** 2, high[0] ** 2) >= least
 ...     return Verdict.OPEN if open_ else Verdict.RULED_OUT, high[0] - low[0], 0
 >>> boxes = begin(judge, 2.0, np.array([[0.0]]), np.array([[2.0]]))

@@ -62,7 +62,7 @@ def stored_areas(areas: Iterable[BaseGeometry]) -> NDArray[np.object_]:
 
     Those of a file come back as they are.
 
-    >>> str(kept_areas([Polygon([(0, 0), (1 / 3, 0), (2 / 3, 0), (1, 1)])])[0])
+    >>> str(stored_areas([Polygon([(0, 0), (1 / 3, 0), (2 / 3, 0), (1, 1)])])[0])
     'MULTIPOLYGON (((0 0, 0.6666667 0, 1 1, 0 0)))'
     """
     shapes = _multipolygons(areas)
@@ -95,7 +95,7 @@ def stored_figures(stats: Mapping[str, Any]) -> dict[str, Any]:
 
     How the search went, bounds of stops and tours, and what a timing uses of its limits are not among them.
 
-    >>> kept_figures({"states": 7, "base_moves": {"ompl": 1}, "stops": {"count": 2, "lower_bound": 2}})
+    >>> stored_figures({"states": 7, "base_moves": {"ompl": 1}, "stops": {"count": 2, "lower_bound": 2}})
     {'states': 7, 'stops': {'count': 2}}
     """
     kept: dict[str, Any] = {}
