@@ -6,31 +6,46 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from shapely.geometry import Polygon
 
 from regionik.planners.collision.distances import Obstacles, nearest_distance, obstacles_from
-from regionik.planners.collision.upright_solids import uprights_from
+from regionik.planners.collision.upright_solids import least_along, signed_distance, uprights_from
 from regionik.planners.search.box_search import Verdict
 from regionik.planners.search.fixed_base import FixedBaseResult, search_fixed_base
 from regionik.planners.search.motion_bounds import (
+    chords,
+    displacement,
+    displacement_from_tool,
     link_capsules,
+    longest_levers,
+    tool_displacement,
 )
 from regionik.planners.search.posture_boxes import (
     NO_SELF_CLEARANCE,
     FixedBase,
     fixed_base_for,
     may_hold,
+    place_arm,
 )
-from regionik.planners.solvers.serial_chain import serial_arm
+from regionik.planners.solvers.serial_chain import chain_jacobian, serial_arm
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
+from regionik.worlds.errors import InputError
 from regionik.worlds.joints import Joint
-from regionik.worlds.links import LinkCapsule, capsules_along
-from regionik.worlds.obstacles import Box, Cylinder, Mesh, Sphere
+from regionik.worlds.links import LinkBox, LinkCapsule, capsules_along
+from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
 from tests import examples
 from tests.kinds import Solid
 from tests.maths import Array, rot_x, rot_y, translation
 
 NOTHING = obstacles_from([])
+SOLIDS: dict[str, Solid] = {
+    "box": Box("box", np.array([0.5, 0.3, 0.4]), np.array([0.1, -0.1, 0.05]), 0.7),
+    "post": Cylinder("post", 0.2, 0.6, np.array([0.02, 0.0, 0.1])),
+    "plate": Cylinder("plate", 0.4, 0.05, np.zeros(3)),
+    "ball": Sphere("ball", 0.3, np.array([0.1, 0.0, 0.0])),
+    "prism": Prism("prism", Polygon([(-0.2, -0.1), (0.3, -0.2), (0.1, 0.3)]), -0.3, 0.1),
+}
 CUBE = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]])
 CUBE = np.vstack([CUBE, [[2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]])
 
@@ -88,6 +103,77 @@ def room_of(chain: Chain, solids: list[LinkCapsule], obstacles: Obstacles, q: Ar
 
 
 @settings(max_examples=examples(200))
+@given(seed=SEEDS, name=st.sampled_from(sorted(SOLIDS)))
+def test_signed_distance_is_that_of_the_solid(seed: int, name: str) -> None:
+    solid = SOLIDS[name]
+    flat = uprights_from(obstacles_from([solid]).pieces)
+    point = np.random.default_rng(seed).uniform(-0.6, 0.6, 3)
+    assert signed_distance(flat, 0, *point) == pytest.approx(solid.distance(point), abs=1e-12)
+
+
+@settings(max_examples=examples(300))
+@given(seed=SEEDS, name=st.sampled_from(sorted(SOLIDS)))
+def test_least_along_is_the_least_of_samples(seed: int, name: str) -> None:
+    rng, solid = np.random.default_rng(seed), SOLIDS[name]
+    flat = uprights_from(obstacles_from([solid]).pieces)
+    a, b = rng.uniform(-0.8, 0.8, (2, 3))
+    grow = rng.uniform(-1, 1, 2) * rng.choice([0.0, 0.1, 2.0])
+    shares = np.linspace(0, 1, 401)
+    values = [solid.distance(a + t * (b - a)) + (1 - t) * grow[0] + t * grow[1] for t in shares]
+    least = least_along(flat, 0, a, b, grow[0], grow[1], -np.inf, np.inf, 30)
+    spacing = (np.linalg.norm(b - a) + abs(grow[1] - grow[0])) / 400
+    assert min(values) - spacing <= least <= min(values) + 1e-6
+
+
+@settings(max_examples=examples(300))
+@given(seed=SEEDS, name=st.sampled_from(sorted(CHAINS)))
+def test_no_point_moves_farther_than_told(seed: int, name: str) -> None:
+    chain, rng = CHAINS[name], np.random.default_rng(seed)
+    low, high, q = box_round(chain, rng)
+    task = task_of(chain, NOTHING, np.zeros(3))
+    arm, capsules, n = task.arm, task.capsules, chain.dof
+    work = task.posed
+    work.q[:], work.half[:] = (low + high) / 2, (high - low) / 2
+    place_arm(task)
+    chords(arm, work.half, work.chord)
+    J = np.zeros((6, n))
+    chain_jacobian(arm, work.frames, J)
+    before, after = chain.frames(work.q), chain.frames(q)
+    shift = after[n, :3, 3] - before[n, :3, 3]
+    moved, bent = tool_displacement(arm, work.frames, work.axes, work.chord, work.half, capsules.levers[0])
+    assert np.linalg.norm(shift) <= moved + 1e-12
+    assert np.linalg.norm(shift - J[:3] @ (q - work.q)) <= bent + 1e-12
+    for s, link in enumerate(capsules.link):
+        for end in range(2):
+            there = after[link, :3, :3] @ capsules.ends[s, end] + after[link, :3, 3]
+            here, levers = work.ends[s, end], capsules.levers[1 + 2 * s + end]
+            most = displacement(arm, work.frames, work.axes, work.chord, levers, link, 0, here)
+            assert np.linalg.norm(there - here) <= most + 1e-12
+            beside = np.linalg.norm(there - here - shift)
+            tool = capsules.levers[0]
+            assert (
+                beside
+                <= displacement_from_tool(arm, work.frames, work.axes, work.chord, tool, link, here) + 1e-12
+            )
+
+
+@settings(max_examples=examples(100))
+@given(seed=SEEDS, name=st.sampled_from(sorted(CHAINS)))
+def test_levers_bound_every_posture(seed: int, name: str) -> None:
+    chain, rng = CHAINS[name], np.random.default_rng(seed)
+    _, _, q = box_round(chain, rng)
+    frames = chain.frames(q)
+    point, link = rng.uniform(-0.3, 0.3, 3), int(rng.integers(chain.dof))
+    levers, reach = longest_levers(chain, link, point)
+    there = frames[link, :3, :3] @ point + frames[link, :3, 3]
+    assert np.linalg.norm(there - chain.joints[0].T_parent_joint[:3, 3]) <= reach + 1e-12
+    for k in range(link + 1):
+        if chain.joints[k].kind == "revolute":
+            off = np.cross(frames[k, :3, :3] @ chain.joints[k].axis, there - frames[k, :3, 3])
+            assert np.linalg.norm(off) <= levers[k] + 1e-12
+
+
+@settings(max_examples=examples(400))
 @given(seed=SEEDS, name=st.sampled_from(sorted(CHAINS)))
 def test_no_free_posture_is_ever_thrown_away(seed: int, name: str) -> None:
     chain, rng = CHAINS[name], np.random.default_rng(seed)
@@ -256,6 +342,13 @@ def test_youbot_among_boxes_agrees_with_a_sweep_of_pitches() -> None:
     assert min(verdicts.count(Verdict.PROVEN), verdicts.count(Verdict.RULED_OUT)) >= 2
 
 
+def test_target_out_of_reach_takes_no_box() -> None:
+    result = search_fixed_base(planar(), [], NOTHING, [2.9, 2.9, 0], 1e-3)
+    assert (result.verdict, result.boxes, result.joints) == (Verdict.RULED_OUT, 0, None)
+    result = search_fixed_base(planar(), [], NOTHING, [0.5, 0.1, 0.01], 1e-3)
+    assert (result.verdict, result.boxes) == (Verdict.RULED_OUT, 0)
+
+
 @pytest.mark.parametrize(
     ("target", "verdict"), [([1.9995, 0, 0], Verdict.PROVEN), ([0.9, 0, 0], Verdict.RULED_OUT)]
 )
@@ -329,3 +422,27 @@ def test_meshes_refuse_postures_but_prove_nothing() -> None:
     assert result.verdict == Verdict.OPEN
     assert result.clearance < 0
     assert search_fixed_base(arm, links, aside, [1, 0, 0], 1e-3).clearance == pytest.approx(0.39, abs=0.002)
+
+
+LIFT = Chain((Joint("lift", "prismatic", 0.0, np.inf, np.eye(4)),), translation(1, 0, 0))
+CAPSULE = LinkCapsule(7, "seventh", np.zeros(3), np.ones(3), 0.1)
+BOX = LinkBox(0, "body", np.eye(4), np.ones(3))
+
+
+@pytest.mark.parametrize(
+    ("chain", "solids", "target", "options", "words"),
+    [
+        (planar(), [], [1, 2], {}, "target: expected 3 numbers"),
+        (planar(), [], [1, 2, np.nan], {}, "target: every number must be finite"),
+        (planar(), [], [1, 2, 0], {"tolerance": 0.0}, "tolerance: expected a length above 0"),
+        (planar(), [], [1, 2, 0], {"tolerance": np.nan}, "tolerance: expected a length above 0"),
+        (planar(), [], [1, 2, 0], {"clearance": -0.1}, "clearance: expected a length of 0 or more"),
+        (planar(), [], [1, 2, 0], {"most": 0}, "most: expected at least one box"),
+        (LIFT, [], [1, 0, 1], {}, "joint lift: a sliding joint needs limits"),
+        (planar(), [CAPSULE], [1, 2, 0], {}, "seventh: link must be 0 to 3, got 7"),
+        (planar(), [BOX], [1, 2, 0], {}, "body: expected a capsule"),
+    ],
+)
+def test_bad_input_is_one_line(chain, solids, target, options, words) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(InputError, match=words):
+        search_fixed_base(chain, solids, NOTHING, target, **{"tolerance": 1e-3, **options})

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from benchmarks.pivoted import EXACT, KINDS, case, points_in, searched, solved
+from benchmarks.pivoted import KINDS, case
 from regionik.planners.reach.level_reach import (
     inner_reach,
     likely_reach,
@@ -20,8 +20,10 @@ from regionik.planners.reach.meridian import (
     Meridian,
     hop_stray,
     meridian_of,
+    to_level,
     tool_for,
     tool_motion,
+    walk,
 )
 from regionik.planners.reach.outer_bounds import (
     bound,
@@ -158,6 +160,72 @@ def test_a_box_bounds_all_of_its_postures(seed: int, width: float) -> None:
         assert (joints <= box.q + box.shift[1] + 1e-9).all()
 
 
+@settings(max_examples=examples(40))
+@given(SEEDS)
+def test_speeds_and_bends_are_those_of_small_moves(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    one = meridian(chain_of(seed))
+    joints, tool, step = posture(one, rng), tool_for(one), 1e-5
+    ways = []
+    for k in range(len(joints)):
+        ends = []
+        for side in (-1, 1):
+            moved = joints.copy()
+            moved[k] += side * step
+            tool_motion(one, moved, tool)
+            ends.append((*tool.at, *tool.J[:3].T.copy()))
+        ways.append(ends)
+    tool_motion(one, joints, tool)
+    for k, (a, b) in enumerate(ways):
+        if tool.at[0] > 0.05:
+            assert (b[0] - a[0]) / (2 * step) == pytest.approx(tool.out[k], abs=1e-6)
+        assert (b[1] - a[1]) / (2 * step) == pytest.approx(tool.up[k], abs=1e-6)
+        for j in range(len(joints)):
+            bent = float(np.linalg.norm(np.array(b[2 + j]) - np.array(a[2 + j]))) / (2 * step)
+            assert bent <= one.bend[j, k] + 1e-6
+
+
+@settings(max_examples=examples(40))
+@given(SEEDS)
+def test_a_hop_that_holds_can_be_put_right_all_along(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    one = meridian(chain_of(seed))
+    tool = tool_for(one)
+    here = posture(one, rng)
+    tool_motion(one, here, tool)
+    z = float(tool.at[1])
+    there = np.clip(here + rng.uniform(-0.2, 0.2, len(here)), *within_half_turns(one.lower, one.upper))
+    if not to_level(one, z, there, tool) or hop_stray(one, here, there, tool) < 0:
+        return
+    for share in np.linspace(0, 1, 11):
+        middle = here + share * (there - here)
+        assert to_level(one, z, middle, tool)
+        assert (one.lower <= middle).all()
+        assert (middle <= one.upper).all()
+
+
+@settings(max_examples=examples(20))
+@given(SEEDS)
+def test_a_walk_turns_the_tool_no_farther_than_it_says(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    one = meridian(chain_of(seed))
+    tool, m = tool_for(one), len(one.levers)
+    start = posture(one, rng)
+    tool_motion(one, start, tool)
+    z, away = float(tool.at[1]), tool.away.copy()
+    if tool.at[0] < 1e-6:
+        return
+    turns, last = np.empty(3), np.empty(m)
+    walk(one, z, 1.0, start.copy(), tool, 40, np.inf, last, turns)
+    for steps in (1, 2, 5, 20):
+        there = start.copy()
+        walk(one, z, 1.0, there, tool, steps, np.inf, last, np.empty(3))
+        tool_motion(one, there, tool)
+        turn = np.arctan2(away[0] * tool.away[1] - away[1] * tool.away[0], away @ tool.away)
+        if tool.at[0] <= turns[0]:
+            assert turns[1] - 1e-9 <= turn <= turns[2] + 1e-9
+
+
 @settings(max_examples=examples(6))
 @given(SEEDS)
 def test_a_layer_holds_the_reach_of_each_of_its_heights(seed: int) -> None:
@@ -200,14 +268,3 @@ def test_what_cannot_rise_reaches_at_its_own_height_alone() -> None:
     assert np.allclose(inner_reach(level, 0.0), [[bent, 0.7]], atol=1e-6)
     assert inner_reach(level, 0.01) == ()
     assert inner_reach(Chain((pivot, elbow), translation(0.3, 0, 0)), 0.1) == ()
-
-
-@pytest.mark.parametrize("number", range(len(KINDS)))
-def test_areas_hold_against_solver_and_search(number: int) -> None:
-    """A small part of what `benchmarks/bench_reach.py` runs."""
-    one, rng = case(number + 20), np.random.default_rng(number)
-    areas, area = one.inner(), one.area()
-    for row, inner in enumerate(areas.inner):
-        assert all(solved(one, areas, row, spot) for spot in points_in(inner, rng, 10))
-    ring = area.outer.buffer(0.05) - area.outer.buffer(1e-6)
-    assert all(searched(one, spot, 100, rng) > EXACT for spot in points_in(ring, rng, 3))

@@ -10,9 +10,11 @@ import pytest
 import shapely
 from shapely.geometry import Polygon
 
+from regionik.planners.collision.proximity import nearest
 from regionik.postures.poses import Pose
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
+from regionik.worlds.errors import InputError
 from regionik.worlds.joints import Joint
 from regionik.worlds.links import LinkBox, LinkCapsule
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
@@ -534,3 +536,14 @@ def test_hops_that_jump_or_lead_the_tool_astray_are_told() -> None:
     assert led(bases, bent, line) == 1
     assert led(far, joints, line) == 3
     assert led(turned, joints, line) == 0
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf, -np.inf])
+def test_numbers_that_are_not_finite_are_refused_at_the_door(number: float) -> None:
+    bodies = Guarded(robot_named("youbot"), *CLUTTER).scene.bodies
+    with pytest.raises(InputError, match="base: every number must be finite"):
+        nearest(bodies, [number, 0, 0], np.zeros(5))
+    with pytest.raises(InputError, match="joints: every number must be finite"):
+        nearest(bodies, [0, 0, 0], [0, 0, number, 0, 0])
+    with pytest.raises(InputError, match="joints: expected 5 numbers"):
+        nearest(bodies, [0, 0, 0], [0, 0])
