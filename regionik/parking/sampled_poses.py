@@ -62,7 +62,6 @@ class PoseCover:
 
     scene: Scene
     parking_areas: ParkingAreas
-    _drawn: list[_Drawn] = field(default_factory=list)
 
     def fewest(self) -> list[StopPart]:
         """Return what the poses of a least cover serve; what none of those drawn serves is left out.
@@ -71,33 +70,31 @@ class PoseCover:
         keeps by more that are drawn for them alone.
         """
         every = np.arange(len(self.scene.task))
-        self._draw()
         found = _ProvenCover(self._drawn, every, self._joined).least()
         found += _ProvenCover(self._drawn, _left(every, found), self._clear_postures).least()
         left = _left(every, found)
         return found + _ProvenCover(list(self._about(left.tolist())), left, self._clear_postures).least()
 
-    def _draw(self) -> None:
-        """Draw poses all over, then around those that prices favour while that makes a linear cover less."""
+    @cached_property
+    def _drawn(self) -> list[_Drawn]:
+        """Poses drawn all over, then around those that prices favour while that makes a linear cover less."""
         rng, every = np.random.default_rng(0), np.arange(len(self.scene.task))
-        self._drawn.extend(self._looked_at(self._all_over(rng)))
+        drawn = list(self._looked_at(self._all_over(rng)))
         best, since, k = np.inf, 0, 0
         while since < MAX_FUTILE_ROUNDS and k < MAX_ROUNDS:
-            inside = _served(self._drawn, every)
+            inside = _served(drawn, every)
             prices, missed = cover_prices(inside), np.flatnonzero(~inside.any(axis=0)).tolist()
             need = float(prices.sum()) + len(missed)
             since = 0 if need < best - ROUNDING else since + 1
             best = min(best, need)
             rows = [self._near(i, k, rng) for i in missed]
+            deviation = FIRST_DEVIATION * DEVIATION_SHRINKAGE ** min(k, LAST_NARROWING)
             top = np.argsort(-(inside @ prices), kind="stable")[:MAX_FAVOURED].tolist()
-            rows += [
-                self._drawn[n].row
-                + _shaken(rng, FIRST_DEVIATION * DEVIATION_SHRINKAGE ** min(k, LAST_NARROWING))
-                for n in top
-            ]
+            rows += [drawn[n].row + _shaken(rng, deviation) for n in top]
             if rows:
-                self._drawn.extend(self._looked_at(np.vstack(rows)))
+                drawn += self._looked_at(np.vstack(rows))
             k += 1
+        return drawn
 
     def serving(self, setpoints: Sequence[int]) -> Array:
         """Return the bases (n, 3) drawn that have clear postures at all of some set-points."""
