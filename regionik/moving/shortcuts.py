@@ -98,9 +98,11 @@ class Shortcuts:
         i, j = int(u), int(np.ceil(v))
         here, there = (self._at(poses, end) for end in (u, v))
         states = self._between(distinct([here, *poses[i + 1 : j], there]), *paces)
+        if not states:
+            return None
         part = self._thinned(distinct([poses[i], *states, poses[j]]))
         whole = [*poses[:i], *part, *poses[j + 1 :]]
-        if not states or cost(whole) > cost(poses) - saved or not self.collision.passes(part):
+        if cost(whole) > cost(poses) - saved or not self.collision.passes(part):
             return None
         return whole
 
