@@ -54,16 +54,28 @@ def inner_reach_tables(
 ) -> list[ReachTable]:
     """Inner `reach_table` at several spans of headings: the very same where these make no difference."""
     known: dict[tuple[float, float], ReachTable] = {}
-    models = {scene.model(target): None for target in targets}
     found = []
     for span in track("headings", spans):
-        query = ReachQuery(scene.rules, scene.rules.reach_margin, span, tuple(facings), coarse=coarse)
-        heeded = scene.lifted.matters or any(model.heeds_headings(query) for model in models)
+        heeded = heeds_headings(scene, targets, facings, span, coarse=coarse)
         asked = span if heeded else EVERY
         if asked not in known:
             known[asked] = reach_table(scene, targets, facings, inner=True, span=asked, coarse=coarse)
         found.append(known[asked])
     return found
+
+
+def heeds_headings(
+    scene: Scene,
+    targets: Sequence[Target],
+    facings: Sequence[int],
+    span: tuple[float, float],
+    *,
+    coarse: bool = False,
+) -> bool:
+    """Return True where the inner reach of targets within a span of headings may not be that of all."""
+    query = ReachQuery(scene.rules, scene.rules.reach_margin, span, tuple(facings), coarse=coarse)
+    models = {scene.model(target): None for target in targets}
+    return scene.lifted.matters or any(model.heeds_headings(query) for model in models)
 
 
 def reach_table_of(scene: Scene, targets: Sequence[Target], query: ReachQuery) -> ReachTable:

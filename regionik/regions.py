@@ -24,7 +24,7 @@ from regionik.areas.free_space import (
 )
 from regionik.areas.ground import Side, united
 from regionik.postures.families import BACK, FRONT
-from regionik.reach_table import inner_reach_tables, reach_table
+from regionik.reach_table import heeds_headings, inner_reach_tables, reach_table
 from regionik.scene import Scene, scene_of
 from regionik.values import PlannedArea
 from regionik.worlds.arms import reach_bound
@@ -325,10 +325,10 @@ def planned_areas(
     facings = sorted({family.facing for family in areas.family})
     rows, _, rings = reach_table(scene, scene.task, facings, inner=True, span=scene.free_floor.headings)
     reach = _by_target(scene, rows, rings)
-    by_side = inner_reach_tables(scene, scene.task, facings, [side.span for side in free_space.sides])
-    if all(one is by_side[0] for one in by_side) and len(by_side) > 1:
+    spans = [side.span for side in free_space.sides]
+    if len(spans) > 1 and not any(heeds_headings(scene, scene.task, facings, span) for span in spans):
         # What one reach has on the floor of each side, united, is what it has on all of them united.
-        which, _, whole = by_side[0]
+        which, _, whole = reach_table(scene, scene.task, facings, inner=True)
         admissible = _by_target(scene, which, free_space.somewhere.subtract(whole))
     else:
         admissible = _by_target(scene, areas.target, areas.inner)
