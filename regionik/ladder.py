@@ -7,10 +7,9 @@ with non-empty intersections. Source: M-FABRIK, experiment 4 (areas made for the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
-from typing import NamedTuple
+from functools import cached_property, partial
 
 import numpy as np
 import shapely
@@ -38,8 +37,7 @@ class Ladder:
     family: tuple[Family, ...]
     side: Index  # (m,) side of the free floor, and so the slab of headings, of each component
     floor: Index  # (m,) connected piece of the free floor that holds the component
-    edges: Index  # (e, 2) pairs of components of neighbouring set-points that overlap
-    group: Index  # (m,) components of one set-point with the same number are joined by turning the base
+    overlaps: Callable[[int], Index]  # (e, 2) pairs that overlap, by how many set-points they are apart
     _flats: dict[int, FlatPolygon] = field(init=False, default_factory=dict)
 
     @cached_property
@@ -70,6 +68,16 @@ class Ladder:
         return self._flats[k]
 
     @cached_property
+    def edges(self) -> Index:
+        """Pairs of components of neighbouring set-points that overlap, (e, 2)."""
+        return self.overlaps(1)
+
+    @cached_property
+    def group(self) -> Index:
+        """Number of each component, (m,); those of one set-point with the same are joined by turning."""
+        return component_labels(len(self.component), self.overlaps(0))
+
+    @cached_property
     def ahead(self) -> list[list[int]]:
         """For each component, those of the next set-point that overlap it or one of its group."""
         return self._neighbours(self.edges)
@@ -96,15 +104,10 @@ def build_ladder(areas: PathAreas, count: int, free_space: FreeSpace) -> Ladder:
     real = (shapely.get_type_id(parts) == 3) & (shapely.area(parts) > MIN_AREA)
     parts, row = parts[real], row[real]
     target = areas.target[row]
-    shapely.prepare(parts)
     kinds, side = tuple(areas.family[k] for k in row), areas.side[row]
     spots = shapely.point_on_surface(parts)
-    about = _spots_of(parts, spots)
-    forward = _overlaps(free_space, parts, about, target, side, kinds, count, ahead=1)
-    turns = _overlaps(free_space, parts, about, target, side, kinds, count, ahead=0)
-    floor = _pieces(spots, side, free_space)
-    shapely.destroy_prepared(parts)  # as much memory again as the components themselves
-    return Ladder(count, parts, target, kinds, side, floor, forward, component_labels(len(parts), turns))
+    overlaps = partial(_overlaps, free_space, parts, spots, target, side, kinds, count)
+    return Ladder(count, parts, target, kinds, side, _pieces(spots, side, free_space), overlaps)
 
 
 def _pieces(spots: Geometries, side: Index, free_space: FreeSpace) -> Index:
@@ -122,7 +125,7 @@ def _pieces(spots: Geometries, side: Index, free_space: FreeSpace) -> Index:
 def _overlaps(
     free_space: FreeSpace,
     parts: Geometries,
-    spots: _Spots,
+    spots: Geometries,
     target: Index,
     side: Index,
     kinds: Sequence[Family],
@@ -146,27 +149,18 @@ def _overlaps(
     return np.column_stack([here[shared], there[shared]])
 
 
-class _Spots(NamedTuple):
-    """Small squares about spots of parts, and whether they are well inside their own part."""
-
-    squares: Geometries  # (m,)
-    sure: Mask  # (m,)
-
-
-def _spots_of(parts: Geometries, spots: Geometries) -> _Spots:
+def _shared(parts: Geometries, spots: Geometries, here: Index, there: Index) -> Mask:
+    """Return a mask of the pairs that overlap; mostly one holds a square about a spot of the other."""
+    shapely.prepare(parts)
     x, y = shapely.get_x(spots), shapely.get_y(spots)
     squares = shapely.box(x - SURE_OVERLAP, y - SURE_OVERLAP, x + SURE_OVERLAP, y + SURE_OVERLAP)
-    return _Spots(squares, shapely.contains_properly(parts, squares))
-
-
-def _shared(parts: Geometries, spots: _Spots, here: Index, there: Index) -> Mask:
-    """Return a mask of the pairs of prepared parts that overlap; mostly the spot of one lies in the other."""
-    shared = np.zeros(len(here), dtype=bool)
+    sure, shared = shapely.contains_properly(parts, squares), np.zeros(len(here), dtype=bool)
     for one, other in ((here, there), (there, here)):
-        asked = np.flatnonzero(~shared & spots.sure[one])
-        shared[asked] = shapely.contains_properly(parts[other[asked]], spots.squares[one[asked]])
+        asked = np.flatnonzero(~shared & sure[one])
+        shared[asked] = shapely.contains_properly(parts[other[asked]], squares[one[asked]])
     rest = np.flatnonzero(~shared)
     a, b = parts[here[rest]], parts[there[rest]]
     meet = shapely.intersects(a, b)
     shared[rest[meet]] = shapely.area(shapely.intersection(a[meet], b[meet])) > MIN_AREA
+    shapely.destroy_prepared(parts)  # as much memory again as the parts themselves
     return shared

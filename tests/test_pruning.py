@@ -26,6 +26,8 @@ def random_ladder(rng: np.random.Generator, *, turning: bool = False) -> Ladder:
         if target[b] == target[a] + 1 and rng.random() < 0.5
     ]
     squares = np.array([shapely.box(k, 0, k + 1, 1) for k in range(len(target))], dtype=object)
+    kind = 2 * target + rng.integers(0, 2, len(target)) if turning else np.arange(len(target))
+    turns = [(a, b) for a, b in itertools.combinations(range(len(target)), 2) if kind[a] == kind[b]]
     return Ladder(
         len(sizes),
         squares,
@@ -33,10 +35,7 @@ def random_ladder(rng: np.random.Generator, *, turning: bool = False) -> Ladder:
         tuple(Family(FRONT) for _ in target),
         np.zeros(len(target), dtype=np.intp),
         np.zeros(len(target), dtype=np.intp),
-        np.array(pairs, dtype=np.intp).reshape(-1, 2),
-        np.unique(2 * target + rng.integers(0, 2, len(target)) * turning, return_inverse=True)[1]
-        if turning
-        else np.arange(len(target)),
+        lambda apart: np.array(pairs if apart else turns, dtype=np.intp).reshape(-1, 2),
     )
 
 

@@ -67,9 +67,16 @@ class ParkingAreas:
     ladder: Ladder
     usable: Mask  # (m,) components on the floor that the base gets to
     narrow: Geometries  # (m,) components shrunk by the circle to park in
-    # For each component those of the set-point before that the arm comes from while the base stands still
-    back: tuple[tuple[int, ...], ...]
     _areas: dict[int, Geometries] = field(default_factory=dict)
+
+    @cached_property
+    def back(self) -> tuple[tuple[int, ...], ...]:
+        """For each component those of the set-point before that the arm comes from on a stationary base."""
+        back: list[list[int]] = [[] for _ in self.ladder.component]
+        for m, k in self.ladder.edges.tolist():
+            if self.ladder.side[m] == self.ladder.side[k]:
+                back[k].append(m)
+        return tuple(map(tuple, back))
 
     @cached_property
     def floor(self) -> BaseGeometry:
@@ -211,13 +218,12 @@ def parking_areas_on(scene: Scene, free_space: FreeSpace, facings: tuple[int, ..
     areas = path_areas(scene, facings=facings, free_space=free_space)
     ladder = build_ladder(areas, len(scene.task), free_space)
     narrow = shrunk_by_circle(ladder.component, scene, outside=False)
-    back = _linked(ladder)
     found = []
     for piece in _pieces(scene, free_space, ladder):
         usable = ladder.floor == piece
         own = narrow.copy()
         own[~usable] = shapely.Polygon()
-        found.append(ParkingAreas(free_space, facings, piece, areas, ladder, usable, own, back))
+        found.append(ParkingAreas(free_space, facings, piece, areas, ladder, usable, own))
     return found
 
 
@@ -230,18 +236,7 @@ def reordered(scene: Scene, parking_areas: ParkingAreas, order: Sequence[int]) -
         place[parking_areas.ladder.target], kind="stable"
     )  # as rows of areas, so their components
     narrow, usable = parking_areas.narrow[by], parking_areas.usable[by]
-    return ParkingAreas(
-        free_space, parking_areas.facings, parking_areas.piece, moved, ladder, usable, narrow, _linked(ladder)
-    )
-
-
-def _linked(ladder: Ladder) -> tuple[tuple[int, ...], ...]:
-    """For each component those of the set-point before that it is joined to on its side."""
-    back: list[list[int]] = [[] for _ in ladder.component]
-    for m, k in ladder.edges.tolist():
-        if ladder.side[m] == ladder.side[k]:
-            back[k].append(m)
-    return tuple(map(tuple, back))
+    return ParkingAreas(free_space, parking_areas.facings, parking_areas.piece, moved, ladder, usable, narrow)
 
 
 def _pieces(scene: Scene, free_space: FreeSpace, ladder: Ladder) -> list[int]:
