@@ -22,7 +22,6 @@ from regionik.explain import arm_failures
 from regionik.mfabrik import configurations
 from regionik.moving.base_motion import Candidate
 from regionik.moving.grown_runs import GrownRun, RunGrowth
-from regionik.moving.layered_search import LayeredSearch
 from regionik.moving.path_search import (
     MAX_STALLED_CANDIDATES,
     JoinedMotion,
@@ -55,10 +54,7 @@ def connect_setpoints(scene: Scene, pruned: Pruned, free_space: FreeSpace, seed:
     Raises NoPlanFound where the arm touches something in every posture that was looked at, or cannot get
     there.
     """
-    layers = None
-    if scene.robot.drive.rolls:
-        layers = LayeredSearch(scene, pruned.ladder, pruned.keep, pruned.breaks, free_space)
-    search = path_search(scene, pruned.ladder, free_space, seed, layers)
+    search = path_search(scene, pruned.ladder, free_space, seed)
     return _Connection(pruned, free_space, search, RunGrowth(search)).made()
 
 

@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from itertools import chain as one_after_another
-from itertools import islice
 
 import numpy as np
 import shapely
@@ -23,7 +22,6 @@ from regionik.areas.sampled_reach import sampled_reach
 from regionik.ladder import Ladder
 from regionik.mfabrik import Solver, solver_for
 from regionik.moving.base_motion import Candidate
-from regionik.moving.layered_search import LayeredSearch
 from regionik.moving.path_following import ResolvedMotion
 from regionik.planners.avoidance.clear_posture import (
     ClearPosture,
@@ -95,8 +93,6 @@ class ConfigurationSampler:
     ladder: Ladder
     free_space: FreeSpace
     seed: int
-    # Of a base on wheels; of another, and of one that stands still, there is none
-    layers: LayeredSearch | None = None
     resolved: ResolvedMotion | None = None
     evidence: dict[int, Evidence] = field(default_factory=dict)  # what was looked at, by set-point
     _places: dict[int, Array] = field(default_factory=dict)
@@ -113,12 +109,9 @@ class ConfigurationSampler:
         The robot comes from ``here``, and M-FABRIK found the ``nominal`` one, which is far where base and
         joints have gone on ``together`` to here: then they go on so first.
         """
-        poses = iter(()) if self.layers is None else self.layers.onward(i, components, here.base)
-        stood = (islice(self._near_postures(i, base, k, here), 1) for base, k in poses)
         known = self.nominal(i, components, here, nominal), self.resolved_onward(i, here)
         likely = known[::-1] if together else known
-        sought = self._sought(i, components, here)
-        return self._meeting(one_after_another.from_iterable(stood), *likely, sought)
+        return self._meeting(*likely, self._sought(i, components, here))
 
     def arrivals(
         self, i: int, components: Sequence[int], here: Pose, nominal: Candidate
@@ -127,12 +120,8 @@ class ConfigurationSampler:
 
         If no nearby posture is clear, others are tried: an arm with its tool lifted may change its posture.
         """
-        poses = iter(()) if self.layers is None else self.layers.arrivals(i, components, here.base)
-        some = ((self._near_postures(i, *pose, here), self.other_postures(i, *pose)) for pose in poses)
-        stood = (islice(one_after_another(*postures), 1) for postures in some)
         known = self.nominal(i, components, here, nominal), self.nearest(i, components, here)
-        sought = self._sought(i, components, here)
-        return self._meeting(one_after_another.from_iterable(stood), *known, sought)
+        return self._meeting(*known, self._sought(i, components, here))
 
     def _meeting(self, *found: Iterator[Candidate]) -> Iterator[Candidate]:
         return (candidate for candidate in one_after_another(*found) if self.meets(candidate.pose))
@@ -242,16 +231,6 @@ class ConfigurationSampler:
         found = Configuration(way[-1].base, way[-1].joints, 0.0, 0, True)  # measured on arrival
         for k in self._by_nearness(range(*self.ladder.rungs[i : i + 2]), way[-1])[:1]:
             yield Candidate(found, k, tuple(way))
-
-    def _near_postures(self, i: int, base: Array, k: int, here: Pose) -> Iterator[Candidate]:
-        """Yield collision-free postures that FABRIK and damped least squares find from the present one."""
-        solver, target = self.solver(k, float(base[2])), self.scene.task[i]
-        for found in (solver.hold, solver.least_change):
-            one = found(target, base, here.joints)
-            if one is not None and one.converged:
-                candidate = Candidate(replace(one, base=base), k)
-                if self.clear(i, candidate.pose):
-                    yield candidate
 
     def other_postures(self, i: int, base: Array, k: int) -> Iterator[Candidate]:
         """Yield collision-free postures at a base pose, from starts sampled within the joint limits."""
@@ -384,11 +363,8 @@ class ConfigurationSampler:
         return self._clear[key]
 
     def _heading(self, k: int, target: Array, axis: Array) -> float:
-        """Return a heading of a component: the cheapest on wheels, else the nearest to the target."""
-        yaw = None if self.layers is None else self.layers.heading(int(self.ladder.target[k]), axis)
-        if yaw is None:
-            yaw = float(np.arctan2(*(target[:2] - axis)[::-1]))
-        return into_span(yaw, self._span(k))
+        """Return the heading of a component that is nearest to that towards the target."""
+        return into_span(float(np.arctan2(*(target[:2] - axis)[::-1])), self._span(k))
 
     def _span(self, k: int) -> tuple[float, float]:
         """Return the range of headings of a component [rad]."""

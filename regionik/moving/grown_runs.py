@@ -55,15 +55,17 @@ class RunGrowth:
     def runs_from(self, i: int, end: int, seeds: Seeds) -> Iterator[GrownRun]:
         """Yield runs through set-point i towards ``end``, none of which gets less far than one before.
 
-        They begin there, and then where the farthest is stuck as long as that leads farther. After a whole
-        one there may be others, for whom that one does not do.
+        They begin there, then where the farthest is stuck as long as that leads farther, then midway. After
+        a whole one there may be others, for whom that one does not do.
         """
         farthest = at = i
         for run in self._through(i):
             farthest = run.end
             yield run
-        while True:
-            passed = list[int]()
+        begun = set[int]()
+        while at not in begun:
+            begun.add(at)
+            passed, before = list[int](), farthest
             for seed in seeds(at):
                 run = self._grown(at, seed, range(i, end))
                 self.known.append(run)
@@ -72,11 +74,11 @@ class RunGrowth:
                     farthest = run.end
                     tell("run", farthest - i, end - i)
                     yield run
-                if i < at < farthest < end or self._in_vain(passed):
+                if (at > i and before < farthest < end) or self._in_vain(passed):
                     break
-            if farthest in (at, end):
+            if farthest == end:
                 break
-            at = farthest
+            at = (i + end) // 2 if farthest in begun else farthest
 
     def _through(self, i: int) -> list[GrownRun]:
         """Return the known runs through a set-point, the one that gets farthest last."""

@@ -20,7 +20,6 @@ from regionik.ladder import Ladder
 from regionik.moving.base_motion import Candidate, StationaryPaths
 from regionik.moving.configuration_sampling import ConfigurationSampler, Evidence
 from regionik.moving.drivers import driver_for
-from regionik.moving.layered_search import LayeredSearch
 from regionik.moving.path_following import PathFollower, ResolvedMotion
 from regionik.moving.transit import TransitPlanner
 from regionik.planners.driving.point_planner import NoPathError
@@ -262,13 +261,11 @@ class RunSearch:
             tell("run", len(self.best), self.count)
 
 
-def path_search(
-    scene: Scene, ladder: Ladder, free_space: FreeSpace, seed: int, layers: LayeredSearch | None
-) -> PathSearch:
-    """Return the search of a world whose base moves with the tool; on wheels by a layered graph."""
+def path_search(scene: Scene, ladder: Ladder, free_space: FreeSpace, seed: int) -> PathSearch:
+    """Return the search of a world whose base moves with the tool."""
     search = search_from_places(scene, ladder, free_space, seed)
     follower = replace(search.follower, paths=search.transits.driver.paths(ladder))
-    sampler = replace(search.sampler, layers=layers, resolved=ResolvedMotion(scene, search.collision))
+    sampler = replace(search.sampler, resolved=ResolvedMotion(scene, search.collision))
     return replace(search, sampler=sampler, follower=follower)
 
 
