@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from regionik.pipeline import plan
 from regionik.verification.verifier import verify
-from regionik.worlds.documents.world_file import load_world
 from tests.harness.rasters import bent_panel, carried
+from tests.harness.worlds import WORLDS
 
 
 def test_a_run_that_is_stuck_is_grown_from_there_towards_both_ends() -> None:
@@ -18,8 +16,7 @@ def test_a_run_that_is_stuck_is_grown_from_there_towards_both_ends() -> None:
 
 
 def test_a_run_that_gets_through_from_neither_end_is_grown_from_midway() -> None:
-    """On two wheels a base that begins at the first set-point of the pillar is stuck at the tenth, or back."""
-    world = load_world("pillar")
-    found = plan(replace(world, robot=replace(world.robot, base="differential")))
+    """On two wheels a base is stuck on its way along the pillar, whichever end it begins from."""
+    found = plan(WORLDS["pillar-differential"]())
     assert found.lift_offs == 1
     assert verify(found).ok
