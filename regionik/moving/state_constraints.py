@@ -42,7 +42,7 @@ class StateConstraints:
         parts += [self.on_floor(states)] if self.room else []
         parts += [self._clear(states)] if self.collision.enabled else []
         if not parts:
-            return HalfSpaces(np.empty(0, np.int64), np.empty((0, states.shape[1])), np.empty(0), np.empty(0))
+            return _no_half_spaces(states)
         columns = ((one.state, one.normal, one.least, one.cost) for one in parts)
         return HalfSpaces(*(np.concatenate(column) for column in zip(*columns, strict=True)))
 
@@ -70,6 +70,8 @@ class StateConstraints:
         far = reach + float(np.hypot(x, y).max())  # an outline takes longer than the point in it
         spots = shapely.points(states[:, :2])
         near = np.unique(self._floor_edges.query(spots, predicate="dwithin", distance=far)[0])
+        if not len(near):
+            return _no_half_spaces(states)
         outlines = shapely.convex_hull(
             shapely.multipoints((turned + states[:, None, :2])[near])
         )  # of one, too
@@ -132,6 +134,10 @@ class StateConstraints:
         ends = self.room.edges.reshape(-1, 2, 2)
         alone = (ends[:, 0] == ends[:, 1]).all(axis=1)  # the middle of what is round
         return shapely.STRtree(np.where(alone, shapely.points(ends[:, 0]), shapely.linestrings(ends)))
+
+
+def _no_half_spaces(states: Array) -> HalfSpaces:
+    return HalfSpaces(np.empty(0, np.int64), np.empty((0, states.shape[1])), np.empty(0), np.empty(0))
 
 
 def _quadrant(ways: Array, yaw: Array) -> Index:
