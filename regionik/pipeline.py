@@ -352,8 +352,7 @@ def _plan_path(scene: Scene, seed: int) -> Plan:
     free_space, areas, pruned = whole_path(scene)
     joined = connect_setpoints(scene, pruned, free_space, seed)
     shown = planned_areas(scene, areas, free_space, pruned.left)
-    found = _verified(_finished(scene, seed, joined, shown))
-    return smooth_motion(scene, found, free_space)
+    return _verified(smooth_motion(scene, _finished(scene, seed, joined, shown), free_space))
 
 
 def _plan_stops(scene: Scene, seed: int) -> Plan:

@@ -2,8 +2,8 @@
 
 What the search found is a way round things, not a way to drive: it goes to the nearest place again and
 again. Here each run is laid out evenly along the tool's path and smoothed by `path_smoothing`, and the plan
-is proven anew. Where a check fails, the states near it are asked to keep farther off, then are held closer to
-what was proven before; a run that cannot be proven stays as it was.
+is proven. Where a check fails, the states near it are asked to keep farther off, then are held closer to what
+the search found; a run that cannot be proven stays as it was.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ Failed = dict[int, list[int]]  # states that failed, by run
 
 
 def smooth_motion(scene: Scene, plan: Plan, free_space: FreeSpace) -> Plan:
-    """Return a plan with smoother motion while the tool is on its path, proven like the one it came from.
+    """Return a plan that is not timed with smoother motion while the tool is on its path, verified.
 
-    The plan is verified and not timed; it is returned itself where nothing could be made smoother.
+    It is returned itself, and not verified, where nothing could be made smoother.
     """
     way, drive = np.diff([target.position for target in scene.task], axis=0), scene.robot.drive
     long = float(np.linalg.norm(way, axis=1).sum()) > LONG_PATH and drive.turns_on_the_spot
