@@ -40,9 +40,10 @@ PLANNING = """
 import resource, sys, time
 from benchmarks.speed.areas import meander
 from regionik.pipeline import search
-search(meander(100, 100))
+from regionik.scene import scene_of
+search(scene_of(meander(100, 100)))
 begun = time.process_time()
-search(meander(int(sys.argv[1]), 100))
+search(scene_of(meander(int(sys.argv[1]), 100)))
 print(time.process_time() - begun, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20)
 """
 
