@@ -204,6 +204,22 @@ def test_some_of_many_areas_are_enough_for_a_cover_and_a_bound(
             assert areas[i].buffer(1e-9).covers(group.places[0])
 
 
+def field_of_holes(seed: int) -> World:
+    """Two hundred holes all over 4 x 3 m, in any order."""
+    rng = np.random.default_rng([seed, 6])
+    spots = np.column_stack([rng.uniform([0, 0], [4, 3], (200, 2)), rng.uniform(0.2, 0.4, 200)])
+    floor, rules = Floor(shapely.box(-1, -1, 5, 4)), replace(STOPS, order="any")
+    return World(f"{seed}", robot_named("youbot"), floor, (), tuple(map(Target, spots)), rules)
+
+
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 6))])
+def test_two_hundred_holes_in_any_order_are_proven_to_take_no_fewer_stops(seed: int) -> None:
+    found = park(scene_of(field_of_holes(seed)))
+    assert sorted(i for group in found.groups for i in group.setpoints) == list(range(200))
+    assert len(found.groups) == found.known["fewest_of_inner_areas"]  # proven, of the areas as they are
+    assert len(found.groups) - 1 <= found.lower <= len(found.groups)  # of all that areas leave open
+
+
 def test_what_a_place_serves_does_not_depend_on_what_was_asked_before() -> None:
     """The zero of the arm's plane was taken from a set-point out of its reach where that came first."""
     world = scattered(0, 0.8)
