@@ -106,18 +106,16 @@ def board(name: str, x: float, y: float, z: float, wide: float, deep: float) -> 
 
 
 COLUMN = LinkBox(BASE, "column", translation(0.0, 0.0, 0.55), np.array([0.2, 0.2, 0.7]))
+BARE = replace(under_a_table().robot, base_solids=())
 SHOWN = {
-    "a torso on a lift alone": lambda robot: rising(replace(robot, base_solids=()), 0.1),
-    "a column on a base that is a point": lambda robot: replace(
-        robot, footprint=np.zeros((1, 2)), base_solids=(COLUMN,)
-    ),
+    "a torso on a lift alone": rising(BARE, 0.1),
+    "a column on a base that is a point": replace(BARE, footprint=np.zeros((1, 2)), base_solids=(COLUMN,)),
 }
 
 
 @pytest.mark.parametrize("name", SHOWN)
 def test_pictures_show_no_floor_as_free_where_the_body_cannot_stand(name: str) -> None:
-    world = under_a_table()
-    world = replace(world, robot=SHOWN[name](world.robot))
+    world = replace(under_a_table(), robot=SHOWN[name])
     body, floor = Body(world_to_document(world), machine_of(world)), shown_floor(world)
     assert floor.rejected.covers(shapely.box(0.8, -0.3, 2.2, 0.3))
     edge = shapely.box(0.7, -0.4, 2.3, 0.4).exterior
