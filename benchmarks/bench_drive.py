@@ -6,6 +6,8 @@ Run: python -m benchmarks.bench_drive
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import shapely
@@ -55,7 +57,8 @@ def shortest(free: Polygon, start: Array, goal: Array) -> float:
     return float(dijkstra(graph, directed=False, indices=0)[1])
 
 
-def timed(function, *args, **kwargs):
+def timed(function: Callable[..., Any], *args: Any, **kwargs: Any) -> tuple[Any, float]:
+    """Return what a function returns, and the time that it took [ms]."""
     begin = time.perf_counter()
     answer = function(*args, **kwargs)
     return answer, 1e3 * (time.perf_counter() - begin)

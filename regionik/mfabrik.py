@@ -255,14 +255,21 @@ class Solver:
         """True where the base turns for the arm."""
         return self.heading != "fixed" and not self._bound
 
-    @property
+    @cached_property
     def _limited_robot(self) -> Robot:
         """The robot with the limits that its criteria leave."""
         return with_joint_margin(self.robot, self.criteria)
 
+    @cached_property
+    def _limits(self) -> tuple[Array, Array]:
+        """Lowest and highest values of its joints (dof,)."""
+        return self._limited_robot.chain.lower, self._limited_robot.chain.upper
+
     def _within(self, joints: Array) -> Array:
         """Postures (..., dof), what is beyond a limit put at it: one on target is taken as it is."""
-        return np.clip(joints, self._limited_robot.chain.lower, self._limited_robot.chain.upper)
+        lower, upper = self._limits
+        within: Array = np.minimum(np.maximum(joints, lower), upper)  # faster than `clip` of a few numbers
+        return within
 
     def _behind(self, joints: Array) -> Array:
         """Joints of the chain from its pivot on, within the limits that are kept."""

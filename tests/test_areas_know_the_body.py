@@ -10,6 +10,8 @@ import shapely
 
 import regionik as rik
 from regionik.scene import scene_of
+from regionik.view.floor_view import shown_floor
+from regionik.view.live import live_areas, live_picture
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import world_to_document
 from regionik.worlds.limits import Criteria
@@ -22,6 +24,7 @@ from tests.kinds import Mode
 from tests.maths import translation
 from tests.opinion.body import Body
 from tests.retold import machine_of
+from tests.test_colors import drawn
 
 DAILY = range(4)
 ALL = 16  # `make soak` goes through more of them
@@ -102,6 +105,32 @@ def board(name: str, x: float, y: float, z: float, wide: float, deep: float) -> 
     return Box(name, np.array([wide, deep, 0.04]), np.array([x, y, z]))
 
 
+COLUMN = LinkBox(BASE, "column", translation(0.0, 0.0, 0.55), np.array([0.2, 0.2, 0.7]))
+BARE = replace(under_a_table().robot, base_solids=())
+SHOWN = {
+    "a torso on a lift alone": rising(BARE, 0.1),
+    "a column on a base that is a point": replace(BARE, footprint=np.zeros((1, 2)), base_solids=(COLUMN,)),
+}
+
+
+@pytest.mark.parametrize("name", SHOWN)
+def test_pictures_show_no_floor_as_free_where_the_body_cannot_stand(name: str) -> None:
+    world = replace(under_a_table(), robot=SHOWN[name])
+    body, floor = Body(world_to_document(world), machine_of(world)), shown_floor(world)
+    assert floor.rejected.covers(shapely.box(0.8, -0.3, 2.2, 0.3))
+    edge = shapely.box(0.7, -0.4, 2.3, 0.4).exterior
+    beside = [edge.interpolate(at) for at in np.linspace(0, edge.length, 13)]
+    beside = [near for spot in beside if not (near := floor.free & spot.buffer(0.2)).is_empty]
+    assert len(beside) > 8
+    for near in beside:
+        spot = shapely.ops.nearest_points(near, shapely.Point(1.5, 0.0))[0]
+        for yaw in np.linspace(0, np.pi, 5):
+            assert not body.objections(np.array([spot.x, spot.y, yaw])), (spot, yaw)
+    live = live_picture(live_areas(world))
+    rejected = shapely.union_all([drawn(live, f"floor/rejected/{k}") for k in range(len(world.obstacles))])
+    assert rejected.buffer(0.01).covers(shapely.box(0.8, -0.3, 2.2, 0.3))
+
+
 def laboratory() -> World:
     """Objects on a bench, on a table too wide to be worked all over, and in a shelf; a base on two wheels."""
     robot = replace(under_a_table().robot, base="differential")
@@ -118,6 +147,7 @@ def laboratory() -> World:
     return World("laboratory", robot, Floor(shapely.box(0, -2, 6, 4)), solids, task, rules)
 
 
+@pytest.mark.slow
 def test_nothing_is_picked_from_under_a_table() -> None:
     """Stops, single answers, the field and the plan; what lies in the middle of the wide table is left."""
     world = laboratory()

@@ -169,6 +169,17 @@ def arm_times(held: FixedBasePostures, world: World) -> np.ndarray:
     return far
 
 
+def test_of_areas_that_share_a_place_only_that_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Laid over each other, with many corners each, they had thousands of faces, all but two of no use."""
+    made = list[int]()
+    monkeypatch.setattr(shapely, "polygonize", lambda lines: made.append(len(lines)))
+    rng = np.random.default_rng(2)
+    centers = np.concatenate([at + rng.uniform(-0.2, 0.2, (60, 2)) for at in (0.0, 3.0)])
+    found = overlay_faces(np.array([shapely.Point(at).buffer(1.0, 40) for at in centers], dtype=object))
+    assert not made
+    assert sorted(found.inside.tolist()) == [[False] * 60 + [True] * 60, [True] * 60 + [False] * 60]
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_groups_of_areas_have_the_faces_of_all_of_them(seed: int) -> None:
     """Of each group alone, some with a place that all share: no spot lies in more areas than a face tells."""

@@ -9,7 +9,7 @@ from types import ModuleType
 import pytest
 
 from benchmarks.speed import __main__ as writer
-from benchmarks.speed import batch, solver
+from benchmarks.speed import areas, batch, solver
 from benchmarks.speed.harness import Row, Size, Spread, Wanted, absent, against, counted, timed
 from benchmarks.speed.report import as_json, as_markdown, machine, seconds
 
@@ -131,3 +131,10 @@ def test_passes_with_shapely_are_the_solver_s_own() -> None:
     met, asked = (int(word) for word in row.note.split(" targets")[0].split(" of "))
     assert asked == 15
     assert met >= 12
+
+
+@pytest.mark.slow
+def test_a_long_path_is_planned_in_a_process_of_its_own() -> None:
+    seconds, most = areas.planned_alone(300)
+    assert seconds > 0
+    assert 0 < most < 2  # GiB, of a path of 100,000 set-points

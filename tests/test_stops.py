@@ -30,7 +30,7 @@ from regionik.view.floor_view import floor_view
 from regionik.view.plan_picture import picture_of_plan
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
-from regionik.worlds.documents.world_file import load_world
+from regionik.worlds.documents.world_file import load_world, world_to_document
 from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.obstacles import Box, Cylinder, Sphere
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
@@ -202,6 +202,28 @@ def test_some_of_many_areas_are_enough_for_a_cover_and_a_bound(
     for group in found.groups:
         for i in group.setpoints:
             assert areas[i].buffer(1e-9).covers(group.places[0])
+
+
+def field_of_holes(seed: int) -> World:
+    """Two hundred holes all over 4 x 3 m, in any order."""
+    rng = np.random.default_rng([seed, 6])
+    spots = np.column_stack([rng.uniform([0, 0], [4, 3], (200, 2)), rng.uniform(0.2, 0.4, 200)])
+    floor, rules = Floor(shapely.box(-1, -1, 5, 4)), replace(STOPS, order="any")
+    return World(f"{seed}", robot_named("youbot"), floor, (), tuple(map(Target, spots)), rules)
+
+
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 6))])
+def test_two_hundred_holes_in_any_order_take_as_few_stops_as_is_proven(
+    seed: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One more at most: inner areas are a little smaller than those that the bound is of."""
+    path = tmp_path / "holes.world.yaml"
+    path.write_text(json.dumps(world_to_document(field_of_holes(seed))))
+    assert run(["stops", str(path), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert sorted(i for stop in told["stops"] for i in stop["setpoints"]) == list(range(200))
+    assert told["unconfirmed"] == []
+    assert 0 <= told["stats"]["count"] - told["stats"]["lower_bound"] <= (seed == 3)
 
 
 def test_what_a_place_serves_does_not_depend_on_what_was_asked_before() -> None:

@@ -86,6 +86,20 @@ def test_a_box_fits_a_turned_cloud() -> None:
     assert np.linalg.det(frame[:3, :3]) == pytest.approx(1)
 
 
+def test_a_box_fits_a_finger_whose_corners_are_doubled() -> None:
+    """Of a Stretch's gripper: corners a nanometre apart, on which the engine of boxes fails."""
+    side = [
+        (-5.89678766e-02, 1.26535268e-01), (-5.78805739e-02, 1.81524509e-01),
+        (-2.03183000e-02, 5.78432217e-02), (-2.03182985e-02, 5.78432217e-02),
+        (-1.65457722e-02, 2.48635027e-01), (-1.65457706e-02, 2.48635027e-01),
+    ]  # fmt: skip
+    corners = np.array([(x, y, z) for x, z in side for y in (-9.77647322e-10, 2.30000010e-02)])
+    T, size = oriented_box(corners)
+    local = (corners - T[:3, 3]) @ T[:3, :3]
+    assert (np.abs(local) <= size / 2 + 1e-12).all()
+    assert np.prod(size) <= np.prod(np.ptp(corners, axis=0))
+
+
 # --- the crane
 
 

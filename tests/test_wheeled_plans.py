@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
 
 from regionik import plan, verify
+from regionik.planners.tries import at_most, counted
 from regionik.values import Plan
 from regionik.worlds.bundled import robot_named
+from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
@@ -159,3 +162,16 @@ def test_wheels_do_not_take_every_heading(heading: str) -> None:
     world = wall("car")
     with pytest.raises(InputError, match="a base on wheels turns as it drives, expected free"):
         plan(replace(world, rules=replace(world.rules, heading=heading)))  # type: ignore[arg-type]
+
+
+TIGHT = Path(__file__).parent / "data" / "tight_car"  # a world of our own: random solids round a known motion
+
+
+@pytest.mark.slow
+def test_a_car_among_solids_is_planned_with_a_number_of_tries_that_goes_with_its_path() -> None:
+    """About 320 in all; it once took two minutes of search to be refused."""
+    world = load_world(TIGHT / "world.yaml")
+    with counted() as tries, at_most(300 * len(world.task)):
+        found = plan(world)
+    assert verify(found).ok
+    assert tries.made > len(world.task)

@@ -40,9 +40,10 @@ PLANNING = """
 import resource, sys, time
 from benchmarks.speed.areas import meander
 from regionik.pipeline import search
-search(meander(100, 100))
+from regionik.scene import scene_of
+search(scene_of(meander(100, 100)))
 begun = time.process_time()
-search(meander(int(sys.argv[1]), 100))
+search(scene_of(meander(int(sys.argv[1]), 100)))
 print(time.process_time() - begun, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20)
 """
 
@@ -203,7 +204,7 @@ def _growth(size: Size) -> Iterator[Row]:
     seconds = [_areas_and_pruning(meander(n, 100)) for n in counts]
     yield _slope("areas and pruning, set-points", counts, seconds, 1.1)
     seconds = [_seconds(lambda n=n: search(scene_of(meander(n, 100)))) for n in counts[:-1]]  # type: ignore[misc]
-    last, most = _alone(counts[-1])
+    last, most = planned_alone(counts[-1])
     yield _slope("whole plans, verified, set-points", counts, [*seconds, last], 1.1)
     what = f"most memory of a process that plans {counts[-1]:,} set-points"
     yield counted(what, "GiB", [most], Wanted(2.0, False, "GiB"))
@@ -212,7 +213,7 @@ def _growth(size: Size) -> Iterator[Row]:
     yield _slope("areas and pruning, obstacles of which none is near", counts, seconds, 0.3)
 
 
-def _alone(count: int) -> tuple[float, float]:
+def planned_alone(count: int) -> tuple[float, float]:
     """Processor time of a whole plan in a process of its own [s], and the most memory it takes [GiB]."""
     done = subprocess.run(
         [sys.executable, "-c", PLANNING, str(count)], capture_output=True, text=True, check=True

@@ -132,6 +132,11 @@ class Ground:
         """True where headings make next to no difference to what the base could hit."""
         return all(layer.far - layer.near < MAX_ROUND_DEVIATION for layer in (self.base, *self.around))
 
+    @property
+    def within(self) -> tuple[BodyLayer, ...]:
+        """Layers of what surely rejects: the footprint, and what stands above it from within."""
+        return self.base, *self.inside
+
     @cached_property
     def inner(self) -> Side:
         floor = shrunk(self.floor, self.far + ROUNDING_MARGIN, outside=False)
@@ -143,7 +148,7 @@ class Ground:
             floor = grown(self.floor, -self.near, outside=True)
         else:
             floor = shrunk(self.floor, self.near, outside=True)
-        return Side(floor, all_taken((self.base, *self.inside), inner=False))
+        return Side(floor, all_taken(self.within, inner=False))
 
     def cut_to(self, region: BaseGeometry) -> Ground:
         """The ground cut to what matters to a base within a region: floor and shadows."""
@@ -163,15 +168,6 @@ class Ground:
             for layer, distance in keep.items()
             for name, taken in layer.grown_about(shape, distance)
         ]
-
-    def surely_taken(self, name: str) -> tuple[tuple[Shadow, float], ...]:
-        """Return a solid's shadows, and how far to grow each for what it rejects at every heading [m]."""
-        return tuple(
-            (shadow, layer.clearance + layer.near)
-            for layer in (self.base, *self.inside)
-            for one, shadow in zip(layer.names, layer.shadows, strict=True)
-            if one == name
-        )
 
     def upper(self, offset: Array, margin: float = ROUNDING_MARGIN) -> list[Outline]:
         """Outlines above the footprint about another point, (2,) from there to the arm axis [m]."""

@@ -219,6 +219,16 @@ def all_taken(layers: Sequence[BodyLayer], *, inner: bool) -> Geometries:
     return disjoint(np.array([one for layer in layers for one in layer.taken(inner=inner)], dtype=object))
 
 
+def surely_taken(layers: Iterable[BodyLayer], name: str) -> tuple[tuple[Shadow, float], ...]:
+    """Return a solid's shadows, and how far to grow each for what it rejects at every heading [m]."""
+    return tuple(
+        (shadow, layer.clearance + layer.near)
+        for layer in layers
+        for one, shadow in zip(layer.names, layer.shadows, strict=True)
+        if one == name
+    )
+
+
 def disjoint(shapes: Geometries) -> Geometries:
     """Union as disjoint polygons."""
     parts: Geometries = shapely.get_parts(shapely.disjoint_subset_union_all(shapes))

@@ -134,7 +134,7 @@ def reach_field(world: World, targets: ArrayLike | Sequence[Target], cell: float
     x, y = _axes(world.floor.polygon.bounds, cell)
     best = np.zeros((len(y), len(x)), dtype=np.int32)
     heading = np.full(best.shape, np.nan)
-    for side in scene.free_floor.by_heading.sides:
+    for side in scene.free_floor.turning.sides:
         free = _inside(side.free, x, y)
         count = _counted(scene, asked, side, free, x, y)
         better = count > best

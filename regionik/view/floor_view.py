@@ -11,6 +11,7 @@ import shapely
 from shapely.geometry import MultiPolygon, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
+from regionik.areas.layers import all_taken
 from regionik.postures.poses import axis_of
 from regionik.regions import Area
 from regionik.scene import scene_of
@@ -26,25 +27,26 @@ DETAIL = 0.002
 class ShownFloor(NamedTuple):
     """Disjoint parts of the floor, by places of the arm's axis."""
 
-    free: BaseGeometry  # the footprint has room at every heading
-    turning: BaseGeometry  # it may have room at some
-    rejected: BaseGeometry  # it has none at any heading, for solids or the floor's edge
+    free: BaseGeometry  # base and body have room at every heading
+    turning: BaseGeometry  # they may have room at some
+    rejected: BaseGeometry  # they have none at any heading, for solids or the floor's edge
 
 
 def shown_floor(world: World, detail: float = DETAIL) -> ShownFloor:
     """The floor in the parts that pictures show, as fine as ``detail`` [m].
 
-    No place in the part that is rejected is one where a plan that holds has its arm's axis: the part is
-    drawn a little too small.
+    Of what lifts carry that counts which is in the way at each of their heights. No place in the part that is
+    rejected is one where a plan that holds has its arm's axis: the part is drawn a little too small, and so
+    is the free one, where there is a part between them.
     """
-    ground, floor = scene_of(world).ground, world.floor.polygon
-    room = ground.outer.free
+    scene, floor = scene_of(world), world.floor.polygon
+    some, every = (shapely.union_all(all_taken(scene.lifted.within, inner=inner)) for inner in (True, False))
+    room, sure = scene.ground.outer.free - every, scene.ground.inner.free - some
     rejected = shapely.simplify(shapely.buffer(floor - room, -detail), detail)
-    turning: BaseGeometry = Polygon()
-    if ground.far > ground.near:
-        turning = shapely.simplify(shapely.buffer(room - ground.inner.free, -detail), detail)
-        turning = shapely.buffer(turning, detail, quad_segs=2) & floor - rejected
-    return ShownFloor(floor - rejected - turning, turning, rejected)
+    if shapely.buffer(room - sure, -detail).is_empty:
+        return ShownFloor(floor - rejected, Polygon(), rejected)
+    free = shapely.simplify(shapely.buffer(sure, -detail), detail) - rejected
+    return ShownFloor(free, floor - rejected - free, rejected)
 
 
 def rejected_words(world: World) -> str:

@@ -14,7 +14,7 @@ import shapely
 from numpy.typing import NDArray
 
 from regionik.areas.free_space import PathAreas
-from regionik.areas.layers import grow
+from regionik.areas.layers import grow, surely_taken
 from regionik.pruning import Pruned, whole_path
 from regionik.regions import path_areas
 from regionik.scene import scene_of
@@ -189,9 +189,11 @@ def live_picture(areas: LiveAreas) -> Picture:
 def live_meshes(areas: LiveAreas) -> list[SceneMesh]:
     """Floor, obstacles with what they reject, areas, and the tool path, but not the robot."""
     world = areas.world
-    ground = scene_of(world).ground
+    scene = scene_of(world)
+    layers = (*scene.ground.within, *scene.lifted.within)
     obstacles = (
-        _obstacle_meshes(solid, k, ground.surely_taken(solid.name)) for k, solid in enumerate(world.obstacles)
+        _obstacle_meshes(solid, k, surely_taken(layers, solid.name))
+        for k, solid in enumerate(world.obstacles)
     )
     return [
         *_area_meshes(areas),

@@ -86,11 +86,20 @@ def oriented_box(points: Array) -> tuple[Array, Array]:
     widths, axes = _principal_axes(points)
     turns = [np.eye(3), axes]
     if 3 < len(points) <= _BOUNDS.max_boxed and not _is_flat(widths):  # trimesh fails on flat clouds
-        import trimesh  # takes long to load
-
-        engine: Any = trimesh.bounds
-        turns.append(np.asarray(engine.oriented_bounds(points)[0], dtype=np.float64)[:3, :3].T)
+        turns.append(_engine_axes(points))
     return _smallest_box(points, turns)
+
+
+def _engine_axes(points: Array) -> Array:
+    """Axes (3, 3) of the least box that the engine knows; our own where it fails, as on doubled corners."""
+    import trimesh  # takes long to load
+
+    engine: Any = trimesh.bounds
+    try:
+        return np.asarray(engine.oriented_bounds(points)[0], dtype=np.float64)[:3, :3].T
+    except ValueError:
+        turned: Array = fast_oriented_box(points)[0][:3, :3]
+        return turned
 
 
 def fast_oriented_box(points: Array) -> tuple[Array, Array]:
