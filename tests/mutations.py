@@ -400,7 +400,7 @@ FAULTS = (
         "configurations: the heading is that of the state before",
         "regionik/mfabrik.py",
         "plane = self._yaw(base) - float(self.robot.mount[3]) + float(q[k])",
-        "plane = yaw + float(q[k])",
+        "plane = float(base[2]) - float(self.robot.mount[3]) + float(q[k])",
         ("tests/test_laws.py",),
     ),
     Fault(
@@ -532,8 +532,10 @@ FAULTS = (
     Fault(
         "verify: accelerations at the starts of segments alone",
         "regionik/verification/speeds.py",
-        "np.linalg.norm(values, order, axis=2).max(axis=1)",
-        "np.linalg.norm(values, axis=2)[:, 0] * (part == 0)",
+        "in bernstein_parts(polynomials):\n"
+        "        bounds = np.maximum(bounds, np.linalg.norm(values, order, axis=2).max(axis=1))\n",
+        "in [next(bernstein_parts(polynomials))]:\n"
+        "        bounds = np.maximum(bounds, np.linalg.norm(values, order, axis=2)[:, 0])\n",
         ("tests/test_verify_speeds.py",),
     ),
     Fault(
@@ -575,7 +577,7 @@ FAULTS = (
         "smoothing: a car may leave its way",
         "regionik/smoothing/runs.py",
         "fixed[:, :3] = not scene.robot.drive.turns_on_the_spot",
-        "fixed[:, :1] = not world.robot.drive.turns_on_the_spot",
+        "fixed[:, :1] = not scene.robot.drive.turns_on_the_spot",
         ("tests/test_smoothing.py",),
     ),
     Fault(

@@ -40,6 +40,15 @@ def test_frames_are_those_of_the_reference(chain: Chain) -> None:
 
 
 @pytest.mark.parametrize("chain", [lifted_arm(), dh_arm()], ids=["lift", "dh"])
+def test_links_move_as_their_joints_do(chain: Chain) -> None:
+    q = np.random.default_rng(2).uniform(-1, 1, (20, chain.dof))
+    T = np.eye(4)
+    for k, joint in enumerate(chain.joints):
+        T = T @ joint.T_parent_joint @ joint.transform(q[:, k])
+        np.testing.assert_allclose(chain.frames(q)[:, k], T, atol=1e-14)
+
+
+@pytest.mark.parametrize("chain", [lifted_arm(), dh_arm()], ids=["lift", "dh"])
 def test_jacobian_is_the_derivative(chain: Chain) -> None:
     rng = np.random.default_rng(1)
     arm, frames, J = serial_arm(chain), np.empty((chain.dof + 1, 4, 4)), np.empty((6, chain.dof))
