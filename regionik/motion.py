@@ -1,9 +1,9 @@
 """The motion between configurations: the tool stays on its path wherever areas and obstacles allow it.
 
-Where the tool is turned as asked, runs of base and joints together are grown from configurations at one
-set-point, and at those where they are stuck. A search of clear configurations follows what M-FABRIK found,
-and tries others of the same set-point where the arm would touch something. Where a run ends, the tool is
-lifted and the base drives over free floor.
+Where the tool is turned as asked, and on wheels, runs of base and joints together are grown from
+configurations at one set-point, where they are stuck, and midway. A search of clear configurations follows
+what M-FABRIK found, and tries others of the same set-point where the arm would touch something. Where a run
+ends, the tool is lifted and the base drives over free floor.
 """
 
 from __future__ import annotations

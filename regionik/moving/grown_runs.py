@@ -1,7 +1,8 @@
 """Runs of set-points with base and joints moving together, grown from a configuration towards both ends.
 
 A motion with the tool on its path may be gone through either way, so a run need not begin where the path
-does. Where the farthest run is stuck others are begun, and grow back to where it began and onward past there.
+does. Where the farthest run is stuck, and midway, others are begun, and grow back to where it began and
+onward past there.
 """
 
 from __future__ import annotations
