@@ -385,8 +385,15 @@ FAULTS = (
     Fault(
         "areas: floors shrunk by chords of the arcs",
         "planners/geometry/offsets.py",
-        "more=not outside",
-        "more=False",
+        "return _offset(shape, -_distance_for_more(shape, by, -1.0))",
+        "return _offset(shape, -by)",
+        ("tests/test_offsets.py",),
+    ),
+    Fault(
+        "areas: shallow bays that are filled too deep go unseen",
+        "planners/geometry/offsets.py",
+        "if over <= MEASURED:",
+        "if over <= by:",
         ("tests/test_offsets.py",),
     ),
     Fault(
