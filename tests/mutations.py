@@ -488,13 +488,6 @@ FAULTS = (
         ("tests/test_transit.py",),
     ),
     Fault(
-        "timing: wheels may slip far",
-        "regionik/timing/inserted_states.py",
-        "np.where(path.slipping, np.inf, off)",
-        "off",
-        ("tests/test_steering.py",),
-    ),
-    Fault(
         "timing: what wheels slip is no velocity",
         "regionik/timing/smooth_path.py",
         "np.column_stack([row.real, row.imag]) + slip_rate",
