@@ -16,6 +16,7 @@ from regionik.reachability.reach import reach
 from regionik.scene import scene_of
 from regionik.verification import arm_clearance
 from regionik.verification.verifier import verify
+from regionik.view.floor_view import shown_floor
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.obstacles import Prism, Shadow
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
@@ -197,3 +198,18 @@ def test_a_plan_made_near_its_path_is_verified_in_the_whole_world() -> None:
     found = plan(world)
     assert found.world is world or found.world.floor is world.floor
     assert verify(found).ok
+
+
+def test_the_rejected_floor_of_a_speckled_map_is_drawn_blob_by_blob(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All at once it takes minutes."""
+    world, simplify, asked = speckled(), shapely.simplify, list[int]()
+
+    def simplifying(shape: Array, *rest: float) -> Array:
+        asked.append(int(np.max(shapely.get_num_geometries(shape))))
+        simple: Array = simplify(shape, *rest)
+        return simple
+
+    monkeypatch.setattr(shapely, "simplify", simplifying)
+    rejected = shown_floor(world).rejected
+    assert shapely.get_num_geometries(rejected) > 500
+    assert max(asked) == 1

@@ -39,12 +39,19 @@ def shown_floor(world: World, detail: float = DETAIL) -> ShownFloor:
     """
     ground, floor = scene_of(world).ground, world.floor.polygon
     room = ground.outer.free
-    rejected = shapely.simplify(shapely.buffer(floor - room, -detail), detail)
+    rejected = _simplified(shapely.buffer(floor - room, -detail), detail)
     turning: BaseGeometry = Polygon()
     if ground.far > ground.near:
-        turning = shapely.simplify(shapely.buffer(room - ground.inner.free, -detail), detail)
+        turning = _simplified(shapely.buffer(room - ground.inner.free, -detail), detail)
         turning = shapely.buffer(turning, detail, quad_segs=2) & floor - rejected
     return ShownFloor(floor - rejected - turning, turning, rejected)
+
+
+def _simplified(shape: BaseGeometry, detail: float) -> BaseGeometry:
+    """Polygons simplified part by part: all at once take minutes where a map has thousands of blobs."""
+    parts = shapely.get_parts(shape)
+    simple: BaseGeometry = shapely.multipolygons(shapely.simplify(parts, detail))
+    return simple if len(parts) != 1 else shapely.get_parts(simple)[0]
 
 
 def rejected_words(world: World) -> str:
