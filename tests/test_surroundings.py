@@ -16,6 +16,7 @@ from regionik.reachability.reach import reach
 from regionik.scene import scene_of
 from regionik.verification import arm_clearance
 from regionik.verification.verifier import verify
+from regionik.view.floor_view import shown_floor
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.obstacles import Prism, Shadow
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
@@ -150,6 +151,35 @@ def test_a_plan_is_verified_by_what_is_near_it_alone(monkeypatch: pytest.MonkeyP
     assert any("post" in one.text for one in verify(replace(found, world=blocked)).violations)
 
 
+def test_of_a_long_wall_verification_cuts_what_is_near_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However few other solids there are."""
+    world = speckled(tuple(Target(np.array([x, 0.4, 0.3])) for x in (0.2, 0.3)))
+    found = plan(replace(world, floor=replace(world.floor, cells=world.floor.cells[-9:])))
+    cut, cutting = list[Piece](), solid_pieces
+
+    def counting(solid: Solid) -> list[Piece]:
+        pieces = cutting(solid)
+        cut.extend(pieces if solid.name == "wall" else ())
+        return pieces
+
+    with monkeypatch.context() as patch:
+        patch.setattr("regionik.planners.collision.distances.solid_pieces", counting)
+        for plan_in in (replace(found, world=replace(world, name="again")), found):
+            cut.clear()
+            assert verify(plan_in).ok
+            assert 0 < len(cut) < 60
+    again = replace(found, world=replace(found.world, floor=replace(found.world.floor)))
+    for place in ([0.0, 0.5], [29.0, 0.5]):  # on the wall
+        base = found.motion.base + [*(place - found.motion.base[0, :2]), 0.0]
+        moved = replace(again, motion=replace(found.motion, base=base))
+        near = verify(moved)
+        monkeypatch.setattr(arm_clearance, "MANY", 10**9)
+        whole = verify(moved)
+        monkeypatch.undo()
+        assert {"arm", "clearance"} <= {one.kind for one in near.violations}
+        assert [one.kind for one in near.violations] == [one.kind for one in whole.violations]
+
+
 def test_what_is_left_out_is_out_of_reach_and_what_is_cut_is_cut_beyond_it() -> None:
     world = speckled((Target(np.array([0.0, 0.2, 0.3])),))
     near, path = scene_of(world).within_reach(np.array([[0.0, 0.2]])), scene_of(world).about_path()
@@ -168,3 +198,18 @@ def test_a_plan_made_near_its_path_is_verified_in_the_whole_world() -> None:
     found = plan(world)
     assert found.world is world or found.world.floor is world.floor
     assert verify(found).ok
+
+
+def test_the_rejected_floor_of_a_speckled_map_is_drawn_blob_by_blob(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All at once it takes minutes."""
+    world, simplify, asked = speckled(), shapely.simplify, list[int]()
+
+    def simplifying(shape: Array, *rest: float) -> Array:
+        asked.append(int(np.max(shapely.get_num_geometries(shape))))
+        simple: Array = simplify(shape, *rest)
+        return simple
+
+    monkeypatch.setattr(shapely, "simplify", simplifying)
+    rejected = shown_floor(world).rejected
+    assert shapely.get_num_geometries(rejected) > 500
+    assert max(asked) == 1

@@ -57,14 +57,14 @@ def obstacles_from(solids: Sequence[Solid]) -> Obstacles:
 
 @lru_cache(maxsize=8)
 def _obstacles(solids: tuple[Solid, ...]) -> Obstacles:
-    return obstacles_among(solids, range(len(solids)))
+    return obstacles_among(solids, enumerate(solids))
 
 
-def obstacles_among(solids: tuple[Solid, ...], some: Iterable[int]) -> Obstacles:
-    """Prepare some of many solids, by their numbers: of the others there are no pieces."""
-    parts = [(k, piece) for k in some for piece in solid_pieces(solids[k])]
-    pieces = tuple(piece for _, piece in parts)
-    owner = np.array([k for k, _ in parts], dtype=np.int64)
+def obstacles_among(solids: tuple[Solid, ...], parts: Iterable[tuple[int, Solid]]) -> Obstacles:
+    """Prepare parts of some of many solids, each with its solid's number: of the rest there are no pieces."""
+    owned = [(k, piece) for k, part in parts for piece in solid_pieces(part)]
+    pieces = tuple(piece for _, piece in owned)
+    owner = np.array([k for k, _ in owned], dtype=np.int64)
     return Obstacles(solids, pieces, owner, *_bounding_boxes(pieces))
 
 

@@ -1,9 +1,10 @@
 """Shapes on the floor offset by a disc, and how far one reaches out of another, or into it.
 
 Offsets are made by GEOS, each on the side of the true one that is asked for. GEOS draws arcs as chords, and
-rounds how many: what is grown or taken away is less than the true one. It also fills shallow bays before it
-begins, a hundredth of the distance deep: there it is more. And where bays or holes are just filled it may
-leave a hole of some square millimetres or less.
+rounds how many: what is grown or taken away is less than the true one. Corners that hardly turn it does not
+round at all, and starts the next side where the one before ends. It also fills shallow bays before it begins,
+a hundredth of the distance deep and now and then more: there it is more, and how far it reaches is measured.
+And where bays or holes are just filled it may leave a hole of some square millimetres or less.
 """
 
 from __future__ import annotations
@@ -20,6 +21,12 @@ _QUAD_SEGMENTS = 12
 _QUANTUM = np.pi / (2 * _QUAD_SEGMENTS)  # angle of one segment of an arc [rad]
 ROUNDING = 1e-6  # a number of segments this near to the next may be rounded either way
 SHALLOW = 0.01  # of the distance: how deep bays may be that are filled
+UNROUNDED = 1.001e-3  # corners that turn by less are not rounded [rad]
+HALVINGS = 5  # of sides of an offset that are not seen to be as near as they should be
+MEASURED = 1e-9  # to which distances are [m]
+EASED = 1.2  # times what an offset reaches too far, by which less is asked for
+SNAPPED = 1e-3  # of the distance: how near corners of an offset may be that GEOS takes for one
+MAX_EASINGS = 6  # times that GEOS is asked for less, before nothing is grown or taken away
 SHRINK = 0.7  # of a circle for which something does not hold
 LEAST = 1e-4  # radius below which a circle is only its middle [m]
 
@@ -50,10 +57,9 @@ def grown(shape: BaseGeometry, by: float, *, outside: bool) -> BaseGeometry:
     >>> [round(grown(corner, 1.0, outside=side).area / np.pi, 4) for side in (True, False)]
     [1.0014, 0.9971]
     """
-    swept: BaseGeometry = shape.buffer(
-        _requested_distance(shape, by, 1.0, more=outside), quad_segs=_QUAD_SEGMENTS
-    )
-    return _filled(swept, shape, by) if outside else swept
+    if not outside:
+        return _offset_by_less(shape, by, 1.0)
+    return _filled(_offset(shape, _distance_for_more(shape, by, 1.0)), shape, by)
 
 
 def shrunk(shape: BaseGeometry, by: float, *, outside: bool) -> BaseGeometry:
@@ -66,10 +72,53 @@ def shrunk(shape: BaseGeometry, by: float, *, outside: bool) -> BaseGeometry:
     by : float
         Radius [m].
     """
-    left: BaseGeometry = shape.buffer(
-        -_requested_distance(shape, by, -1.0, more=not outside), quad_segs=_QUAD_SEGMENTS
-    )
-    return left
+    if outside:
+        return _offset_by_less(shape, by, -1.0)
+    return _offset(shape, -_distance_for_more(shape, by, -1.0))
+
+
+def _offset(shape: BaseGeometry, by: float) -> BaseGeometry:
+    offset: BaseGeometry = shape.buffer(by, quad_segs=_QUAD_SEGMENTS)
+    return offset
+
+
+def _offset_by_less(shape: BaseGeometry, by: float, side: float) -> BaseGeometry:
+    """Return the shape with its edge moved outwards (side 1) or inwards (-1) by at most ``by``."""
+    angles, depths = _turns(shape)
+    if not (side * angles < 0).any():
+        return _offset(shape, side * by)
+    asked = (1 - SHALLOW) * by if _has_shallow_bays(angles, depths, by, side) else by
+    for _ in range(MAX_EASINGS):
+        offset = _offset(shape, side * asked)
+        over = _overreach(offset, shape, by)
+        if over <= MEASURED:
+            return offset
+        asked -= max(EASED * over, SNAPPED * by)
+    return shape
+
+
+def _overreach(offset: BaseGeometry, shape: BaseGeometry, by: float) -> float:
+    """Upper bound for how much farther than ``by`` some point of an offset's edge is from the shape's [m].
+
+    From one side of the shape the distance is convex along a side of the offset, so its ends tell.
+    """
+    sides, ends = _sides(shape), shapely.get_coordinates(_sides(offset)).reshape(-1, 2, 2)
+    tree = shapely.STRtree(sides)
+    for halving in range(HALVINGS + 1):
+        start, end = ends[:, 0], ends[:, 1]
+        near = [tree.nearest(shapely.points(place)) for place in (start, (start + end) / 2, end)]
+        bounds = [
+            np.maximum(*(shapely.distance(shapely.points(place), sides[one]) for place in (start, end)))
+            for one in near
+        ]
+        excess = np.min(bounds, axis=0) - by
+        far = excess > MEASURED
+        if halving == HALVINGS or not far.any():
+            break
+        start, end = start[far], end[far]
+        middle = (start + end) / 2
+        ends = np.concatenate([np.stack([start, middle], axis=1), np.stack([middle, end], axis=1)])
+    return float(excess.max(initial=-by))
 
 
 def _filled(swept: BaseGeometry, shape: BaseGeometry, by: float) -> BaseGeometry:
@@ -105,20 +154,24 @@ def _turns(shape: BaseGeometry) -> tuple[Array, Array]:
     return np.concatenate(angles), np.concatenate(depths)
 
 
-def _requested_distance(shape: BaseGeometry, by: float, side: float, *, more: bool) -> float:
-    """Distance to ask of GEOS for at least ``by``, or for at most [m].
+def _has_shallow_bays(angles: Array, depths: Array, by: float, side: float) -> bool:
+    """Return True where a shape has corners that GEOS may leave out.
 
     Corners that stand out are rounded, seen from outside (side 1) or from inside (-1). The others are bays.
     """
+    return bool(((side * angles < 0) & (depths < 2 * SHALLOW * by)).any())
+
+
+def _distance_for_more(shape: BaseGeometry, by: float, side: float) -> float:
+    """Return the distance to ask of GEOS for at least ``by``, outwards (side 1) or inwards (-1) [m]."""
     angles, depths = _turns(shape)
-    bays = bool(((side * angles < 0) & (depths < 2 * SHALLOW * by)).any())
-    if not more:
-        return (1 - SHALLOW) * by if bays else by
+    bays = _has_shallow_bays(angles, depths, by, side)
     if bays or shapely.get_type_id(shape) > shapely.GeometryType.POLYGON:
         return float(by / np.cos(0.75 * _QUANTUM))  # a segment may be half as wide again as it should be
     out = np.abs(angles) if side > 0 else -angles[angles < 0]
     segments = np.maximum(1.0, np.floor(out / _QUANTUM + 0.5 - ROUNDING))
-    widest = min((out / segments).max(initial=_QUANTUM if side > 0 else 0.0), 1.5 * _QUANTUM)
+    wide = np.where(out < UNROUNDED, 2 * out, out / segments)
+    widest = min(wide.max(initial=_QUANTUM if side > 0 else 0.0), 1.5 * _QUANTUM)
     return float(by / np.cos(widest / 2))
 
 

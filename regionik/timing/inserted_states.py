@@ -114,7 +114,7 @@ def _deviation(limits: MotionLimits, motion: Motion, fine: Motion, way: Array) -
     """Upper bound for any point's distance on the smooth path from a motion's segments, (n - 1,) [m].
 
     That path is through the states of a finer motion, which are at ways (n,) along those segments. Infinite
-    where wheels slip too far, or joints pass their limits.
+    where joints pass their limits. Wheels slip only as much as headings are off, which the distance bounds.
     """
     off = np.zeros(len(fine) - 1)
     path, segment = path_of(limits.robot, fine), np.arange(len(off))
@@ -124,7 +124,7 @@ def _deviation(limits: MotionLimits, motion: Motion, fine: Motion, way: Array) -
         off = np.maximum(off, limits.displacement(q, straight))
         past = np.abs(q[:, 3:] - _within_range(limits, q[:, 3:])).max(axis=1, initial=0.0)
         off[past > PAST] = np.inf
-    return np.where(path.slipping, np.inf, off)
+    return off
 
 
 def with_rests(motion: Motion, states: Index) -> tuple[Motion, Index]:

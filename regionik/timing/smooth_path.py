@@ -90,11 +90,6 @@ class SmoothPath:
         """How fast the steering angle changes by path position, (m,); 0 where a car does not roll."""
         return np.zeros(len(position))
 
-    @property
-    def slipping(self) -> Mask:
-        """Segments on which wheels slip more than they may, (n - 1,)."""
-        return np.zeros(len(self.lengths), dtype=np.bool_)
-
     def states_at(self, segment: Index, share: Array) -> tuple[Array, Array]:
         """Base (m, 3) and joints (m, dof) of states to insert at shares of segments."""
         q, _, _ = self.evaluate(self.position[segment] + share * self.lengths[segment], segment)
@@ -253,10 +248,6 @@ class RollingPath(SmoothPath):
     def _left(self) -> Array:
         """What is left of the base's motion on each segment when all is rolled, (n - 1, 2) [m]."""
         return np.diff(self.base[:, :2], axis=0) - rolled_over(self._cubics, np.diff(self.position))
-
-    @property
-    def slipping(self) -> Mask:
-        return slips_far(self._left, self._rolled) & (self.lengths > 0)
 
     @cached_property
     def _slip(self) -> Array:

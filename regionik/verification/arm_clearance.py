@@ -8,7 +8,7 @@ clearance, the link is clear; between samples they leave their chords by at most
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -35,13 +35,15 @@ from regionik.verification.contact import (
 from regionik.verification.motion import Indices, Mask, MotionSegments, chord_deviation
 from regionik.verification.proofs import Finding, Intervals, IntervalVerdicts, StateNames, bisect, finding
 from regionik.worlds.arrays import Array
+from regionik.worlds.obstacles import Prism, Solid
 from regionik.worlds.polytopes import polytope
 from regionik.worlds.scene import World
 from regionik.worlds.self_collision import off_floor
 
 SHORTEST = 1e-4  # motion of a link over half an interval below which it is not bisected [m]
 MARGIN_RANGE = 0.05  # beyond the clearance, up to which distances at states are measured [m]
-MANY = 500  # solids, from which on those far from the motion are not cut into pieces
+MANY = 500  # solids, or corners of one, from which on what is far from the motion is not cut into pieces
+CELL = 1.0  # to which places on the floor are rounded up, at least this far beyond the arm [m]
 DEPTH_STEP = 1e-8  # to which the depth of boxes in meshes is found [m]
 
 
@@ -103,10 +105,20 @@ def verify_arm_clearance(world: World, segments: MotionSegments, names: StateNam
 
 
 def _obstacles(world: World, segments: MotionSegments) -> Obstacles:
-    """The solids, or of many those that the arm may come near to, or a tool may touch."""
+    """The solids, or of many those that the arm may come near to or a tool may touch, large ones cut."""
     solids = world.arm_solids
-    if len(solids) < MANY:
+    if len(solids) < MANY and all(_corners(solid) < MANY for solid in solids):
         return obstacles_from(solids)
+    low, high = _places(world, segments)
+    bounds = np.array([solid.bounds[:, :2].ravel() for solid in solids])
+    tree = shapely.STRtree(shapely.box(*low.T, *high.T))
+    near = np.unique(tree.query(shapely.box(*bounds.T))[0]).tolist()
+    region = _cells_around(low, high)
+    return obstacles_among(solids, ((k, part) for k in near for part in _parts(solids[k], region)))
+
+
+def _places(world: World, segments: MotionSegments) -> tuple[Array, Array]:
+    """Boxes on the floor in which the arm moves, and in which its tool may touch, (n, 2) each [m]."""
     links = _LinkSolids(segments)
     bulge = chord_deviation(links.acceleration, np.ones(1)).max(initial=MARGIN_RANGE)
     within = links.radii.max() + world.arm_clearance + bulge
@@ -116,9 +128,25 @@ def _obstacles(world: World, segments: MotionSegments) -> Obstacles:
     touched = world.rules.tool_contact
     low = np.concatenate([low, np.minimum(low[:-1], low[1:]), task - touched])
     high = np.concatenate([high, np.maximum(high[:-1], high[1:]), task + touched])
-    places = shapely.STRtree(shapely.box(*low.T, *high.T))
-    bounds = np.array([solid.bounds[:, :2].ravel() for solid in solids])
-    return obstacles_among(solids, np.unique(places.query(shapely.box(*bounds.T))[0]).tolist())
+    return low, high
+
+
+def _cells_around(low: Array, high: Array) -> shapely.Geometry:
+    """Union of boxes, each grown to whole cells with one more on every side."""
+    cells = np.unique(np.concatenate([np.floor(low / CELL) - 1, np.ceil(high / CELL) + 1], axis=1), axis=0)
+    return shapely.union_all(shapely.box(*(cells * CELL).T))
+
+
+def _corners(solid: Solid) -> int:
+    return int(shapely.get_num_coordinates(solid.polygon)) if isinstance(solid, Prism) else 0
+
+
+def _parts(solid: Solid, region: shapely.Geometry) -> list[Solid]:
+    """The solid, or of a prism with many corners what lies in a region: cuts are a cell and more off."""
+    if not isinstance(solid, Prism) or _corners(solid) < MANY:
+        return [solid]
+    parts = shapely.get_parts(shapely.intersection(solid.polygon, region))
+    return [replace(solid, polygon=part) for part in parts if part.area > 0]
 
 
 def _depth(piece: Piece, corners: Array) -> float:

@@ -42,11 +42,18 @@ def shown_floor(world: World, detail: float = DETAIL) -> ShownFloor:
     scene, floor = scene_of(world), world.floor.polygon
     some, every = (shapely.union_all(all_taken(scene.lifted.within, inner=inner)) for inner in (True, False))
     room, sure = scene.ground.outer.free - every, scene.ground.inner.free - some
-    rejected = shapely.simplify(shapely.buffer(floor - room, -detail), detail)
+    rejected = _simplified(shapely.buffer(floor - room, -detail), detail)
     if shapely.buffer(room - sure, -detail).is_empty:
         return ShownFloor(floor - rejected, Polygon(), rejected)
-    free = shapely.simplify(shapely.buffer(sure, -detail), detail) - rejected
+    free = _simplified(shapely.buffer(sure, -detail), detail) - rejected
     return ShownFloor(free, floor - rejected - free, rejected)
+
+
+def _simplified(shape: BaseGeometry, detail: float) -> BaseGeometry:
+    """Polygons simplified part by part: all at once take minutes where a map has thousands of blobs."""
+    parts = shapely.get_parts(shape)
+    simple: BaseGeometry = shapely.multipolygons(shapely.simplify(parts, detail))
+    return simple if len(parts) != 1 else shapely.get_parts(simple)[0]
 
 
 def rejected_words(world: World) -> str:
