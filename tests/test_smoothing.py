@@ -129,13 +129,14 @@ def test_the_same_bytes_again() -> None:
 
 def test_a_long_run_is_smoothed_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     """Parts share the state between them, which the plan has once."""
+    whole = of("free")
     monkeypatch.setattr(runs, "MAX_STATES", 30)
     parts = again("free")
-    assert parts is not of("free").found
+    assert parts is not whole.found
     assert verify(parts).ok
     rows = np.hstack([parts.motion.base, parts.motion.joints])
     assert (np.diff(rows, axis=0) != 0).any(axis=1).all()
-    assert not np.array_equal(parts.motion.joints, of("free").smooth.motion.joints)
+    assert not np.array_equal(parts.motion.joints, whole.smooth.motion.joints)
 
 
 def test_what_cannot_be_proven_stays_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:

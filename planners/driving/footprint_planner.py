@@ -1,8 +1,7 @@
 """Paths of a footprint that moves in any direction: it turns to pass where its circle would not.
 
-RRTConnect is asked first. Where it gives up, a roadmap of free areas by heading is searched: the base drives
-inside one slab of headings and turns where the areas of two overlap. Where the path wanders, A* looks for one
-that is shorter on a lattice of poses.
+RRTConnect is asked first. Where it gives up or wanders, a roadmap of free areas by heading is searched: the
+base drives inside one slab of headings and turns where the areas of two overlap.
 """
 
 from __future__ import annotations
@@ -11,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from heapq import heappop, heappush
 from itertools import pairwise
-from math import gcd
 from typing import Literal
 
 import numpy as np
@@ -30,7 +28,6 @@ from regionik.planners.driving.footprint_scene import (
 from regionik.planners.driving.heading_slabs import Slab, slab_areas, slabs_along
 from regionik.planners.driving.point_planner import NoPathError, drive_point
 from regionik.planners.driving.pose_planner import (
-    NEGLIGIBLE,
     SLIDE,
     Steering,
     checked_ends,
@@ -42,24 +39,18 @@ from regionik.planners.driving.pose_planner import (
     slide_cost,
 )
 from regionik.planners.geometry.angles import wrap
-from regionik.planners.kernels import compiled
-from regionik.worlds.arrays import Array, Index, frozen
+from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.obstacles import Shadow
 
 HEADING_SLABS = 48  # of heading, in the search that answers where sampling gave up or wandered
-GOOD_COST_RATIO = 1.1  # a path at most so much dearer than the straight one is kept without the lattice
-MAX_PATH_CELLS = 100  # of the lattice along the path that is known
-GRID_OFFSETS = [(i, j, 0) for i in range(-2, 3) for j in range(-2, 3) if gcd(i, j) == 1]
-# of the lattice: straight, and turning on the spot
-LATTICE_MOVES = np.array([*GRID_OFFSETS, (0, 0, -1), (0, 0, 1)])
+GOOD_COST_RATIO = 1.1  # a path at most so much dearer than the straight one does not wander
 PASSAGE_HALVINGS = 24  # of the bisection for the narrowest passage
 MIN_PASSAGE = 1e-3  # a narrower way is rounding of the floor [m]
 SLAB_MARGIN = 1e-6  # from the edge of a slab's area, so that a path in it can be proven free [m]
 MAX_LEG = 1e3  # longer than any leg of a path [m]
 
-Method = Literal["straight", "ompl", "slabs", "lattice"]
+Method = Literal["straight", "ompl", "slabs"]
 Node = tuple[int, int]  # slab, part of its area
-LatticeNode = tuple[int, int, int]  # place along the line from start to goal, place across it, heading
 Parts = NDArray[np.object_]
 
 
@@ -140,89 +131,19 @@ def drive_footprint(
     if direct(scene, base, a, b) is not None:
         return FootprintPath(np.stack([a, b]), "straight")
     found, cost = plan_poses(scene, base, a, b, seed)
-    method: Method = "ompl"
-    if found is None:
-        areas = slab_areas(footprint, floor, obstacles, clearance, slabs_along(scene, HEADING_SLABS), upper)
-        found = path_through_slabs(scene, areas, a, b)
-        if found is None:
-            keep = [(shadow.core, clearance + shadow.radius) for shadow in obstacles]
-            grown = [core.buffer(far) if far > 0 else core for core, far in keep]
-            free = shapely.difference(floor, shapely.union_all(grown))
-            raise _refusal(scene, passage_width(free, Point(a[:2]), Point(b[:2])), areas, a, b)
-        found, cost = shortcut(scene, base, found)
-        method = "slabs"
-    other = (
-        None
-        if cost <= GOOD_COST_RATIO * slide_cost(base, a, b)
-        else cheaper_on_lattice(scene, base, a, b, cost)
-    )
-    return FootprintPath(found, method) if other is None else FootprintPath(other, "lattice")
-
-
-def cheaper_on_lattice(
-    scene: FootprintScene, base: Steering, start: Array, goal: Array, bound: float
-) -> Array | None:
-    """Poses (k, 3) of a path that costs less than a bound; None where the lattice has none.
-
-    Places are on a square grid along the line from start to goal, the finer the lower the bound. Headings are
-    those at which a side of the footprint is along a wall, and others between them.
-    """
-    cell = bound / MAX_PATH_CELLS
-    count = round(float(np.hypot(*(goal - start)[:2])) / cell)
-    along = (goal - start)[:2] / count if count else np.array([cell, 0.0])
-    margin = int(bound / 2 / np.hypot(*along)) + 3  # no path below the bound comes to the edge
-    i, j = np.mgrid[-margin : count + margin + 1, -margin : margin + 1][..., None]
-    places = start[:2] + i * along + j * [-along[1], along[0]]
-    yaws = np.unique(np.append(wrap(slabs_along(scene, HEADING_SLABS).mean(axis=1)), [start[2], goal[2]]))
-    k, m = np.searchsorted(yaws, [start[2], goal[2]]).tolist()
-    first, last = (margin, margin, k), (margin + count, margin, m)
-    came = _search_lattice(scene, base, places, yaws, first, last, bound)
-    if came[last] < 0:
-        return None
-    node, poses = np.array(last), [goal]
-    while came[tuple(node)] >= 0:
-        node = (node - LATTICE_MOVES[came[tuple(node)]]) % came.shape
-        poses.append(np.array([*places[node[0], node[1]], yaws[node[2]]]))
-    poses[-1] = start
-    path, cost = shortcut(scene, base, np.array(poses[::-1]))
-    return path if cost < bound else None
-
-
-@compiled
-def _search_lattice(
-    scene: FootprintScene,
-    base: Steering,
-    places: Array,
-    yaws: Array,
-    first: LatticeNode,
-    last: LatticeNode,
-    bound: float,
-) -> Index:
-    """Move that leads to each node most cheaply from the first one, -1 where none is known; A*."""
-    best = np.full((*places.shape[:2], len(yaws)), np.inf)
-    came, here, there = np.full(best.shape, -1), np.empty(3), np.empty(3)
-    goal = np.array([places[last[0], last[1], 0], places[last[0], last[1], 1], yaws[last[2]]])
-    best[first] = 0.0
-    heap = [(0.0, first)]
-    while len(heap) > 0:
-        value, node = heappop(heap)
-        if node == last:
-            break
-        here[:2], here[2] = places[node[0], node[1]], yaws[node[2]]
-        if value > best[node] + slide_cost(base, here, goal) + NEGLIGIBLE:
-            continue
-        for m in range(len(LATTICE_MOVES)):
-            to = (
-                node[0] + LATTICE_MOVES[m, 0],
-                node[1] + LATTICE_MOVES[m, 1],
-                (node[2] + LATTICE_MOVES[m, 2]) % len(yaws),
-            )
-            there[:2], there[2] = places[to[0], to[1]], yaws[to[2]]
-            cost, left = best[node] + slide_cost(base, here, there), slide_cost(base, there, goal)
-            if cost < min(best[to], bound - left) and slide_is_free(scene, here, there):
-                best[to], came[to] = cost, m
-                heappush(heap, (cost + left, to))
-    return came
+    if found is not None and cost <= GOOD_COST_RATIO * slide_cost(base, a, b):
+        return FootprintPath(found, "ompl")
+    areas = slab_areas(footprint, floor, obstacles, clearance, slabs_along(scene, HEADING_SLABS), upper)
+    through = path_through_slabs(scene, areas, a, b)
+    if through is not None:
+        through, least = shortcut(scene, base, through)
+        return FootprintPath(through, "slabs") if least < cost else FootprintPath(found, "ompl")
+    if found is not None:
+        return FootprintPath(found, "ompl")
+    keep = [(shadow.core, clearance + shadow.radius) for shadow in obstacles]
+    grown = [core.buffer(far) if far > 0 else core for core, far in keep]
+    free = shapely.difference(floor, shapely.union_all(grown))
+    raise _refusal(scene, passage_width(free, Point(a[:2]), Point(b[:2])), areas, a, b)
 
 
 def passage_width(free: BaseGeometry, start: BaseGeometry, goal: BaseGeometry) -> float:
