@@ -137,7 +137,8 @@ def drive_footprint(
     through = path_through_slabs(scene, areas, a, b)
     if through is not None:
         through, least = shortcut(scene, base, through)
-        return FootprintPath(through, "slabs") if least < cost else FootprintPath(found, "ompl")
+        if least < cost:
+            return FootprintPath(through, "slabs")
     if found is not None:
         return FootprintPath(found, "ompl")
     keep = [(shadow.core, clearance + shadow.radius) for shadow in obstacles]
