@@ -8,10 +8,11 @@ import shapely
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from regionik.planners.geometry.offsets import SHALLOW, grown, shrunk
+from regionik.planners.geometry.offsets import grown, shrunk
 from tests import examples
 
 NEAR = 1e-9
+SHALLOW = 0.01  # of the distance: how deep bays may be that are filled
 
 
 def blob(seed: int) -> shapely.Polygon:
