@@ -8,10 +8,11 @@ import shapely
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from regionik.planners.geometry.offsets import SHALLOW, grown, shrunk
+from regionik.planners.geometry.offsets import grown, shrunk
 from tests import examples
 
 NEAR = 1e-9
+SHALLOW = 0.01  # of the distance: how deep bays may be that are filled
 
 
 def blob(seed: int) -> shapely.Polygon:
@@ -99,7 +100,10 @@ def wavy(seed: int) -> shapely.Polygon:
 @settings(max_examples=examples(200))
 @given(st.integers(0, 10**9), st.floats(0.01, 0.6))
 def test_wide_and_shallow_bays_are_on_the_side_that_was_asked_for(seed: int, by: float) -> None:
-    shape = wavy(seed)
+    _check_sides(wavy(seed), by)
+
+
+def _check_sides(shape: shapely.Polygon, by: float) -> None:
     edge = shape.boundary
     for offset, outer in ((grown, True), (grown, False), (shrunk, True), (shrunk, False)):
         found = offset(shape, by, outside=outer)

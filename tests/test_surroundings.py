@@ -14,6 +14,7 @@ from regionik.pipeline import plan, why
 from regionik.planners.collision.convex_bodies import Piece, solid_pieces
 from regionik.reachability.reach import reach
 from regionik.scene import scene_of
+from regionik.values import Plan
 from regionik.verification import arm_clearance
 from regionik.verification.verifier import verify
 from regionik.view.floor_view import shown_floor
@@ -168,6 +169,10 @@ def test_of_a_long_wall_verification_cuts_what_is_near_alone(monkeypatch: pytest
             cut.clear()
             assert verify(plan_in).ok
             assert 0 < len(cut) < 60
+    _same_violations_on_the_wall(found, monkeypatch)
+
+
+def _same_violations_on_the_wall(found: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
     again = replace(found, world=replace(found.world, floor=replace(found.world.floor)))
     for place in ([0.0, 0.5], [29.0, 0.5]):  # on the wall
         base = found.motion.base + [*(place - found.motion.base[0, :2]), 0.0]
