@@ -30,7 +30,6 @@ FACES = frozenset(
         # engines
         "planners.collision.distances": "hull_separation nearest_distance obstacles_from",
         "planners.collision.proximity": "Proximity",
-        "planners.geometry.offsets": "grown shrunk",
         "planners.solvers.multistart_ik": "ArmSolver",
         # what comes out
         "cli.app": "run",
