@@ -43,7 +43,7 @@ from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.obstacles import Shadow
 
 HEADING_SLABS = 48  # of heading, in the search that answers where sampling gave up or wandered
-GOOD_COST_RATIO = 1.1  # a path at most so much dearer than the straight one does not wander
+GOOD_COST_RATIO = 1.1  # a path at most so much dearer than another one is as good
 PASSAGE_HALVINGS = 24  # of the bisection for the narrowest passage
 MIN_PASSAGE = 1e-3  # a narrower way is rounding of the floor [m]
 SLAB_MARGIN = 1e-6  # from the edge of a slab's area, so that a path in it can be proven free [m]
@@ -137,7 +137,7 @@ def drive_footprint(
     through = path_through_slabs(scene, areas, a, b)
     if through is not None:
         through, least = shortcut(scene, base, through)
-        if least < cost:
+        if GOOD_COST_RATIO * least < cost:  # it has more turns
             return FootprintPath(through, "slabs")
     if found is not None:
         return FootprintPath(found, "ompl")
