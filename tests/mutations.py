@@ -627,7 +627,7 @@ FAULTS = (
         "regionik/moving/path_search.py",
         "if states is None or resolved is None or self._in_area(here):",
         "if True:",
-        ("tests/test_pose_reach.py",),
+        ("tests/test_path_following.py",),
     ),
     Fault(
         "resolved motion: a car turns as it will",

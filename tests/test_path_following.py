@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from regionik.mfabrik import Solver
 from regionik.moving.base_motion import BasePath, Candidate
 from regionik.moving.drivers import driver_for
 from regionik.moving.path_following import PathFollower, PathSegment, SegmentPoint, follows_orientation
+from regionik.moving.path_search import path_search
 from regionik.postures.families import FRONT, Family
 from regionik.postures.poses import MotionState, Pose
 from regionik.pruning import whole_path
@@ -136,3 +138,27 @@ def test_a_tool_that_leans_out_between_two_looks_is_seen() -> None:
     for shares, good in (((0.7, 0.997, 0.7), False), ((0.99, 0.99, 0.99), True), ((0.5, 0.7, 0.6), True)):
         tools = np.array([rot_x(share * cone) for share in shares])
         assert follows_orientation(here, there, tools) is good
+
+
+def test_the_base_does_not_go_on_through_a_wall_from_where_no_area_shows() -> None:
+    """Base and joints together may come to a place beyond the wall, off the area that is named for it."""
+    wall = Box("wall", np.array([4.0, 0.02, 0.04]), np.array([0.0, 0.34, 0.02]))
+    task = tuple(Target(np.array([x, 0.0, 0.4])) for x in (0.0, 0.05))
+    rules = Rules(clearance=0.02, avoidance=False)
+    floor = Floor(shapely.box(-2, -2, 2, 2))
+    scene = scene_of(World("wall", robot_named("youbot"), floor, (wall,), task, rules))
+    free_space, _, pruned = whole_path(scene)
+    search, areas = path_search(scene, pruned.ladder, free_space, 0), pruned.ladder.component
+
+    def at(i: int, k: int, beyond: int) -> Candidate:
+        spot = shapely.shortest_line(areas[k], areas[beyond]).coords[0]
+        return Candidate(search.sampler.solver(k)(task[i], np.array([*spot, 0.0]), scene.robot.carry), k)
+
+    for own, other in ((0, 1), (1, 0)):  # areas of the first set-point; those of the second follow them
+        goal = at(1, own + 2, other)
+        assert search.step(1, at(0, own, other), goal, no_others) is not None
+        assert search.step(1, replace(at(0, other, own), component=own), goal, no_others) is None
+
+
+def no_others(i: int, here: Candidate) -> Iterator[Candidate]:
+    return iter(())
