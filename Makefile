@@ -7,7 +7,8 @@
 #              judged by other libraries
 # make fuzz    SECONDS=120 of broken files of each kind, after files made to do harm
 # make lint    style, types, import order
-# make bench   the table of speeds against others, into docs/benchmarks.md and docs/benchmarks.json (minutes)
+# make bench   whole jobs beside what one would pick instead, into docs/benchmarks.md and docs/benchmarks.json
+#              (a quarter of an hour); DATA=FOLDER also runs public paths, in its folders bstar and iklink
 # make bench-history  our own kernels and stages timed, kept in .benchmarks/, beside the runs before
 # make bench-all  areas, base motion, clear postures and real robots, measured and checked in the same run
 # make tables  recompute every table of the papers into docs/tables.md, beside the printed figures
@@ -71,8 +72,9 @@ lint: .venv/installed-lint
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-bench: .venv/installed-bench
-	$(BIN)/python -m benchmarks.speed -o docs/benchmarks
+bench: .venv/installed-bench,compare,simulate,test
+	$(BIN)/regionik warm-up
+	$(BIN)/python -m benchmarks.page -o docs/benchmarks $(if $(DATA),--data $(DATA))
 
 bench-history: .venv/installed-test,bench
 	$(BIN)/python -m pytest -q -p benchmark benchmarks/history.py --benchmark-storage=.benchmarks --benchmark-autosave --benchmark-quiet

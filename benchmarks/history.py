@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.speed.areas import meander
-from benchmarks.speed.mobile import TOLERANCE, task
+from benchmarks.page.growth import meander
 from regionik.mfabrik import Solver
 from regionik.pipeline import search
 from regionik.planners.kernels import compiled_at_once
@@ -20,8 +19,10 @@ from regionik.pruning import whole_path
 from regionik.reachability.reach import reach
 from regionik.scene import scene_of
 from regionik.verification.verifier import verify
+from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import load_world
 
+TOLERANCE = 1e-3  # [m]
 Timed = Callable[..., Any]  # pytest-benchmark's fixture: calls what it is given, many times
 
 
@@ -31,20 +32,17 @@ def compiled_kernels() -> Iterator[None]:
         yield
 
 
-def test_one_solve(benchmark: Timed) -> None:
-    some = task(1)
-    solver = Solver(some.robot, tolerance=TOLERANCE)
-    assert benchmark(solver, some.targets[0], some.bases[0], some.joints[0]).converged
-
-
 def test_batch_of_10_000(benchmark: Timed) -> None:
-    some = task(10_000)
-    solver = Solver(some.robot, tolerance=TOLERANCE)
-    assert benchmark(solver.batch, some.targets, some.bases, some.joints).converged.all()
+    robot, rng = robot_named("youbot"), np.random.default_rng(0)
+    targets = np.column_stack([rng.uniform(-1, 1, (10_000, 2)), rng.uniform(0.1, 0.4, 10_000)])
+    joints = rng.uniform(robot.chain.lower, robot.chain.upper, (10_000, robot.chain.dof))
+    solver = Solver(robot, tolerance=TOLERANCE)
+    assert benchmark(solver.batch, targets, rng.uniform(-1, 1, (10_000, 3)), joints).converged.all()
 
 
 def test_areas_and_pruning_of_1000(benchmark: Timed) -> None:
-    assert len(benchmark(whole_path, meander(1000, 1000))[1].inner) >= 1000
+    found = benchmark(lambda: whole_path(scene_of(meander(1000, 1000))))
+    assert len(found[1].inner) >= 1000
 
 
 def test_reach_of_200(benchmark: Timed) -> None:
@@ -55,7 +53,7 @@ def test_reach_of_200(benchmark: Timed) -> None:
 
 @pytest.mark.parametrize("name", ["l_shape", "pillar", "shelf"])
 def test_plan(benchmark: Timed, name: str) -> None:
-    assert benchmark(search, load_world(name)).setpoints
+    assert benchmark(lambda: search(scene_of(load_world(name)))).setpoints
 
 
 def test_verify(benchmark: Timed) -> None:

@@ -1,1 +1,0 @@
-"""Speed against others, row by row: `python -m benchmarks.speed`."""
