@@ -36,7 +36,7 @@ CASES = {
     "pruning": Case(PLAN, "regionik.pruning.prune", "interrupted"),
     "configurations": Case(PLAN, "regionik.motion.configurations", "interrupted"),
     "motion": Case(PLAN, "regionik.pipeline.connect_setpoints", "interrupted"),
-    "verification": Case(PLAN, "regionik.pipeline.verify", "interrupted"),
+    "verification": Case(PLAN, "regionik.smoothing.smooth_motion.verify", "interrupted"),
     "page": Case(PLAN, "regionik.view.page.html_page", "interrupted"),
     "writing": Case("plan {world} -o plan.json", "os.fsync", "interrupted"),
     "terminated": Case(PLAN, "regionik.pipeline.connect_setpoints", "terminated"),
@@ -52,7 +52,7 @@ CASES = {
     "why": Case("why {world} --target 9 9 0.2 --html why.html", "regionik.pipeline.why", "interrupted"),
     "stops": Case("stops l_shape -o stops.geojson", "regionik.parking.stops.find", "interrupted"),
     "field": Case("field {world} -o field.npz", "regionik.reachability.field.reach_field", "interrupted"),
-    "no room": Case("plan {world} -o plan.json", "regionik.pipeline.verify", "cramped"),
+    "no room": Case("plan {world} -o plan.json", "regionik.smoothing.smooth_motion.verify", "cramped"),
     "killed while it writes": Case("plan {world} -o plan.json", "os.fsync", "killed"),
 }
 
