@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,20 +16,29 @@ from regionik.worlds.scene import World
 from tests.harness.rasters import Clutter, carried, raster
 
 LOOP = "differential IK in a loop (mink, daqp)"
-JOBS: tuple[tuple[str, Clutter, int, int, float], ...] = (
-    ("60 poses, nothing about", "open", 20, 3, 0.9),
-    ("60 poses, pilaster, crate, column and duct about", "clutter", 20, 3, 0.9),
-    ("60 poses, a low post to go round", "bollard", 20, 3, 0.9),
-    ("200 poses, pilaster, crate, column and duct about", "clutter", 20, 10, 0.75),
-    ("60 poses, 3 m up, above all reach", "open", 20, 3, 3.0),
+
+
+class Case(NamedTuple):
+    """A raster: what is about the wall, its poses a row, its rows, and the height of the first [m]."""
+
+    clutter: Clutter
+    columns: int
+    rows: int
+    height: float = 0.9
+
+
+JOBS = (
+    ("60 poses, nothing about", Case("open", 20, 3)),
+    ("60 poses, pilaster, crate, column and duct about", Case("clutter", 20, 3)),
+    ("60 poses, a low post to go round", Case("bollard", 20, 3)),
+    ("200 poses, pilaster, crate, column and duct about", Case("clutter", 20, 10, 0.75)),
+    ("60 poses, 3 m up, above all reach", Case("open", 20, 3, 3.0)),
 )
 
 
 def topic() -> Topic:
     """Return the rasters of a UR10e."""
-    jobs = [
-        Job(what, {"regionik": partial(_ours, *world), LOOP: partial(_loop, *world)}) for what, *world in JOBS
-    ]
+    jobs = [Job(what, {"regionik": partial(_ours, case), LOOP: partial(_loop, case)}) for what, case in JOBS]
     about = (
         "A UR10e on an omnidirectional platform leads a tool along rows on a gently bent wall: full poses\n"
         "12 cm apart, path within 1 mm, 5 cm clear of the base and 1 cm of the arm. The loop tries up to 40\n"
@@ -38,18 +48,14 @@ def topic() -> Topic:
     return Topic("Rasters on a wall", about, jobs)
 
 
-def _world(clutter: Clutter, columns: int, rows: int, height: float) -> World:
-    return raster(carried("UR10e"), clutter, columns, rows, height)
+def _ours(case: Case) -> Outcome:
+    return planned(raster(carried("UR10e"), *case))
 
 
-def _ours(clutter: Clutter, columns: int, rows: int, height: float) -> Outcome:
-    return planned(_world(clutter, columns, rows, height))
-
-
-def _loop(clutter: Clutter, columns: int, rows: int, height: float) -> Outcome:
+def _loop(case: Case) -> Outcome:
     from benchmarks.page.differential_loop import followed
 
-    world = _world(clutter, columns, rows, height)
+    world = raster(carried("UR10e"), *case)
     states, met, tried = followed(world)
     seconds = time.process_time()
     starts = "" if tried == 1 else f", {tried} starts tried"
