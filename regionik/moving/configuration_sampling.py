@@ -56,8 +56,8 @@ MAX_BOXES = 20_000  # of postures weighed there
 MAX_NEAR_COMPONENTS = 4
 TURN_WEIGHT = 0.3  # what a turn of the base counts against driving to them [m/rad]
 MAX_FUTILE_TRIES = 16  # failed avoidances in turn at one component, after which no more are tried
-MAX_HEADINGS = 16  # of a base on wheels from which base and joints may go on together
-MAX_STARTS = 8  # of postures at a pose to which a base on wheels comes with the tool lifted
+MAX_HEADINGS = 16  # of the base from which base and joints may go on together
+MAX_STARTS = 8  # postures drawn from which others are sought at a base pose
 MAX_POSTURES_PER_PLACE = 2  # postures offered at one place
 
 
