@@ -32,9 +32,8 @@ from regionik.planners.kernels import compiled
 from regionik.planners.reach.serial_criteria import SerialThresholds, moved_within_thresholds
 from regionik.planners.search.box_search import Verdict
 from regionik.planners.search.fixed_base import (
-    MAX_REDUNDANT_JOINTS,
     PostureTask,
-    redundant_joints,
+    is_searchable,
     search_postures,
     solid_at_target,
 )
@@ -119,7 +118,6 @@ def _meets(targets: NeighboringTargets, i: int, start: Array, postures: Array) -
 
 
 SAMPLES = 300  # postures drawn at random for a target
-_POSE_SAMPLES = 60  # postures tried for a pose, every other one drawn at random
 _FEW_BOXES = 500  # boxes of joint values after which a proof is no longer to be had cheaply
 MAX_BOXES = 200_000
 ATTEMPTS = 3  # of FABRIK with obstacle avoidance, each with other random rotations
@@ -187,30 +185,31 @@ def clear_posture_at_pose(
     joints: Array,
     effort: Effort,
     *,
+    samples: int,
     contact: ContactTargets | None = None,
     margin: float = 0.0,
     seed: int = 0,
-) -> tuple[Array, float] | None:
-    """Search for a clear posture on a pose, from random ones and near the best so far; nothing is proven.
+) -> ClearPosture:
+    """The samples of `clear_posture` for a pose: every other one near the best so far; nothing is proven.
 
     The base (3,) stands still, the aim is seen from the world, the joints (dof,) to start from may be clear
-    or not. Returns joints and what the tool misses [m]; None where no posture that was met is clear.
+    or not.
     """
     chain, T = bodies.robot.chain, bodies.robot.T_world_arm(base)
     arm, rng = arm_model(chain).posing.arm, np.random.default_rng([seed, 2])
     here = in_arm_frame(T[:2, 3], float(np.arctan2(T[1, 0], T[0, 0])), float(T[2, 3]), aim)
     best, most = np.clip(joints, chain.lower, chain.upper), -np.inf
-    for k, fresh in enumerate(spread_postures(chain, effort.reach, _POSE_SAMPLES, seed)):
+    for k, fresh in enumerate(spread_postures(chain, effort.reach, samples, seed)):
         q = _varied(chain, best, rng) if k % 2 == 0 else fresh
         error, angle, _ = polish(arm, here, q, effort.reach, effort.tolerance, effort.angle_tolerance, STEPS)
         if error > effort.tolerance or angle > effort.angle_tolerance:
             continue
         room = room_of(bodies, nearest(bodies, base, q, contact=contact))
         if room >= margin:
-            return q, float(error)
+            return ClearPosture(Verdict.PROVEN, q, float(error), ("search",))
         if room > most:
             best, most = q, room
-    return None
+    return ClearPosture(Verdict.OPEN, None, np.inf, ("search",))
 
 
 class _Search:
@@ -282,10 +281,7 @@ class _Search:
 
     def by_branch_and_bound(self, most: int) -> ClearPosture:
         """All postures, where the arm is not too mobile for that."""
-        if (
-            self.chain.unbounded
-            or redundant_joints(self.chain, self.bodies.robot.solids) > MAX_REDUNDANT_JOINTS
-        ):
+        if not is_searchable(self.chain, self.bodies.robot.solids):
             return self.answer(Verdict.OPEN)
         verdict = search_postures(self.task, self._offer, most).verdict
         return self._result() if verdict == Verdict.PROVEN else self.answer(verdict)

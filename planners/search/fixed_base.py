@@ -188,8 +188,7 @@ def _bounded(chain: Chain) -> SerialArm:
     return arm._replace(lower=lower, upper=upper)
 
 
-# joints beyond those that the target takes, up to which the search may come to an end
-MAX_REDUNDANT_JOINTS = 2
+MAX_REDUNDANT_JOINTS = 2  # joints beyond those that the target takes, up to which a search may come to an end
 MIN_LEVER = 1e-9  # a joint that moves no point farther than this does not count [m]
 
 
@@ -271,7 +270,12 @@ def _self_clearance(bodies: Bodies, margin: float) -> SelfClearance:
     )
 
 
-def redundant_joints(chain: Chain, solids: tuple[LinkSolid, ...]) -> int:
+def is_searchable(chain: Chain, solids: tuple[LinkSolid, ...]) -> bool:
+    """True where a search of all postures may come to an end."""
+    return not chain.unbounded and _redundant_joints(chain, solids) <= MAX_REDUNDANT_JOINTS
+
+
+def _redundant_joints(chain: Chain, solids: tuple[LinkSolid, ...]) -> int:
     """Number of joints that move tool or solids, less the directions in which they can move the tool."""
     points = [(len(chain.joints) - 1, chain.T_last_tool[:3, 3])]
     points += [(solid.link, end) for solid in solids for end in inner_capsule(solid).corners]

@@ -7,9 +7,9 @@ places of the base in the area, and postures of the arm at each.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import chain as one_after_another
 
 import numpy as np
@@ -23,23 +23,17 @@ from regionik.ladder import Ladder
 from regionik.mfabrik import Solver, solver_for
 from regionik.moving.base_motion import Candidate
 from regionik.moving.path_following import ResolvedMotion
-from regionik.planners.avoidance.clear_posture import (
-    ClearPosture,
-    clear_posture,
-    clear_posture_at_pose,
-    quick_clear_posture,
-)
+from regionik.planners.avoidance.clear_posture import ClearPosture
 from regionik.planners.collision.proximity import Proximity
 from regionik.planners.driving.footprint import fits
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.polygons import clamp
 from regionik.planners.search.box_search import Verdict
-from regionik.planners.search.fixed_base import PostureTask
 from regionik.planners.solvers.aims import in_columns
+from regionik.posture_finder import PostureFinder
 from regionik.postures.arm import aim_of
-from regionik.postures.collision_checker import MAX_SPARE, CollisionChecker
+from regionik.postures.collision_checker import CollisionChecker
 from regionik.postures.poses import Pose, axis_of, facing, pose_of
-from regionik.postures.serial_solver import serial_solver
 from regionik.scene import Scene
 from regionik.values import Configuration
 from regionik.worlds.arms import turned_back
@@ -273,51 +267,29 @@ class ConfigurationSampler:
 
     def around(self, i: int, candidate: Candidate) -> Iterator[Candidate]:
         """Yield candidates on the same base pose whose arm avoids what it collides with."""
-        key, target = (i, candidate.component), self.scene.task[i]
+        key = i, candidate.component
         if self._futile.get(key, 0) >= MAX_FUTILE_TRIES:
             return
-        around: list[Candidate] = []
-        if target.direction is None:
-            around = list(self._by_search(i, candidate, quick_clear_posture))
-        elif not self.scene.model(target).shows_all_postures:  # else all were looked at
-            around = list(self._looked(i, candidate))
+        around = list(self._as_found(i, candidate, self._finder(i).around(candidate.pose)))
         self._futile[key] = 0 if around else self._futile.get(key, 0) + 1
         yield from around
 
-    def _looked(self, i: int, candidate: Candidate) -> Iterator[Candidate]:
-        """Yield the candidate with another collision-free posture of the arm on the same base pose."""
-        robot = self.scene.robot
-        arm = serial_solver(robot.chain, float(robot.mount[2]), self.scene.rules.tolerance)
-        quest = arm.goal_for(self.scene.task[i])
-        base, contact = candidate.configuration.base, self.collision.contact
-        found = clear_posture_at_pose(
-            self.collision.bodies, base, quest.aim, candidate.configuration.joints, quest.effort,
-            contact=contact, margin=MAX_SPARE, seed=self.seed,
-        )  # fmt: skip
-        if found is not None:
-            yield from self._faced(i, candidate, *found[:2])
+    def _finder(self, i: int) -> PostureFinder:
+        return PostureFinder(self.scene, self.scene.task[i], self.collision, self.seed)
 
-    def _by_search(
-        self, i: int, candidate: Candidate, ask: Callable[..., ClearPosture]
-    ) -> Iterator[Candidate]:
-        base, target = candidate.configuration.base, self.scene.task[i].position
-        collision, tolerance = self.collision, self.scene.rules.tolerance
-        task = PostureTask(collision.bodies, base, target, collision.contact, tolerance, MAX_SPARE)
-        found = ask(task, candidate.configuration.joints, seed=self.seed)
-        self._seen(i, base).proven += found.verdict == Verdict.RULED_OUT
-        if found.joints is not None:
-            yield from self._faced(i, candidate, found.joints, found.error)
-
-    def _faced(self, i: int, candidate: Candidate, joints: Array, error: float) -> Iterator[Candidate]:
-        """Yield the candidate with other joints if clear, its base turned if it must face the target."""
-        at = Pose(candidate.configuration.base, joints)
+    def _as_found(self, i: int, candidate: Candidate, found: ClearPosture) -> Iterator[Candidate]:
+        """Yield the candidate as found, if clear, its base turned if it must face the target."""
+        self._seen(i, candidate.configuration.base).proven += found.verdict == Verdict.RULED_OUT
+        if found.joints is None:
+            return
+        at = Pose(candidate.configuration.base, found.joints)
         if self.scene.rules.heading == "face_target":
             at = facing(self.scene.robot, at)
             if away(float(at.base[2]), self._span(candidate.component)) > 0:
                 return
         if self.clear(i, at):
-            found = replace(candidate.configuration, base=at.base, joints=at.joints, error=error)
-            yield replace(candidate, configuration=found)
+            reached = replace(candidate.configuration, base=at.base, joints=at.joints, error=found.error)
+            yield replace(candidate, configuration=reached)
 
     def _elsewhere(self, i: int, k: int, here: Pose) -> Iterator[Candidate]:
         """Yield collision-free postures at places of the base in a component, near places first."""
@@ -337,12 +309,11 @@ class ConfigurationSampler:
         nearest = [candidate for _, candidate in sorted(nearly, key=lambda one: -one[0])[:MAX_MENDED]]
         for candidate in nearest:
             yield from self.around(i, candidate)
-        if self.scene.task[i].direction is None:
-            for candidate in nearest[:MAX_SEARCHED]:
-                if candidate not in self._searched:  # from wherever the robot comes it is the same search
-                    ask = partial(clear_posture, most_boxes=MAX_BOXES)
-                    self._searched[candidate] = list(self._by_search(i, candidate, ask))
-                yield from self._searched[candidate]
+        for candidate in nearest[:MAX_SEARCHED]:
+            if candidate not in self._searched:  # from wherever the robot comes it is the same search
+                found = self._finder(i).thorough(candidate.pose, MAX_BOXES)
+                self._searched[candidate] = list(self._as_found(i, candidate, found))
+            yield from self._searched[candidate]
 
     def _at(self, i: int, k: int, m: int) -> list[Candidate]:
         """Return all collision-free postures at one place; they are computed once."""

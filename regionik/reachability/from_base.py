@@ -17,25 +17,15 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.explain.constraints import no_way_to
 from regionik.mfabrik import solver_for
-from regionik.planners.avoidance.clear_posture import clear_posture_at_pose
 from regionik.planners.collision.proximity import describe, nearest, room_of
 from regionik.planners.collision.robot_bodies import bodies_from
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.offsets import farthest_outside
 from regionik.planners.search.box_search import Verdict
-from regionik.planners.search.fixed_base import (
-    MAX_REDUNDANT_JOINTS,
-    PostureTask,
-    redundant_joints,
-    search_postures,
-    solid_at_target,
-)
-from regionik.postures.arm import aim_of
+from regionik.planners.search.fixed_base import solid_at_target
 from regionik.postures.collision_checker import MAX_SPARE
 from regionik.postures.families import BACK, FRONT
 from regionik.postures.poses import Pose, axis_of
-from regionik.postures.posture_search import PostureSearch
-from regionik.postures.serial_solver import serial_solver
 from regionik.reach_table import reach_table
 from regionik.reachability.any_base import can_search, rules_out_posture
 from regionik.reachability.target_search import TargetResult, TargetSearch
@@ -194,10 +184,7 @@ def _answer_from_base(placed: _PlacedScene, target: Target) -> TargetResult:
 
 def _continued_posture(placed: _PlacedScene, search: TargetSearch) -> Pose | None:
     """A clear posture led on from one of those that the arm knows; of arms to which a place gives none."""
-    if placed.scene.model(search.target).exact:
-        return None
-    known = PostureSearch(placed.scene.world, search.collision, [search.target])
-    for joints in known.neighboring(placed.base, np.arange(1), MAX_KNOWN_POSTURES)[1]:
+    for joints in search.finder.led_on(placed.base, MAX_KNOWN_POSTURES):
         pose = Pose(placed.base, joints)
         if search.confirms(pose):
             return pose
@@ -211,48 +198,23 @@ def _searched(placed: _PlacedScene, search: TargetSearch) -> TargetResult:
     shut = f"in no posture does the arm {_needed_clearance(search)}"
     if can_search(placed.scene) and rules_out_posture(placed.scene, search.target, placed.base, MAX_CELLS):
         return _ruled_out(search.target, placed, shut)
-    pose = search.search() or _at_pose(search)
+    pose = search.search()
     if pose is not None:
         return TargetResult("reachable", pose, 0.0, "")
-    robot, collision, found = placed.scene.robot, search.collision, list[Pose]()
+    found = list[Pose]()
 
     def accept(joints: Array) -> bool:
         pose = Pose(placed.base, np.array(joints))
-        if search.on_target([pose]) and collision.proves(pose):
+        if search.on_target([pose]) and search.collision.proves(pose):
             found.append(pose)
         return bool(found)
 
-    if robot.chain.unbounded or redundant_joints(robot.chain, robot.solids) > MAX_REDUNDANT_JOINTS:
-        return _undecided(search)
-    target, tolerance = search.target.position, placed.scene.rules.tolerance
-    task = PostureTask(collision.bodies, placed.base, target, collision.contact, tolerance)
-    verdict = search_postures(task, accept, MAX_BOXES).verdict
+    verdict = search.finder.every(placed.base, accept, MAX_BOXES)
     if found:
         return TargetResult("reachable", found[0], 0.0, "")
     if verdict == Verdict.RULED_OUT:
         return _ruled_out(search.target, placed, shut)
     return _undecided(search)
-
-
-def _at_pose(search: TargetSearch) -> Pose | None:
-    """A clear posture for a tool direction or orientation, from random ones and near the best of them."""
-    target, scene, collision = search.target, search.scene, search.collision
-    assert search.fixed_base is not None
-    if target.direction is None or scene.model(target).shows_all_postures:
-        return None
-    arm = serial_solver(scene.robot.chain, float(scene.robot.mount[2]), scene.rules.tolerance)
-    goal, start = arm.goal_for(target), search.nearly[-1][1].joints if search.nearly else scene.robot.carry
-    found = clear_posture_at_pose(
-        collision.bodies,
-        search.fixed_base,
-        aim_of(target),
-        start,
-        goal.effort,
-        contact=collision.contact,
-        margin=collision.spare,
-    )
-    pose = None if found is None else Pose(search.fixed_base, found[0])
-    return pose if pose is not None and search.confirms(pose) else None
 
 
 def _needed_clearance(search: TargetSearch) -> str:

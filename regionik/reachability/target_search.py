@@ -14,12 +14,11 @@ from regionik.areas.free_space import MIN_AREA, into_span, spread
 from regionik.areas.reachable import reach_model
 from regionik.explain.constraints import spot
 from regionik.mfabrik import Solver, solver_for
-from regionik.planners.avoidance.clear_posture import sampled_clear_posture
 from regionik.planners.collision.proximity import Proximity
 from regionik.planners.driving.footprint import fits
-from regionik.planners.search.fixed_base import PostureTask
+from regionik.posture_finder import PostureFinder
 from regionik.postures.arm import goal_error
-from regionik.postures.collision_checker import MAX_SPARE, CollisionChecker
+from regionik.postures.collision_checker import CollisionChecker
 from regionik.postures.families import Family
 from regionik.postures.poses import Pose, arrays, facing, pose_of
 from regionik.regions import path_areas
@@ -62,6 +61,10 @@ class TargetSearch:
 
     def __post_init__(self) -> None:
         self.collision = self.scene.collision_at(self.target)
+
+    @property
+    def finder(self) -> PostureFinder:
+        return PostureFinder(self.scene, self.target, self.collision)
 
     @property
     def is_exhausted(self) -> bool:
@@ -108,15 +111,12 @@ class TargetSearch:
         return None
 
     def search(self) -> Pose | None:
-        """Sample postures of the arm at the places nearest to a clear one.
-
-        This is not for arms whose self-motion has shown all kinds of them already.
-        """
-        if self.target.direction is not None or self.scene.model(self.target).shows_all_postures:
-            return None
+        """Sample postures of the arm at the places nearest to a clear one, or at the one that counts."""
         nearest = sorted((one for one in self.nearly if one[0] > -MAX_OVERLAP), key=lambda one: -one[0])
-        found = (self._searched(near) for _, near in nearest[:MAX_SEARCHED])
-        return next((q for q in found if q is not None), None)
+        about = [near for _, near in nearest[:MAX_SEARCHED]]
+        if not about and self.fixed_base is not None:
+            about = [Pose(self.fixed_base, self.scene.robot.carry)]
+        return next((q for q in map(self._searched, about) if q is not None), None)
 
     def on_target(self, poses: Sequence[Pose]) -> list[Pose]:
         """Those whose tool, joints and base meet target, limits and floor, whatever the arm touches."""
@@ -179,11 +179,7 @@ class TargetSearch:
 
     def _searched(self, q: Pose) -> Pose | None:
         """Search postures of the arm about the nearest one, the base held."""
-        collision, tolerance = self.collision, self.scene.rules.tolerance
-        task = PostureTask(
-            collision.bodies, q.base, self.target.position, collision.contact, tolerance, MAX_SPARE
-        )
-        found = sampled_clear_posture(task, q.joints, samples=MAX_SAMPLES)
+        found = self.finder.sampled(q, MAX_SAMPLES)
         if found.joints is None:
             return None
         pose = Pose(q.base, np.array(found.joints))
