@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -28,8 +29,10 @@ from regionik.planners.driving.heading_slabs import (
 )
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.scene import scene_of
+from regionik.worlds.bundled import robot_named
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Shadow
+from regionik.worlds.scene import Floor, Target, World
 from tests.maths import Array, arc_end, wrap
 from tests.witnesses import witness
 
@@ -250,6 +253,17 @@ def test_a_corridor_that_is_too_narrow_is_refused_with_numbers(width: float) -> 
     )
     assert refused.value.passage == pytest.approx(width, abs=1e-4)
     assert refused.value.across == pytest.approx(0.38, abs=1e-12)
+
+
+def test_areas_of_a_round_outline_have_no_more_headings_for_its_many_sides() -> None:
+    """Each side along each wall would make slabs five times as many, for a hundredth of the width."""
+    room, turns = box(0, 0, 4, 3), 2 * np.pi * np.arange(24) / 24
+    counts = []
+    for outline in (np.column_stack([0.3 * np.cos(turns), 0.25 * np.sin(turns)]), YOUBOT):
+        robot = replace(robot_named("youbot"), footprint=outline)
+        world = World("room", robot, Floor(room), (), (Target(np.array([2.0, 1.5, 0.3])),))
+        counts.append(len(scene_of(world).free_floor.by_heading.sides))
+    assert counts == [24, 32]  # four headings have a side of the rectangle along a wall
 
 
 def test_obstacles_and_clearance_narrow_a_corridor() -> None:

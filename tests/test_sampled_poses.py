@@ -20,7 +20,7 @@ from regionik.parking.stops import in_sequence
 from regionik.pipeline import plan
 from regionik.planners.coverage.set_cover import least_cover, overlay_faces, undominated
 from regionik.planners.coverage.tours import VisitingOrder
-from regionik.postures.arm_roadmap import FixedBasePostures
+from regionik.postures.arm_roadmap import FixedBasePostures, goes
 from regionik.postures.poses import Pose
 from regionik.scene import Scene, scene_of
 from regionik.verification.verifier import verify
@@ -105,6 +105,34 @@ def test_every_posture_of_a_stop_is_clear_and_joined_to_every_other() -> None:
             way = held.roadmap.way(collision, a, b)
             assert way is not None
             assert collision.passes([Pose(held.base, a), *way, Pose(held.base, b)])
+
+
+def test_a_posture_beyond_a_post_is_joined_by_a_way_round_it() -> None:
+    """No straight motion gets there from the posture that the arm is driven in."""
+    world = holes(2, 1)
+    robot, base, rng = world.robot, np.array([0.0, -0.9, np.pi / 2]), np.random.default_rng(3)
+    world = replace(world, task=tuple(replace(target, direction=None) for target in world.task))
+    scene, joined = scene_of(world), 0
+    carrier = PostureCarrier(world, scene.collision, world.task)
+    found, postures = carrier.neighboring(base, np.arange(1))
+    assert found.tolist() == [0]
+    for turn in rng.uniform(1.0, 2.5, 6):
+        there = postures[0] + turn * (np.arange(robot.chain.dof) == 0)
+        middle = robot.tool(base, postures[0] + turn / 2 * (np.arange(robot.chain.dof) == 0))[:2, 3]
+        post = Box("post", np.array([0.08, 0.08, 2.0]), np.array([*middle, 1.0]))
+        spot = robot.tool(base, there)[:3, 3]
+        among = replace(world, obstacles=(post,), task=(Target(spot),))
+        carrier = PostureCarrier(among, scene_of(among).collision, among.task)
+        if not carrier.serves(0, base, there) or goes(carrier.collision, base, carrier.root, there):
+            continue
+        held = carrier.joined(base, np.arange(1), there[None])
+        assert held is not None
+        assert held.roadmap is not None
+        way = held.roadmap.way(carrier.collision, carrier.root, there)
+        assert way is not None
+        assert carrier.collision.passes([Pose(base, carrier.root), *way, Pose(base, there)])
+        joined += 1
+    assert joined >= 3
 
 
 @pytest.mark.usefixtures("few_poses")

@@ -77,6 +77,9 @@ UPPER_OVERHANG = 10.0  # that upper outlines are looked at beyond the floor [m]
 _MAX_HEADING_RANGE = 0.25  # ranges of headings are cut in pieces no wider than this [rad]
 DISC_SIDES = 48  # of the polygons that stand for discs
 _MAX_WALL_DIRECTIONS = 12  # directions of walls that exact headings are taken from, the longest
+MIN_SIDE_SHARE = (
+    0.25  # of a footprint's diameter, from which on a side counts: round outlines have none
+)
 _COMPASS = np.exp(2j * np.pi * np.arange(16) / 16).view(np.float64).reshape(-1, 2)
 
 
@@ -127,10 +130,10 @@ def slabs_along(scene: FootprintScene, count: int, walls: int = _MAX_WALL_DIRECT
 
 
 def _headings_along(scene: FootprintScene, most: int) -> Array:
-    """Headings with a side of the footprint along one of the longest walls."""
-    along = scene.edges[:, 2:] - scene.edges[:, :2]
-    lengths = np.hypot(*along.T)
-    angles = np.mod(np.arctan2(along[:, 1], along[:, 0]), np.pi)
+    """Headings with a long side of the footprint along one of the longest walls."""
+    edges = scene.edges[:, 2:] - scene.edges[:, :2]
+    lengths = np.hypot(*edges.T)
+    angles = np.mod(np.arctan2(edges[:, 1], edges[:, 0]), np.pi)
     walls, which = np.unique(angles.round(6) % np.pi, return_inverse=True)
     longest = np.argsort(-np.bincount(which, lengths), kind="stable")[:most]
     # The angle itself, not the one rounded to group walls by.
@@ -138,7 +141,9 @@ def _headings_along(scene: FootprintScene, most: int) -> Array:
     corners = scene.corners
     if len(corners) < 2:
         return np.zeros(0)
-    sides = np.arctan2(*(np.roll(corners, -1, axis=0) - corners).T[::-1])
+    along = np.roll(corners, -1, axis=0) - corners
+    diameter = np.hypot(*(corners[:, None] - corners).T).max()
+    sides = np.arctan2(*along[np.hypot(*along.T) >= MIN_SIDE_SHARE * diameter].T[::-1])
     headings: Array = (walls[:, None, None] - sides[:, None] + [0.0, np.pi]).ravel()
     return headings
 

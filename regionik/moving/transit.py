@@ -7,7 +7,7 @@ after it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import islice, pairwise
 
@@ -18,19 +18,18 @@ from regionik.moving.shortcuts import GOOD_COST_RATIO, MIN_SAVED_LENGTH, Clock, 
 from regionik.planners.collision.proximity import Proximity
 from regionik.planners.driving.point_planner import NoPathError, drive_point
 from regionik.planners.driving.sampling import PlanningProblem, connect
+from regionik.postures.arm_roadmap import MAX_STRIDE, arm_path, joint_box, shortened
 from regionik.postures.collision_checker import CollisionChecker
 from regionik.postures.poses import Pose, arm_states, axis_of, distinct, pose_of
 from regionik.scene import Scene
 from regionik.worlds.arms import has_pivot, pivot_index
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain
 from regionik.worlds.drives import displacement
 from regionik.worlds.robot import Robot
 
 WITHDRAWALS = (0.0, 0.1, 0.2, 0.4, 0.6)  # how far the base draws back before the arm folds [m]
 BERTHS = (0.0, 0.04, 0.08, 0.16)  # kept from the edge of the free floor beyond what the base needs [m]
 MAX_ITERATIONS, MAX_ARM_ITERATIONS = 3000, 1000  # of RRTConnect, for the whole robot and for the arm alone
-MAX_STRIDE = 1.0  # its longest motion, metres and radians together
 GOOD_LENGTH_RATIO = 1.1  # times the least way is short enough
 MAX_LEG = 1e3  # longer than any leg of a way [m]
 # of RRTConnect for shorter ways; rounds in vain in turn
@@ -96,26 +95,14 @@ class TransitPlanner:
 
     def arm_way(self, here: Pose, joints: Array) -> list[Pose] | None:
         """States after a pose, to the last with other joints, the base standing; None for none."""
-        there, chain = Pose(here.base, joints), self.scene.robot.chain
-        if not self.collision.proves(there):
+        if not self.collision.proves(Pose(here.base, joints)):
             return None
         if np.array_equal(here.joints, joints):
             return []
-
-        def goes(a: Pose, b: Pose) -> bool:
-            return self.collision.passes([a, *arm_states(a, b), b])
-
-        path: Array | None = np.stack([here.joints, joints])
-        if not goes(here, there):
-            problem = PlanningProblem(
-                *joint_box(chain, here.joints, joints), here.joints, joints,
-                lambda q: self.collision.proves(Pose(here.base, q)),
-                lambda p, q: goes(Pose(here.base, p), Pose(here.base, q)),
-            )  # fmt: skip
-            path = connect(problem, seed=self.driver.seed, iterations=MAX_ARM_ITERATIONS, stride=MAX_STRIDE)
+        path = arm_path(self.collision, here.base, here.joints, joints, self.driver.seed, MAX_ARM_ITERATIONS)
         if path is None:
             return None
-        poses = shortened([Pose(here.base, q) for q in path], goes)
+        poses = [Pose(here.base, q) for q in path]
         return [row for a, b in pairwise(poses) for row in [*arm_states(a, b), b]]
 
     def _stations(self, at: Pose, piece: int) -> Iterator[list[Pose]]:
@@ -296,23 +283,6 @@ def lifted(robot: Robot, at: Pose) -> Pose:
     if has_pivot(robot.chain):
         q[pivot_index(robot.chain)] = at.joints[pivot_index(robot.chain)]
     return Pose(at.base, q)
-
-
-def joint_box(chain: Chain, start: Array, goal: Array) -> tuple[Array, Array]:
-    """Bounds to sample joints within: their limits, or half a turn beyond both ends."""
-    low, high = np.minimum(start, goal), np.maximum(start, goal)
-    unbounded = ~(np.isfinite(chain.lower) & np.isfinite(chain.upper))
-    return np.where(unbounded, low - np.pi, chain.lower), np.where(unbounded, high + np.pi, chain.upper)
-
-
-def shortened(poses: list[Pose], goes: Callable[[Pose, Pose], bool]) -> list[Pose]:
-    """Poses without those that a straight motion which ``goes`` can leave out."""
-    kept, k = [poses[0]], 0
-    while k < len(poses) - 1:
-        ahead = range(len(poses) - 1, k + 1, -1)
-        k = next((m for m in ahead if goes(poses[k], poses[m])), k + 1)
-        kept.append(poses[k])
-    return kept
 
 
 @dataclass(frozen=True, eq=False)

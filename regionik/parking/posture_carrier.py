@@ -17,9 +17,9 @@ from regionik.planners.geometry.offsets import radius_that_holds
 from regionik.planners.reach.serial_criteria import carried_along
 from regionik.planners.solvers.serial_chain import serial_arm
 from regionik.postures.arm_roadmap import (
-    MAX_TRIES_PER_POSTURE,
-    ArmRoadmap,
+    MAX_ITERATIONS,
     FixedBasePostures,
+    arm_path,
     grown_roadmap,
     rooted_roadmap,
 )
@@ -27,11 +27,9 @@ from regionik.postures.poses import Pose, axis_of, pose_of
 from regionik.postures.posture_search import PostureSearch
 from regionik.postures.serial_solver import MAX_CARRY_STEPS, SerialSolver
 from regionik.worlds.arms import pivot_index
-from regionik.worlds.arrays import Array, Index, Mask
+from regionik.worlds.arrays import Array, Index
 
 MAX_STARTS = 24  # postures at the first set-point that are looked for
-KINDS = 4  # of postures that are tried at a set-point that is not joined by its first
-MAX_TRIES_BY_TRAVEL = 12  # motions to a posture that are looked at where few did not do
 MAX_COMPARED = 3  # of those that serve every set-point, so many are compared
 RIM_DIRECTIONS = np.arange(8) * np.pi / 4  # directions in which a circle to park in is tried [rad]
 # of the tolerance that the tool may miss there, so that others find the posture too
@@ -87,32 +85,21 @@ class PostureCarrier(PostureSearch):
     def joined(self, base: Array, some: Index, joints: Array) -> FixedBasePostures | None:
         """Those of some set-points with clear postures (n, dof) that a roadmap joins, kept all round.
 
-        Where it does not join all by the few that lie between, it may go by all that the arm knows, and to
-        postures of other kinds.
+        Where it does not join all by the few that lie between, RRTConnect looks for a way.
         """
-        travel, joints = self._travel, joints.copy()
+        travel = self._travel
         off = np.abs(joints[:, None] - travel.joints[None]).max(axis=2)
         between = travel.joints[travel.up_from(np.argmin(off, axis=1))][1:]
-        roadmap, held = self._joining(rooted_roadmap(base, self.root), between, joints, MAX_TRIES_PER_POSTURE)
-        if not held.all() and self.collision.proves(Pose(base, self.root)):
-            clear = [self.collision.proves(Pose(base, q)) for q in travel.joints[1:]]
-            roadmap, held[~held] = self._joining(
-                roadmap, travel.joints[1:][clear], joints[~held], MAX_TRIES_BY_TRAVEL
-            )
-            for at, others in self.families(base, some[~held], KINDS):
-                others = others[np.isin(at, some[~held])]
-                rows = np.flatnonzero(np.isin(some, at) & ~held)
-                roadmap, held[rows] = self._joining(roadmap, others[:0], others, MAX_TRIES_PER_POSTURE)
-                joints[rows] = others
+        nodes = np.vstack([between, joints])
+        roadmap, grown = grown_roadmap(self.collision, rooted_roadmap(base, self.root), nodes)
+        held = np.isin(np.arange(len(joints)) + len(between), grown)
+        left = np.flatnonzero(~held) if self.collision.proves(Pose(base, self.root)) else ()
+        for n in left:
+            path = arm_path(self.collision, base, roadmap.nearest(joints[n]), joints[n], 0, MAX_ITERATIONS)
+            if path is not None:
+                roadmap, held[n] = roadmap.with_path(path), True
         found = self.clear_postures(base, some[held], joints[held])
         return None if found is None else replace(found, roadmap=roadmap)
-
-    def _joining(
-        self, roadmap: ArmRoadmap, between: Array, joints: Array, tries: int
-    ) -> tuple[ArmRoadmap, Mask]:
-        """The roadmap grown by some postures to others, and which of these it holds, (k,)."""
-        roadmap, held = grown_roadmap(self.collision, roadmap, np.vstack([between, joints]), tries)
-        return roadmap, np.isin(np.arange(len(joints)) + len(between), held)
 
     @property
     def root(self) -> Array:

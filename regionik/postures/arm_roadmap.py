@@ -1,27 +1,35 @@
 """Roadmap of an arm on a fixed base: postures, and straight motions between them that are proven clear.
 
 It grows as a tree from one posture, by the shortest motion that is left. A motion is only looked at when it
-is the shortest, as in LazyPRM (Bohlin and Kavraki 2000).
+is the shortest, as in LazyPRM (Bohlin and Kavraki 2000). RRTConnect finds ways that go round more.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from heapq import heappop, heappush
 from itertools import pairwise
+from typing import TypeVar
 
 import numpy as np
 
+from regionik.planners.driving.sampling import PlanningProblem, connect
 from regionik.postures.collision_checker import CollisionChecker, bodies_in, checker_from
 from regionik.postures.poses import Pose, arm_states, distinct
 from regionik.worlds.arrays import Array, Index
+from regionik.worlds.chain import Chain
 from regionik.worlds.robot import Robot, with_joint_margin
 from regionik.worlds.scene import Floor, Rules, Start, World
 
+State = TypeVar("State")
+
 DRAWN_POSTURES = 300  # postures at random
 MAX_TRIES_PER_POSTURE = 4  # motions to a posture that are looked at
+MAX_STRIDE = 1.0  # longest motion of RRTConnect, metres and radians together
+MAX_ITERATIONS, MAX_WAY_ITERATIONS = 1000, 300  # of RRTConnect to a posture, and for a shorter way
+GOOD_LENGTH_RATIO = 1.5  # times the straight motion between two postures is short enough
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,25 +42,47 @@ class ArmRoadmap:
     parent: Index
 
     def way(self, collision: CollisionChecker, here: Array, there: Array) -> list[Pose] | None:
-        """Return the states strictly between two postures: straight, else along the tree with shortcuts.
+        """Return the states strictly between two postures: straight, or along the tree with shortcuts.
 
-        None where an end is no posture of the tree, nor a straight motion from the nearest.
+        Where that goes far round, a way by RRTConnect that is shorter. None where an end is no posture of the
+        tree, nor a straight motion from the nearest.
         """
-        corners = [Pose(self.base, joints) for joints in (here, there)]
-        if not goes(collision, self.base, here, there):
-            between = (Pose(self.base, self.joints[k]) for k in self._between(here, there))
-            corners = distinct([corners[0], *between, corners[1]])
-            if not all(
-                goes(collision, self.base, a.joints, b.joints) for a, b in (corners[:2], corners[-2:])
-            ):
-                return None
-            corners = list(self._shortened(collision, corners))
-        rows = [row for a, b in pairwise(corners) for row in [*arm_states(a, b), b]]
-        return rows[:-1]
+        ends = [Pose(self.base, joints) for joints in (here, there)]
+        corners = ends if goes(collision, self.base, here, there) else self._along_tree(collision, ends)
+        if corners is None:
+            return None
+        if _length(corners) > GOOD_LENGTH_RATIO * _length(ends):
+            path = arm_path(collision, self.base, here, there, 0, MAX_WAY_ITERATIONS)
+            if path is not None:
+                corners = min(corners, [Pose(self.base, q) for q in path], key=_length)
+        return [row for a, b in pairwise(corners) for row in [*arm_states(a, b), b]][:-1]
+
+    def _along_tree(self, collision: CollisionChecker, ends: list[Pose]) -> list[Pose] | None:
+        """Corners of a way between two postures by those of the tree; None where one is not joined to it."""
+        between = (Pose(self.base, self.joints[k]) for k in self._between(*(end.joints for end in ends)))
+        corners = distinct([ends[0], *between, ends[1]])
+
+        def clear(a: Pose, b: Pose) -> bool:
+            return goes(collision, self.base, a.joints, b.joints)
+
+        if not (clear(*corners[:2]) and clear(*corners[-2:])):
+            return None
+        return shortened(corners, clear)
 
     def joins(self, collision: CollisionChecker, joints: Array) -> bool:
         """True if a straight motion from the nearest posture of the tree to another is collision-free."""
         return goes(collision, self.base, self.joints[self._nearest(joints)], joints)
+
+    def with_path(self, path: Array) -> ArmRoadmap:
+        """Return the roadmap with a path of postures (n, dof) from one of it, its motions proven clear."""
+        added = np.arange(len(path) - 1) + len(self.joints)
+        parent = np.concatenate([self.parent, [self._nearest(path[0])], added[:-1]])
+        return replace(self, joints=np.vstack([self.joints, path[1:]]), parent=parent)
+
+    def nearest(self, joints: Array) -> Array:
+        """Return the posture that is nearest to another one."""
+        near: Array = self.joints[self._nearest(joints)]
+        return near
 
     def up_from(self, some: Index) -> Index:
         """Return some postures and all on their ways to the root, each after the one that it is joined to."""
@@ -72,17 +102,6 @@ class ArmRoadmap:
         while k >= 0:
             yield k
             k = int(self.parent[k])
-
-    def _shortened(self, collision: CollisionChecker, corners: list[Pose]) -> Iterator[Pose]:
-        """Corners of a way without those that a straight motion leaves out, tried by halves."""
-        k = 0
-        yield corners[0]
-        while k < len(corners) - 1:
-            m = len(corners) - 1
-            while m > k + 1 and not goes(collision, self.base, corners[k].joints, corners[m].joints):
-                m = (k + 1 + m) // 2
-            k = m
-            yield corners[k]
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +158,7 @@ def rooted_roadmap(base: Array, root: Array) -> ArmRoadmap:
 
 
 def grown_roadmap(
-    collision: CollisionChecker, roadmap: ArmRoadmap, postures: Array, tries: int = MAX_TRIES_PER_POSTURE
+    collision: CollisionChecker, roadmap: ArmRoadmap, postures: Array
 ) -> tuple[ArmRoadmap, Index]:
     """A roadmap grown on to clear postures (n, dof), and which of these it holds by now, (k,).
 
@@ -147,29 +166,30 @@ def grown_roadmap(
     """
     before, base = len(roadmap.joints), roadmap.base
     nodes = np.vstack([roadmap.joints, postures])
-    far = np.abs(nodes[:, None] - nodes[None]).max(axis=2)
-    place, parent, queue = (
-        {k: k for k in range(before)},
-        roadmap.parent.tolist(),
-        list[tuple[float, int, int]](),
-    )
-    missed = np.zeros(len(nodes), dtype=np.intp)
-    new = list(place) if collision.proves(Pose(base, roadmap.joints[0])) else []
-    while new:
-        for k in new:
-            for m in range(before, len(nodes)):
-                if m not in place:
-                    heappush(queue, (float(far[k, m]), k, m))
-        new = []
-        while queue and not new:
-            _, a, b = heappop(queue)
-            if b in place or missed[b] >= tries:
-                continue
-            if goes(collision, base, nodes[a], nodes[b]):
-                place[b], new = len(place), [b]
-                parent.append(place[a])
-            else:
-                missed[b] += 1
+    far = np.abs(nodes[:, None] - nodes[None, before:]).max(axis=2)
+    ahead = [iter((before + row).tolist()) for row in np.argsort(far, axis=1, kind="stable")]
+    place, parent = {k: k for k in range(before)}, roadmap.parent.tolist()
+    missed, queue = np.zeros(len(nodes), dtype=np.intp), list[tuple[float, int, int]]()
+
+    def push(k: int) -> None:
+        """Queue the shortest motion from a node that was not queued yet."""
+        m = next((m for m in ahead[k] if m not in place and missed[m] < MAX_TRIES_PER_POSTURE), None)
+        if m is not None:
+            heappush(queue, (float(far[k, m - before]), k, m))
+
+    for k in place if collision.proves(Pose(base, roadmap.joints[0])) else ():
+        push(k)
+    while queue:
+        _, a, b = heappop(queue)
+        push(a)
+        if b in place or missed[b] >= MAX_TRIES_PER_POSTURE:
+            continue
+        if goes(collision, base, nodes[a], nodes[b]):
+            place[b] = len(place)
+            parent.append(place[a])
+            push(b)
+        else:
+            missed[b] += 1
     held = np.array(list(place), dtype=np.intp)
     return ArmRoadmap(base, nodes[held], np.array(parent, dtype=np.intp)), held[before:] - before
 
@@ -178,3 +198,43 @@ def goes(collision: CollisionChecker, base: Array, here: Array, there: Array) ->
     """True if the straight motion between two postures is proven clear."""
     a, b = Pose(base, here), Pose(base, there)
     return collision.passes([a, *arm_states(a, b), b])
+
+
+def _length(poses: Sequence[Pose]) -> float:
+    """Return the sum of the largest changes of a joint from posture to posture [rad] or [m]."""
+    return float(sum(np.abs(b.joints - a.joints).max() for a, b in pairwise(poses)))
+
+
+def arm_path(
+    collision: CollisionChecker, base: Array, here: Array, there: Array, seed: int, iterations: int
+) -> Array | None:
+    """Postures (n, dof) from one clear posture to another by straight motions that are proven clear.
+
+    Straight, else by RRTConnect; None where it found no way.
+    """
+    straight = np.stack([here, there])
+    if goes(collision, base, here, there):
+        return straight
+    problem = PlanningProblem(
+        *joint_box(collision.bodies.robot.chain, here, there), here, there,
+        lambda q: collision.proves(Pose(base, q)), lambda p, q: goes(collision, base, p, q),
+    )  # fmt: skip
+    path = connect(problem, seed=seed, iterations=iterations, stride=MAX_STRIDE)
+    return None if path is None else np.array(shortened(list(path), lambda p, q: goes(collision, base, p, q)))
+
+
+def joint_box(chain: Chain, start: Array, goal: Array) -> tuple[Array, Array]:
+    """Bounds to sample joints within: their limits, or half a turn beyond both ends."""
+    low, high = np.minimum(start, goal), np.maximum(start, goal)
+    unbounded = ~(np.isfinite(chain.lower) & np.isfinite(chain.upper))
+    return np.where(unbounded, low - np.pi, chain.lower), np.where(unbounded, high + np.pi, chain.upper)
+
+
+def shortened(path: Sequence[State], goes: Callable[[State, State], bool]) -> list[State]:
+    """Return a path without what a straight motion that ``goes`` can leave out."""
+    kept, k = [path[0]], 0
+    while k < len(path) - 1:
+        ahead = range(len(path) - 1, k + 1, -1)
+        k = next((m for m in ahead if goes(path[k], path[m])), k + 1)
+        kept.append(path[k])
+    return kept
