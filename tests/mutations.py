@@ -750,9 +750,9 @@ FAULTS = (
     ),
     Fault(
         "transits: ways of the arm alone are not looked at between states",
-        "regionik/moving/transit.py",
-        "return self.collision.passes([a, *arm_states(a, b), b])",
-        "return self.collision.clear(b)",
+        "regionik/postures/arm_roadmap.py",
+        "return collision.passes([a, *arm_states(a, b), b])",
+        "return collision.clear(b)",
         ("tests/test_transit.py",),
     ),
     Fault(
