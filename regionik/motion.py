@@ -38,6 +38,8 @@ from regionik.worlds.errors import Explanation, NoPlanFound
 
 MAX_CANDIDATES = 16  # candidates tried at the next set-point, or to begin a run from
 BASE_COORDINATES = 0, 1, 2  # coordinates of a base that stands
+# set-points that runs on stationary bases may go through in vain in any case, and times as many as there are
+MIN_STATIONARY_BUDGET, STATIONARY_BUDGET_FACTOR = 240, 4
 MAX_TRIES_BASE_FIRST = 24  # candidates tried without getting farther before base and joints go on together
 
 
@@ -130,12 +132,16 @@ class _Connection:
         """Return a whole run with a stationary base; None if there is none."""
         if not self.scene.rules.avoidance:
             return None
-        ladder, keep = self.pruned.ladder, self.pruned.keep
+        ladder, keep, passed = self.pruned.ladder, self.pruned.keep, 0
         for base in stationary_bases(self.scene, ladder, keep, self.free_space, i, end):
-            runs = RunGrowth(self.search, BASE_COORDINATES).runs_from(i, end, partial(self._postures, base))
+            growth = RunGrowth(self.search, BASE_COORDINATES)
+            runs = growth.runs_from(i, end, partial(self._postures, base))
             found = self._arrived(i, end, here, (run for run in runs if run.end >= end))
             if found is not None:
                 return found
+            passed += sum(len(run.steps) for run in growth.known)
+            if passed > max(MIN_STATIONARY_BUDGET, STATIONARY_BUDGET_FACTOR * (end - i)):
+                break
         return None
 
     def _postures(self, base: StationaryBase, at: int) -> Iterator[Candidate]:
