@@ -70,7 +70,7 @@ FAULTS = (
     Fault(
         "stops: a circle to park in is advised that is not found",
         "regionik/parking/fewest_stops.py",
-        "rounded_down(SURE_CIRCLE_SHARE * widest, 4)",
+        "rounded_down(OPTIONS.sure_circle_share * widest, 4)",
         "widest",
         ("tests/test_false_answers.py",),
     ),
