@@ -192,7 +192,7 @@ def test_some_of_many_areas_are_enough_for_a_cover_and_a_bound(
 ) -> None:
     world = scattered(0, 3.0)
     whole = park(scene_of(world))
-    monkeypatch.setattr(set_cover, "MOST", most)
+    monkeypatch.setattr(set_cover, "COVERAGE", replace(set_cover.COVERAGE, max_overlaid=most))
     found = park(scene_of(world))
     assert found.lower <= whole.lower
     assert int(found.known["fewest_of_inner_areas"]) <= len(whole.groups) <= len(found.groups)

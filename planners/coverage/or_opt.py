@@ -12,13 +12,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from regionik.planners.coverage.options import COVERAGE
 from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array, Index, Mask
 
-NEIGHBOURS = 12  # of a node that it may be joined to
 LONGEST = 3  # of a part that Or-opt moves
-KICKS = 60  # for each node
-SPREAD = 40  # nodes within which a double bridge lies
 GAIN = 1e-10  # below which a tour counts as no shorter
 
 
@@ -28,10 +26,11 @@ def improved_tour(far: Array) -> Index:
     The weights ``far`` (n, n) are symmetric, n is at least 8.
     """
     n = len(far)
-    near = np.argsort(far + np.diag(np.full(n, np.inf)), axis=1, kind="stable")[:, : min(NEIGHBOURS, n - 1)]
+    neighbours, width = min(COVERAGE.neighbours, n - 1), min(COVERAGE.bridge_width, n - 1)
+    near = np.argsort(far + np.diag(np.full(n, np.inf)), axis=1, kind="stable")[:, :neighbours]
     tour = _nearest_neighbour(far)
     rng = np.random.default_rng(0)
-    cuts = np.sort(rng.integers(1, min(SPREAD, n - 1), (KICKS * n, 3)), axis=1)
+    cuts = np.sort(rng.integers(1, width, (COVERAGE.bridges_per_node * n, 3)), axis=1)
     cuts[:, 0] = rng.integers(0, n, len(cuts))
     _search(far, np.ascontiguousarray(near), tour, cuts)
     return tour

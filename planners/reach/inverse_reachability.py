@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionik.planners.kernels import compiled
+from regionik.planners.reach.options import REACH
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, POSITION, Aim, polish
 from regionik.planners.solvers.serial_chain import SerialArm, serial_arm
 from regionik.worlds.arms import pivot_index, sliding_chain
@@ -24,8 +25,8 @@ from regionik.worlds.arrays import Array, Mask
 from regionik.worlds.chain import Chain, spread_postures
 from regionik.worlds.prepared import made_once
 
-SAMPLES = 4096
-NEAREST, MORE = 128, 512  # that are moved to a pose; so many where the reach is small
+OPTIONS = REACH.pose
+
 STEPS = 20  # of damped least squares from a sample
 
 
@@ -48,7 +49,7 @@ class Tolerances(NamedTuple):
 @made_once
 def posture_samples(chain: Chain, reach: float) -> PostureSamples:
     """Draw the samples of a chain with a vertical pivot; kept for the last few chains."""
-    postures = spread_postures(chain, reach, SAMPLES, 0)
+    postures = spread_postures(chain, reach, OPTIONS.samples, 0)
     postures[:, pivot_index(chain)] = 0.0
     return PostureSamples(postures, np.ascontiguousarray(chain.forward(postures)), reach)
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from regionik.planners.geometry.vectors import cross, row, squared
 from regionik.planners.kernels import compiled
-from regionik.planners.reach.pose_reach import ANGLE_SHARE
+from regionik.planners.reach.options import REACH
 from regionik.planners.reach.serial_criteria import (
     PostureDemand,
     SerialThresholds,
@@ -66,7 +66,7 @@ def square_task(
     arm = serial_arm(with_pivot_limits(chain, *azimuths))
     aim = aim._replace(position=aim.position - [0.0, 0.0, height])
     levers = longest_levers(chain, len(chain.joints) - 1, chain.T_last_tool[:3, 3])[0]
-    angle = max(ANGLE_SHARE * aim.cone, EXACT)
+    angle = max(REACH.pose.angle_share * aim.cone, EXACT)
     asked = serial_thresholds(demand, chain.dof)
     return SquareTask(arm, asked, aim, angle, span_of(arm), levers, pivot_index(chain))
 
