@@ -7,12 +7,13 @@ from functools import cached_property
 
 import numpy as np
 
+from regionik.simulation.options import SIMULATION
 from regionik.timing.limits import tool_velocity
 from regionik.timing.trajectory import sample_plan, trajectory
 from regionik.values import Plan
 from regionik.worlds.arrays import Array, Index, Mask
 
-PERIOD = 0.01  # of the controller [s]
+PERIOD = SIMULATION.controller.period
 ROLLS = 1e-3  # speed above which a car's curvature is that of its motion [m/s]
 
 
