@@ -17,8 +17,6 @@ from regionik.values import Violation
 from regionik.verification.motion import Indices, MotionSegments
 from regionik.verification.proofs import Finding, StateNames, finding
 from regionik.verification.timed_segments import (
-    SLIP,
-    SLIPPED,
     CoursePolynomials,
     TimedSegments,
     bernstein_parts,
@@ -26,14 +24,12 @@ from regionik.verification.timed_segments import (
     substitution,
     timed_segments,
 )
+from regionik.verification.tolerances import BEYOND, OVER, SLIP, SLIPPED, STEERED
 from regionik.worlds.arrays import Array
 from regionik.worlds.limits import Speeds
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import World
 
-OVER = 2e-3  # share of a limit by which bounds may be beyond it
-BEYOND = 10.0  # times `Speeds.blend` to which bounds may come: they add up what all joints are off
-STEERED = 1e-5  # angle that a car's steering need not be turned for [rad]
 ZERO = 1e-9  # of derivatives at an end of a segment, as a share of the largest
 MOST = 1e9  # share of a limit where nothing bounds it
 

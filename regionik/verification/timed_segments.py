@@ -20,13 +20,14 @@ from scipy.interpolate import BSpline, make_interp_spline
 from scipy.special import comb
 
 from regionik.verification.motion import Indices, Mask, MotionSegments
+from regionik.verification.options import VERIFICATION
+from regionik.verification.tolerances import EXACT
 from regionik.worlds.arrays import Array
 from regionik.worlds.limits import Speeds
 
-SAME = 1e-9  # states that differ by less are the same [m], [rad]
-PARTS = 16  # of a piece, each with bounds of its own
+OPTIONS = VERIFICATION.proofs
+
 STANDS = 1e-7  # of a way that a car rolls with its steering as it is, by rounding [m]
-SLIP, SLIPPED = 1e-3, 1e-5  # that wheels may slip from state to state: as a share of the way, and besides [m]
 AT_REST = 1e-5  # path velocity at an end of a run, as a share of the largest
 NODES, WEIGHTS = np.array(leggauss(24)) / 2 + [[0.5], [0.0]]  # of a mean from 0 to 1
 
@@ -60,7 +61,7 @@ class TimedSegments:
     def lengths(self) -> Array:
         """Lengths on the smooth path, in metres and radians alike, (segments,)."""
         far = np.linalg.norm(self.change, axis=1)
-        return np.where(far > SAME, far, 0.0)
+        return np.where(far > EXACT, far, 0.0)
 
     @cached_property
     def moving(self) -> Indices:
@@ -267,8 +268,8 @@ def bernstein_parts(polynomials: Array) -> Iterator[Array]:
     """Bernstein coefficients of polynomials (m, n, ...) on each part of the interval from 0 to 1, so many."""
     i, n = np.indices((polynomials.shape[1], polynomials.shape[1]))
     scale = comb(i, n) / comb(len(i) - 1, n)
-    for part in range(PARTS):
-        by_power = scale @ substitution(len(i), part / PARTS, 1 / PARTS)
+    for part in range(OPTIONS.speed_parts):
+        by_power = scale @ substitution(len(i), part / OPTIONS.speed_parts, 1 / OPTIONS.speed_parts)
         yield np.einsum("in,mn...->mi...", by_power, polynomials)
 
 
