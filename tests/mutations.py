@@ -63,7 +63,7 @@ FAULTS = (
     Fault(
         "reach: an arm that cannot rise misses its own height",
         "planners/reach/level_reach.py",
-        "if off > span.length + LEVEL:",
+        "if off > span.length + HEIGHT_TOLERANCE:",
         "if off >= span.length:",
         ("tests/test_false_answers.py",),
     ),
@@ -273,7 +273,7 @@ FAULTS = (
     Fault(
         "verify: how far a base is off the floor is told of its corners",
         "planners/geometry/offsets.py",
-        "some = (there + far > best + RESOLVED)",
+        "some = (there + far > best + OPTIONS.depth_error)",
         "some = (there > np.inf)",
         ("tests/test_depths.py",),
     ),
@@ -392,7 +392,7 @@ FAULTS = (
     Fault(
         "areas: shallow bays that are filled too deep go unseen",
         "planners/geometry/offsets.py",
-        "if over <= MEASURED:",
+        "if over <= DISTANCE_TOLERANCE:",
         "if over <= by:",
         ("tests/test_offsets.py",),
     ),

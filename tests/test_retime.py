@@ -148,7 +148,7 @@ def test_corners_are_cut_where_the_tool_is_lifted_and_not_on_its_path(
     )[0]
     lifted = found.kind == "transit"
     assert off[~lifted].max() < 2 * Speeds.blend + near
-    assert 10 * Speeds.blend < off[lifted].max() < stage.LIFTED + near
+    assert 10 * Speeds.blend < off[lifted].max() < stage.CORNERS.lifted_blend + near
 
 
 def engine_alone(found: Plan, finer: int) -> float:

@@ -15,7 +15,7 @@ from shapely.geometry.base import BaseGeometry
 from regionik.planners.coverage.options import COVERAGE
 from regionik.worlds.arrays import Array, Mask
 
-LEAST = 1e-10  # faces smaller than this are left out [m2]
+MIN_FACE_AREA = 1e-10  # faces smaller than this are left out [m2]
 
 Geometries = NDArray[np.object_]
 Index = NDArray[np.intp]
@@ -79,13 +79,13 @@ def _faces_that_count(areas: Geometries) -> Geometries:
     """Faces among which are all of the overlay that no other dominates: where all share a place, that."""
     shared = shapely.get_parts(shapely.intersection_all(areas))
     shared = shared[
-        (shapely.get_type_id(shared) == shapely.GeometryType.POLYGON) & (shapely.area(shared) > LEAST)
+        (shapely.get_type_id(shared) == shapely.GeometryType.POLYGON) & (shapely.area(shared) > MIN_FACE_AREA)
     ]
     if _holding(shared, areas).all(axis=1).any():
         return shared
     lines = shapely.union_all(shapely.boundary(areas))
     polygon = shapely.get_parts(shapely.polygonize([lines]))
-    return polygon[shapely.area(polygon) > LEAST]
+    return polygon[shapely.area(polygon) > MIN_FACE_AREA]
 
 
 def _holding(faces: Geometries, areas: Geometries) -> Mask:
@@ -282,7 +282,7 @@ def fewest_runs(options: Geometries, offsets: Index, back: Sequence[Sequence[int
         if ahead:
             found[-1] = Run(found[-1].first, i, ahead)
         else:
-            ahead = {k: options[k] for k in span if options[k].area > LEAST}
+            ahead = {k: options[k] for k in span if options[k].area > MIN_FACE_AREA}
             if not ahead:
                 break
             found.append(Run(i, i, ahead))
@@ -301,7 +301,7 @@ def _onward(
             continue
         points = before[0] if len(before) == 1 else shapely.union_all(before)
         shared = _polygons(points & options[k])
-        if shared.area > LEAST:
+        if shared.area > MIN_FACE_AREA:
             ahead[k] = shared
     return ahead
 

@@ -16,7 +16,7 @@ from regionik.planners.coverage.options import COVERAGE
 from regionik.planners.coverage.or_opt import improved_tour
 from regionik.worlds.arrays import Array
 
-GAIN = 1e-12  # below which a tour counts as no shorter [m]
+MIN_GAIN = 1e-12  # below which a tour counts as no shorter [m]
 
 Index = NDArray[np.intp]
 
@@ -102,7 +102,7 @@ def shortest_tour_of_sets(
     for _ in range(COVERAGE.max_alternations):
         chosen = shortest_choice(far, [members[k] for k in order], first, last)
         now = _open_length(chosen, far, first, last)
-        if now >= length - GAIN:
+        if now >= length - MIN_GAIN:
             break
         best, length = chosen, now
         some = np.array(best)
@@ -233,7 +233,7 @@ def _between(region: BaseGeometry, before: Array | None, after: Array | None, he
     ways = np.hypot(*(spots - before).T) + np.hypot(*(spots - after).T)
     best = int(np.argmin(ways))
     now = float(np.hypot(*(here - before)) + np.hypot(*(here - after)))
-    return spots[best] if ways[best] < now - GAIN else here
+    return spots[best] if ways[best] < now - MIN_GAIN else here
 
 
 def _reflection_points(ring: Array, before: Array, after: Array) -> Array:

@@ -27,7 +27,7 @@ from regionik.worlds.prepared import made_once
 
 OPTIONS = REACH.pose
 
-STEPS = 20  # of damped least squares from a sample
+MAX_SOLVER_STEPS = 20  # of damped least squares from a sample
 
 
 class PostureSamples(NamedTuple):
@@ -112,7 +112,9 @@ def _moved(
         postures[k, pivot] -= azimuth
         there = aim_at(aim, places[k, 0], places[k, 1], places[k, 1] + np.pi)
         joints[:2], joints[2:] = 0.0, postures[k]
-        error, angle, _ = polish(arm, there, joints, within.reach, within.error, within.angle, STEPS)
+        error, angle, _ = polish(
+            arm, there, joints, within.reach, within.error, within.angle, MAX_SOLVER_STEPS
+        )
         met[k] = error <= within.error and angle <= within.angle
         dx, dy = places[k, 0] - joints[0], -joints[1]  # the tool as seen from where the base has come to
         turn = math.atan2(dy, dx)

@@ -41,9 +41,9 @@ OPTIONS = REACH.level
 
 Intervals = tuple[tuple[float, float], ...]
 
-LEVEL = 1e-9  # by which the tool of an arm that cannot rise may be off its height [m]
+HEIGHT_TOLERANCE = 1e-9  # by which the tool of an arm that cannot rise may be off its height [m]
 ROUNDING_MARGIN = 1e-6  # against rounding, and of frames that are not quite rotations [m], [rad]
-BESIDE = 1e-6  # what is nearer to the tool's point than this tells nothing new [m]
+MIN_POINT_DISTANCE = 1e-6  # what is nearer to the tool's point than this tells nothing new [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +72,7 @@ class PivotedArm:
     def is_level(self) -> bool:
         """True where the tool's height never changes, as all axes stand upright."""
         heights = self.chain.forward(_drawn(self.chain, np.random.default_rng(0), OPTIONS.samples))[:, 2, 3]
-        return bool(np.ptp(heights) < LEVEL)
+        return bool(np.ptp(heights) < HEIGHT_TOLERANCE)
 
     @cached_property
     def level_ends(self) -> tuple[Array, Array]:
@@ -104,7 +104,9 @@ class PivotedArm:
         lever = OPTIONS.lever_share * self.bound.length
         joints, T = self.chain.joints, self.chain.T_last_tool
         points = [wrist, wrist - lever * along, wrist + lever * along]
-        return tuple((e, Chain(joints, T @ translation(*e))) for e in points if np.linalg.norm(e) > BESIDE)
+        return tuple(
+            (e, Chain(joints, T @ translation(*e))) for e in points if np.linalg.norm(e) > MIN_POINT_DISTANCE
+        )
 
 
 @made_once
@@ -218,7 +220,7 @@ def _outer_range(chain: Chain, low: float, high: float, most: int) -> Intervals:
     arm = pivoted_arm(chain)
     meridian, span = arm.meridian, arm.bound
     off = max(0.0, abs((low + high) / 2 - span.height) - (high - low) / 2)
-    if off > span.length + LEVEL:
+    if off > span.length + HEIGHT_TOLERANCE:
         return ()
     cap = span.radius + float(np.sqrt(max(0.0, span.length**2 - off**2)))
     if meridian is None:
@@ -232,7 +234,7 @@ def _outer_range(chain: Chain, low: float, high: float, most: int) -> Intervals:
 def _level_reach(arm: PivotedArm, rise: float) -> Intervals:
     """Reach of an arm at the one height it has: its limits hang together, so all between two ends is met."""
     ends = arm.chain.forward(np.array(arm.level_ends))
-    if abs(float(ends[0, 2, 3]) - rise) > LEVEL:
+    if abs(float(ends[0, 2, 3]) - rise) > HEIGHT_TOLERANCE:
         return ()
     near, far = np.linalg.norm(ends[:, :2, 3], axis=1).tolist()
     return ((near, far),)

@@ -39,7 +39,7 @@ from regionik.worlds.joints import nearest_turn
 
 OPTIONS = REACH.pose
 
-STEPS = 8  # of damped least squares from a neighbour
+MAX_SOLVER_STEPS = 8  # of damped least squares from a neighbour
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)  # multiples of it, but for whole ones, are spread evenly
 DIGITS = 12  # of a turn: targets that differ by less are one
 
@@ -274,7 +274,9 @@ def _extend_to(grid: _Grid, i: int, j: int, posture: Array) -> bool:
 def _come_to(grid: _Grid, distance: float, bearing: float, joints: Array) -> bool:
     within = grid.within
     aim = aim_at(grid.aim, distance, bearing, 0.0 if grid.fixed_heading else bearing + np.pi)
-    error, angle, _ = polish(grid.arm, aim, joints, within.reach, within.error, within.angle, STEPS)
+    error, angle, _ = polish(
+        grid.arm, aim, joints, within.reach, within.error, within.angle, MAX_SOLVER_STEPS
+    )
     if error > within.error or angle > within.angle:
         return False
     return moved_within_thresholds(
@@ -293,7 +295,9 @@ def _cells(grid: _Grid, known: Chain | None) -> PolarCells:
     met = _cells_with_posture(grid, r, b, middles)
     if known is None:
         return cells.selected(met)
-    return closed_form_cells(known, grid.aim, Polish(grid.within.error, grid.within.angle, STEPS), cells, met)
+    return closed_form_cells(
+        known, grid.aim, Polish(grid.within.error, grid.within.angle, MAX_SOLVER_STEPS), cells, met
+    )
 
 
 @compiled

@@ -33,10 +33,10 @@ from regionik.worlds.chain import Chain
 
 OPTIONS = REACH.proof
 
-FINEST = 2.0**20  # steps a metre of the sides of squares
-STEPS = 12  # of damped least squares
-AMPLE = 0.3  # share of a threshold, by which postures are to meet it
-CENTRED = 0.3  # of the way to the middles of the joints' limits that the arm's self-motion goes
+STEPS_PER_METRE = 2.0**20  # steps a metre of the sides of squares
+MAX_SOLVER_STEPS = 12  # of damped least squares
+SPARE_SHARE = 0.3  # share of a threshold, by which postures are to meet it
+CENTRING_SHARE = 0.3  # of the way to the middles of the joints' limits that the arm's self-motion goes
 
 EVERY = -np.inf, np.inf
 FIXED_COORDINATES = {POSITION: 3, DIRECTION: 5, ORIENTATION: 6}  # numbers that an aim fixes
@@ -174,7 +174,7 @@ def _squares(
 def _quartered(task: SquareTask, reach: PoseReach) -> Iterator[Array]:
     """The squares proven of each size: middle, half, azimuth and turn, (k, 5)."""
     grid, seeds = (_Nearest.of(some, task.pivot) for some in (reach.grid, reach.seeds))
-    least = float(np.ceil(OPTIONS.min_half_share * task.reach * FINEST)) / FINEST
+    least = float(np.ceil(OPTIONS.min_half_share * task.reach * STEPS_PER_METRE)) / STEPS_PER_METRE
     half = least * 2.0**OPTIONS.max_quarterings
     middles = _first_squares(reach.area, half)
     for _ in range(OPTIONS.max_quarterings + 1):
@@ -254,13 +254,13 @@ def _centred(task: SquareTask, aim: Aim, joints: Array) -> bool:
     M, A, _, _, _ = constraints(task.arm, aim.kind, joints)
     if len(M) >= len(joints):
         return moved_within_thresholds(
-            task.arm, task.thresholds, aim, joints, task.reach, EXACT, task.angle, AMPLE
+            task.arm, task.thresholds, aim, joints, task.reach, EXACT, task.angle, SPARE_SHARE
         )
     lower, upper = task.arm.lower, task.arm.upper
     away, along, trial = np.zeros(len(joints)), np.zeros(len(M)), joints.copy()
     for k in range(len(joints)):
         if upper[k] - lower[k] < np.inf:
-            away[k] = CENTRED * (0.5 * (lower[k] + upper[k]) - joints[k])
+            away[k] = CENTRING_SHARE * (0.5 * (lower[k] + upper[k]) - joints[k])
         for r in range(len(M)):
             along[r] += M[r, k] * away[k]
     for k in range(len(joints)):
@@ -271,11 +271,11 @@ def _centred(task: SquareTask, aim: Aim, joints: Array) -> bool:
     if _come_to(task, aim, trial):
         joints[:] = trial
     return moved_within_thresholds(
-        task.arm, task.thresholds, aim, joints, task.reach, EXACT, task.angle, AMPLE
+        task.arm, task.thresholds, aim, joints, task.reach, EXACT, task.angle, SPARE_SHARE
     )
 
 
 @compiled
 def _come_to(task: SquareTask, aim: Aim, joints: Array) -> bool:
-    error, angle, _ = polish(task.arm, aim, joints, task.reach, EXACT, task.angle, STEPS)
+    error, angle, _ = polish(task.arm, aim, joints, task.reach, EXACT, task.angle, MAX_SOLVER_STEPS)
     return bool(error <= EXACT and angle <= task.angle)

@@ -70,7 +70,7 @@ class Change:
 
     scene: Scene
     most: float  # largest amount that is tried
-    repair: Callable[[float], Repair]  # the repair of an amount, rounded to the grid of `FINE`
+    repair: Callable[[float], Repair]  # the repair of an amount, rounded to the grid
     # The target that in the unchanged world has the areas of the world changed by an amount
     as_target: Callable[[float], Target] | None = None
     # True where more of it never takes room away, so that bisection alone finds the least
@@ -105,7 +105,7 @@ class Move:
 
 
 def on_grid(step: Array) -> Array:
-    """A step on the grid of `FINE`; adding zero makes no zero negative."""
+    """A step on the grid of amounts; adding zero makes no zero negative."""
     return np.round(np.round(step / EXPLAIN.grid) * EXPLAIN.grid, 6) + 0.0
 
 

@@ -28,7 +28,7 @@ OPTIONS = SIMULATION.robot
 ROOT = "mujoco"  # element of every model
 BASE_JOINTS = ("base x", "base y", "base yaw")
 ARMATURE = {"revolute": 0.01, "prismatic": 1.0}  # of a joint's drive, seen from the joint [kg m2], [kg]
-_UNFELT = 1.0  # depth up to which contacts of the last link exert no force [m]
+_MAX_UNFELT_DEPTH = 1.0  # depth up to which contacts of the last link exert no force [m]
 
 
 def model_text(world: World, timestep: float) -> str:
@@ -99,7 +99,11 @@ def _add_link(assets: Element, parent: Element, robot: Robot, k: int, joint: Joi
     if masses or not solids:
         _inertial(link, *_link_inertia(masses, [solid for _, solid in solids]))
     # Plans let the last link sink into what the tool works on: how deep is looked at, and nothing pushes.
-    felt = {"margin": repr(-_UNFELT), "gap": repr(_UNFELT)} if k == len(robot.chain.joints) - 1 else {}
+    felt = (
+        {"margin": repr(-_MAX_UNFELT_DEPTH), "gap": repr(_MAX_UNFELT_DEPTH)}
+        if k == len(robot.chain.joints) - 1
+        else {}
+    )
     for i, solid in solids:
         _geom(assets, link, f"robot {i}", _link_shape(solid), density=repr(OPTIONS.density), **felt)
     return link

@@ -16,7 +16,7 @@ from regionik.view.triangle_meshes import tubes
 
 OPTIONS = SIMULATION.run
 
-_THIN = 0.003  # radius of the planned tool path [m]
+_PATH_RADIUS = 0.003  # radius of the planned tool path [m]
 
 
 def picture_of_run(run: SimulatedRun) -> Picture:
@@ -30,7 +30,7 @@ def picture_of_run(run: SimulatedRun) -> Picture:
         f"tool error: 95 % below {error['p95']:.2f} mm, worst {error['worst']:.2f} mm",
         *([run.failure] if run.failure else []),
     )
-    planned = tubes(run.reference.T_tool[frames, :3, 3], _THIN)
+    planned = tubes(run.reference.T_tool[frames, :3, 3], _PATH_RADIUS)
     shown = SceneMesh("tool/planned", planned, Color.AHEAD, lit=False, label="path of the tool as planned")
     assert moving.timeline is not None
     return replace(

@@ -27,7 +27,7 @@ from regionik.worlds.limits import Speeds
 
 OPTIONS = VERIFICATION.proofs
 
-STANDS = 1e-7  # of a way that a car rolls with its steering as it is, by rounding [m]
+MAX_REST_WAY = 1e-7  # of a way that a car rolls with its steering as it is, by rounding [m]
 AT_REST = 1e-5  # path velocity at an end of a run, as a share of the largest
 NODES, WEIGHTS = np.array(leggauss(24)) / 2 + [[0.5], [0.0]]  # of a mean from 0 to 1
 
@@ -115,7 +115,7 @@ class TimedSegments:
 
         These are way rolled and heading, (2, m, 4), and the square of the share's rate, (m, 2) [1/s2].
         """
-        rolls = np.abs(self.segments.rolled[self.moving]) > STANDS
+        rolls = np.abs(self.segments.rolled[self.moving]) > MAX_REST_WAY
         k, ways = self.moving[rolls], self._through(self.change[:, :2])[rolls]
         start, end = ((np.maximum(rate[k], 0.0) / self.lengths[k]) ** 2 for rate in self._rates)
         return k, np.moveaxis(ways, 2, 0), np.column_stack([start, end - start])
@@ -176,7 +176,7 @@ class SplinedSegments(TimedSegments):
     def rolling(self) -> tuple[Indices, Array, Array]:
         """See `TimedSegments`: a car rests wherever its curvature changes, so it is constant on a segment."""
         one = self.segments
-        k = np.flatnonzero((self.lengths > 0) & (np.abs(one.rolled) > STANDS))
+        k = np.flatnonzero((self.lengths > 0) & (np.abs(one.rolled) > MAX_REST_WAY))
         ways = np.zeros((2, len(k), 4))
         ways[:, :, 1] = one.rolled[k], one.turn[k]
         return k, ways, np.zeros((len(k), 2))
