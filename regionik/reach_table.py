@@ -11,8 +11,9 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import EVERY, united
 from regionik.areas.layers import ROUNDING_MARGIN, Geometries
+from regionik.areas.options import AREAS
 from regionik.areas.reach_model import FineReachTable, ReachModel, ReachQuery, ReachTable
-from regionik.areas.reachable import FINE_ARC_POINTS, reach_model
+from regionik.areas.reachable import reach_model
 from regionik.planners.progress import track
 from regionik.postures.arm import goal_of
 from regionik.postures.families import Family
@@ -142,7 +143,7 @@ def fine_reach(
     a span.
     """
     query = ReachQuery(
-        scene.rules, ROUNDING_MARGIN if inner else None, span, arcs=FINE_ARC_POINTS, coarse=not inner
+        scene.rules, ROUNDING_MARGIN if inner else None, span, arcs=AREAS.fine_arc_points, coarse=not inner
     )
     families, shapes = reach_model(scene.robot, goal_of(target)).fine_table(target, kinds, query)
     return families, _eroded(shapes, scene.world.axis_error) if inner else shapes

@@ -13,9 +13,10 @@ from shapely.geometry.base import BaseGeometry
 from regionik.areas.free_space import FreeFloor, footprint_on, headings_of
 from regionik.areas.ground import Ground, ground_from
 from regionik.areas.lifted import LiftedBody
+from regionik.areas.options import AREAS
 from regionik.areas.reach_model import ReachModel
 from regionik.areas.reachable import reach_model
-from regionik.areas.surroundings import MAX_DRIVEN, cut_to, is_large, region_in_reach
+from regionik.areas.surroundings import cut_to, is_large, region_in_reach
 from regionik.areas.touching import without_rounding_margin
 from regionik.planners.collision.robot_bodies import Bodies
 from regionik.planners.driving.footprint import fits
@@ -159,7 +160,7 @@ class Scene(Prepared):
         if not is_large(self.world) or not self.task:
             return self
         places = np.array([target.position[:2] for target in self.task])
-        return self._cut(shapely.envelope(region_in_reach(self.world, places, MAX_DRIVEN)), floor=True)
+        return self._cut(shapely.envelope(region_in_reach(self.world, places, AREAS.max_driven)), floor=True)
 
     def _cut(self, region: BaseGeometry, *, floor: bool) -> Scene:
         key = shapely.to_wkb(region), floor

@@ -63,14 +63,14 @@ FAULTS = (
     Fault(
         "reach: an arm that cannot rise misses its own height",
         "planners/reach/level_reach.py",
-        "if off > span.length + LEVEL:",
+        "if off > span.length + HEIGHT_TOLERANCE:",
         "if off >= span.length:",
         ("tests/test_false_answers.py",),
     ),
     Fault(
         "stops: a circle to park in is advised that is not found",
         "regionik/parking/fewest_stops.py",
-        "rounded_down(SURE_CIRCLE_SHARE * widest, 4)",
+        "rounded_down(OPTIONS.sure_circle_share * widest, 4)",
         "widest",
         ("tests/test_false_answers.py",),
     ),
@@ -266,14 +266,14 @@ FAULTS = (
     Fault(
         "verify: numbers of a world from outside may differ",
         "regionik/verification/world_agreement.py",
-        "return abs(ours - theirs) <= SAME if numbers",
+        "return abs(ours - theirs) <= EXACT if numbers",
         "return True if numbers",
         ("tests/test_altered_plans.py",),
     ),
     Fault(
         "verify: how far a base is off the floor is told of its corners",
         "planners/geometry/offsets.py",
-        "some = (there + far > best + RESOLVED)",
+        "some = (there + far > best + OPTIONS.depth_error)",
         "some = (there > np.inf)",
         ("tests/test_depths.py",),
     ),
@@ -392,7 +392,7 @@ FAULTS = (
     Fault(
         "areas: shallow bays that are filled too deep go unseen",
         "planners/geometry/offsets.py",
-        "if over <= MEASURED:",
+        "if over <= DISTANCE_TOLERANCE:",
         "if over <= by:",
         ("tests/test_offsets.py",),
     ),

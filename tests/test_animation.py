@@ -9,14 +9,8 @@ from hypothesis import strategies as st
 
 from regionik.timing.trajectory import trajectory
 from regionik.values import Motion, Plan
-from regionik.view.plan_picture import (
-    END_PAUSE,
-    MAX_DURATION,
-    MIN_DURATION,
-    display_times,
-    key_frames,
-    turn_quaternions,
-)
+from regionik.view.options import VIEW
+from regionik.view.plan_picture import display_times, key_frames, turn_quaternions
 from regionik.view.timeline import timeline
 from regionik.worlds.joints import Joint
 from tests import examples
@@ -40,8 +34,8 @@ def test_setpoints_are_kept_and_time_runs_on(world: object) -> None:
     plan = synthetic_plan(world)  # type: ignore[arg-type]
     frames = key_frames(plan, display_times(plan))
     assert (np.diff(frames.times) > 0).all()
-    assert MIN_DURATION - 1e-9 <= frames.times[-1] <= MAX_DURATION + 1e-9
-    assert frames.duration == pytest.approx(frames.times[-1] + END_PAUSE)
+    assert VIEW.animation.min_duration - 1e-9 <= frames.times[-1] <= VIEW.animation.max_duration + 1e-9
+    assert frames.duration == pytest.approx(frames.times[-1] + VIEW.animation.end_pause)
     assert np.isin(frames.passed, frames.times).all()
     at = np.searchsorted(frames.times, frames.passed)
     tools = world.robot.tool(frames.base[at], frames.joints[at])[:, :3, 3]  # type: ignore[attr-defined]

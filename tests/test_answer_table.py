@@ -22,6 +22,7 @@ from regionik.cli.app import run
 from regionik.output import answers as module
 from regionik.output.answers import csv_header, csv_rows, parse_targets, stream_answers, write_answers
 from regionik.planners.progress import listening
+from regionik.reachability.options import REACHABILITY
 from regionik.reachability.reach import reach
 from regionik.storage.files import open_partial
 from regionik.worlds.documents.world_file import load_world
@@ -46,7 +47,8 @@ def at_once(world: World, table: Path) -> bytes:
 
 @pytest.fixture(autouse=True)
 def _small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "CHUNK", 25)
+    few = replace(REACHABILITY.search, targets_at_once=25)
+    monkeypatch.setattr(module, "REACHABILITY", replace(REACHABILITY, search=few))
 
 
 # Reading ------------------------------------------------------------------------------------------------

@@ -19,8 +19,9 @@ from regionik.regions import outer_areas
 from regionik.scene import scene_of
 from regionik.values import Plan
 from regionik.view.figures import field_image
-from regionik.view.floor_view import DETAIL, floor_view, shown_floor
+from regionik.view.floor_view import floor_view, shown_floor
 from regionik.view.live import LiveAreas, failing_setpoints, live_areas, live_picture
+from regionik.view.options import VIEW
 from regionik.view.picture import Color, Picture
 from regionik.view.plan_picture import picture_of_plan
 from regionik.view.timeline import bodies_around
@@ -54,7 +55,7 @@ def assert_true(plan: Plan) -> None:
         (drawn(picture, "areas/strong"), drawn(picture, "areas/pale")),
         (floor.strong, floor.pale),
     ):
-        detail = 3 * max(DETAIL, float((floor.high - floor.low).max()) / 2000)
+        detail = 3 * max(VIEW.floor.detail, float((floor.high - floor.low).max()) / 2000)
         seen = np.array([area.admissible.area > detail**2 for area in plan.areas])  # others are not drawn
         shown = shapely.dwithin(used, at_work, detail)
         # Bands of a wide cone leave a rim of its areas out, in which a tool may lean.
@@ -145,7 +146,7 @@ def test_a_robot_without_a_start_stands_in_nothing(seed: int) -> None:
     if pose is not None:
         assert nearest(bodies_around(world), *pose).distance > 0
         place = shapely.points(axis_of(world.robot, pose[0]))
-        assert shown_floor(world).free.buffer(3 * DETAIL).contains(place)
+        assert shown_floor(world).free.buffer(3 * VIEW.floor.detail).contains(place)
 
 
 def test_a_robot_hemmed_in_is_not_drawn() -> None:

@@ -21,7 +21,8 @@ from regionik.planners.collision.distances import (
     nearest_distance,
     obstacles_from,
 )
-from regionik.planners.geometry.convex_decomposition import MAX_CORNERS, convex_pieces
+from regionik.planners.geometry.convex_decomposition import convex_pieces
+from regionik.planners.geometry.options import GEOMETRY
 from regionik.worlds.errors import InputError
 from regionik.worlds.links import LinkBox, LinkCapsule
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
@@ -254,7 +255,8 @@ def test_convex_pieces_tile_the_polygon(rectangles: list[tuple[float, ...]], bit
     for polygon in shapely.get_parts(shape):
         pieces = [Polygon(corners) for corners in convex_pieces(polygon)]
         assert all(
-            piece.exterior.is_ccw and len(piece.exterior.coords) <= MAX_CORNERS + 1 for piece in pieces
+            piece.exterior.is_ccw and len(piece.exterior.coords) <= GEOMETRY.max_piece_corners + 1
+            for piece in pieces
         )
         assert sum(piece.area for piece in pieces) == pytest.approx(polygon.area, abs=1e-10)
         assert shapely.union_all(pieces).symmetric_difference(polygon).area < 1e-10

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from regionik.cli.app import run
 from regionik.output.export import write_field
-from regionik.reachability.field import MAX_CELLS, reach_field, reach_slice
+from regionik.reachability.field import reach_field, reach_slice
+from regionik.reachability.options import REACHABILITY
 from regionik.reachability.reach import reach
 from regionik.regions import admissible_area
 from regionik.worlds.documents.world_file import load_world
@@ -126,7 +127,7 @@ def test_a_slice_above_the_arm_is_empty() -> None:
 def test_wrong_cells(cell: float) -> None:
     with pytest.raises(InputError, match="cell: "):
         reach_field(WORLDS["free"], [[0.5, 0, 0.3]], cell)
-    assert MAX_CELLS > 10_000_000
+    assert REACHABILITY.field.max_cells > 10_000_000
 
 
 def test_wrong_targets_and_heights() -> None:

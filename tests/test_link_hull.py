@@ -18,7 +18,8 @@ from regionik.worlds.documents.world_file import load_world, world_from_document
 from regionik.worlds.errors import InputError
 from regionik.worlds.links import MIN_HULL_ROWS, LinkBox, LinkHull
 from regionik.worlds.polytopes import polytope
-from regionik.worlds.urdf.bounding import MAX_CORNERS, MAX_EXCESS, bounding_solid, convex_hull
+from regionik.worlds.urdf.bounding import bounding_solid, convex_hull
+from regionik.worlds.urdf.options import URDF
 from tests import examples
 from tests.bodies import random_frame
 from tests.maths import translation
@@ -94,7 +95,7 @@ def test_bounds_hold_all_points_and_are_tighter_than_boxes(seed: int, sizes: tup
     points = rng.normal(size=(60, 3)) * sizes @ random_frame(rng, 0.1)[:3, :3]
     bound = bounding_solid(0, "cloud", convex_hull(points))
     assert depth(bound, points).max() < 1e-8
-    assert len(bound.corners) <= max(MAX_CORNERS, MIN_HULL_ROWS)
+    assert len(bound.corners) <= max(URDF.bounding.max_corners, MIN_HULL_ROWS)
 
 
 @pytest.mark.parametrize(
@@ -108,7 +109,7 @@ def test_a_tapered_link_is_bound_to_a_millimetre() -> None:
     wedge = np.array([[x, y * (1 + x), z] for x in (0, 1) for y in (-0.1, 0.1) for z in (-0.1, 0.1)]) * 0.3
     bound = bounding_solid(0, "wedge", wedge)
     assert isinstance(bound, LinkHull)
-    assert polytope(wedge).depth(bound.corners).min() > -MAX_EXCESS - 1e-6
+    assert polytope(wedge).depth(bound.corners).min() > -URDF.bounding.max_excess - 1e-6
 
 
 def test_hulls_are_kept_in_world_files() -> None:

@@ -18,7 +18,8 @@ from regionik.planners.collision.proximity import nearest
 from regionik.planners.collision.robot_bodies import bodies_from
 from regionik.values import Plan
 from regionik.verification.base_clearance import footprint_hulls
-from regionik.view.floor_view import SHOWN_POSES, floor_view
+from regionik.view.floor_view import floor_view
+from regionik.view.options import VIEW
 from regionik.view.timeline import clearances, plan_curves
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
@@ -90,7 +91,7 @@ def test_the_floor_is_parted(plan: Plan) -> None:
     parts = [view.free, view.turning, view.rejected, view.pale, view.strong]
     assert sum(part.area for part in parts) == pytest.approx(view.all.area, rel=0.01)
     assert shapely.union_all(parts).area == pytest.approx(view.all.area, rel=0.01)
-    assert len(view.footprints) == len(view.headings) == min(SHOWN_POSES, len(plan.setpoints))
+    assert len(view.footprints) == len(view.headings) == min(VIEW.floor.shown_poses, len(plan.setpoints))
     everything = shapely.box(*view.low, *view.high)
     assert everything.covers(shapely.multipoints(np.vstack([view.axis_path, view.tool_path, view.setpoints])))
 

@@ -192,7 +192,7 @@ def test_what_was_tried_is_said_where_nothing_helps() -> None:
 def test_repairs_are_tried_with_hardly_more_tries_than_the_search_made(
     made: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(tried_changes, "SPARE_TRIES", 5)
+    monkeypatch.setattr(tried_changes, "OPTIONS", replace(tried_changes.OPTIONS, spare_tries=5))
     world = replace(hall(*SPOTS), obstacles=TUBE)
     quick = Explanation("no-posture", 1, "It is closed.", tuple(Cause("obstacle", one.name) for one in TUBE))
 

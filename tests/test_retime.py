@@ -141,14 +141,14 @@ def test_corners_are_cut_where_the_tool_is_lifted_and_not_on_its_path(
     before, near = planned(name), 1e-4
     robot, found = before.world.robot, retime(before).motion
     with monkeypatch.context() as patch:
-        patch.setattr(stage, "LIFTED", Speeds.blend)
+        patch.setattr(stage, "CORNERS", replace(stage.CORNERS, lifted_blend=Speeds.blend))
         assert found.time[-1] < 0.98 * retime(before).motion.time[-1]
     off = cKDTree(tools_along(robot, before.motion, near)).query(
         robot.tool(found.base, found.joints)[:, :3, 3]
     )[0]
     lifted = found.kind == "transit"
     assert off[~lifted].max() < 2 * Speeds.blend + near
-    assert 10 * Speeds.blend < off[lifted].max() < stage.LIFTED + near
+    assert 10 * Speeds.blend < off[lifted].max() < stage.CORNERS.lifted_blend + near
 
 
 def engine_alone(found: Plan, finer: int) -> float:

@@ -50,9 +50,8 @@ def holes(columns: int, rows: int) -> World:
 
 @pytest.fixture
 def few_poses(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sampled_poses, "MIN_POSES", 100)
-    monkeypatch.setattr(sampled_poses, "POSES_PER_SQUARE_METRE", 10)
-    monkeypatch.setattr(sampled_poses, "MAX_ROUNDS", 2)
+    few = replace(sampled_poses.OPTIONS, min_poses=100, poses_per_square_metre=10, max_rounds=2)
+    monkeypatch.setattr(sampled_poses, "OPTIONS", few)
 
 
 @pytest.mark.slow

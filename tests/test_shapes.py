@@ -6,6 +6,7 @@ import shapely
 import trimesh
 
 from regionik.view import triangle_meshes
+from regionik.view.options import VIEW
 from regionik.view.triangle_meshes import TriangleMesh
 from regionik.worlds.links import LinkBox, LinkCapsule
 from tests.kinds import Solid
@@ -78,9 +79,9 @@ def test_a_capsule_on_a_link_is_drawn_as_one() -> None:
 def test_tubes_and_balls_have_equal_shares_of_faces() -> None:
     points = np.array([[0, 0, 0], [1, 0, 0], [1, 0, 0], [1, 0, 2.0], [1, 3, 2]])
     tubes = triangle_meshes.tubes(points, 0.01)
-    assert len(tubes.faces) == 4 * 2 * triangle_meshes.TUBE_SIDES
+    assert len(tubes.faces) == 4 * 2 * VIEW.scene.tube_sides
     assert np.isfinite(tubes.vertices).all()
-    one = tubes.vertices[np.unique(tubes.faces[: 2 * triangle_meshes.TUBE_SIDES])]
+    one = tubes.vertices[np.unique(tubes.faces[: 2 * VIEW.scene.tube_sides])]
     assert np.allclose(np.hypot(one[:, 1], one[:, 2]), 0.01)
     for count in (3, 400):
         balls = triangle_meshes.spheres(np.arange(3.0 * count).reshape(-1, 3), 0.02)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from unittest.mock import patch
 
@@ -10,6 +11,7 @@ import pytest
 
 from benchmarks.bench_motion import SMOOTH, TOOL, length_of_path
 from regionik.timing.limits import segments_on_path
+from regionik.timing.options import TIMING
 from regionik.timing.retime import retime
 from regionik.values import Plan
 from regionik.verification.verifier import verify
@@ -26,7 +28,8 @@ HELD = ("pillar", "slab", "wall", "l_shape", "shelf", "pipe", "circle")
 @cache
 def timed(name: str) -> Plan:
     """The plan with the tool at 0.2 m/s, limits of jerk kept; a speed is held within 2 in 100."""
-    with patch("regionik.timing.timing_figures.MIN_SPEED_SHARE", 0.98):
+    near = replace(TIMING.figures, min_speed_share=0.98)
+    with patch("regionik.timing.timing_figures.OPTIONS", near):
         return retime(planned(name), SMOOTH)
 
 

@@ -19,6 +19,7 @@ from regionik.parking.placements import PlacementSearch
 from regionik.parking.stops import in_sequence, stops
 from regionik.pipeline import plan
 from regionik.planners.coverage import set_cover
+from regionik.planners.coverage.options import COVERAGE
 from regionik.planners.coverage.set_cover import least_cover, undominated
 from regionik.postures.families import BACK, FRONT
 from regionik.regions import path_areas
@@ -192,7 +193,7 @@ def test_some_of_many_areas_are_enough_for_a_cover_and_a_bound(
 ) -> None:
     world = scattered(0, 3.0)
     whole = park(scene_of(world))
-    monkeypatch.setattr(set_cover, "MOST", most)
+    monkeypatch.setattr(set_cover, "COVERAGE", replace(COVERAGE, max_overlaid=most))
     found = park(scene_of(world))
     assert found.lower <= whole.lower
     assert int(found.known["fewest_of_inner_areas"]) <= len(whole.groups) <= len(found.groups)

@@ -10,6 +10,7 @@ import shapely
 
 from regionik.area_verification import verify_areas
 from regionik.areas import surroundings
+from regionik.areas.options import AREAS
 from regionik.pipeline import plan, why
 from regionik.planners.collision.convex_bodies import Piece, solid_pieces
 from regionik.reachability.reach import reach
@@ -54,7 +55,7 @@ def test_answers_of_reach_stay_and_far_blobs_are_not_looked_at(monkeypatch: pyte
         patch.setattr(Prism, "shadow", looking)
         found = reach(world, targets)
     assert 0 < len(set(looked)) < 100
-    monkeypatch.setattr(surroundings, "MIN_SOLIDS_TO_CUT", 10**9)
+    monkeypatch.setattr(surroundings, "AREAS", replace(AREAS, min_cut_solids=10**9))
     whole = reach(speckled(), targets)
     assert found.verdict.tolist() == whole.verdict.tolist()
     assert found.reason == whole.reason
@@ -74,7 +75,7 @@ def test_from_one_pose_only_what_is_near_is_looked_at(monkeypatch: pytest.Monkey
         patch.setattr(Prism, "distance", asking)
         found = reach(world, targets, base=pose)
     assert len(asked) < 100
-    monkeypatch.setattr(surroundings, "MIN_SOLIDS_TO_CUT", 10**9)
+    monkeypatch.setattr(surroundings, "AREAS", replace(AREAS, min_cut_solids=10**9))
     whole = reach(speckled(), targets, base=pose)
     assert found.verdict.tolist() == whole.verdict.tolist()
     assert found.reason == whole.reason
@@ -100,13 +101,13 @@ def test_why_looks_at_what_is_near_alone_and_says_the_same(
         looked.add(self.name)
         return shadow(self, below, above)
 
-    monkeypatch.setattr(surroundings, "MIN_SOLIDS_TO_CUT", 50)
+    monkeypatch.setattr(surroundings, "AREAS", replace(AREAS, min_cut_solids=50))
     with monkeypatch.context() as patch:
         patch.setattr(Prism, "shadow", looking)
         near = why(world, target)
     assert len(looked) < 50
     assert looked.issuperset(beside if target[0] < 30 else ())
-    monkeypatch.setattr(surroundings, "MIN_SOLIDS_TO_CUT", 10**9)
+    monkeypatch.setattr(surroundings, "AREAS", replace(AREAS, min_cut_solids=10**9))
     whole = why(_with_slabs(), target)
     assert near is not None
     assert near == whole
@@ -136,14 +137,12 @@ def test_a_plan_is_verified_by_what_is_near_it_alone(monkeypatch: pytest.MonkeyP
         return cutting(solid)
 
     world = replace(found.world, name="again")
-    near = arm_clearance.MANY
     with monkeypatch.context() as patch:
         patch.setattr("regionik.planners.collision.distances.solid_pieces", counting)
         few = verify(replace(found, world=world))
         assert 0 < len(cut) < 100
-        patch.setattr(arm_clearance, "MANY", 10**9)
+        patch.setattr(arm_clearance, "SOLIDS", replace(arm_clearance.SOLIDS, min_many=10**9))
         whole = verify(replace(found, world=world))
-    assert near == arm_clearance.MANY
     assert few.ok
     assert verify_areas(found).ok
     assert few.margins == whole.margins
@@ -178,7 +177,7 @@ def _same_violations_on_the_wall(found: Plan, monkeypatch: pytest.MonkeyPatch) -
         base = found.motion.base + [*(place - found.motion.base[0, :2]), 0.0]
         moved = replace(again, motion=replace(found.motion, base=base))
         near = verify(moved)
-        monkeypatch.setattr(arm_clearance, "MANY", 10**9)
+        monkeypatch.setattr(arm_clearance, "SOLIDS", replace(arm_clearance.SOLIDS, min_many=10**9))
         whole = verify(moved)
         monkeypatch.undo()
         assert {"arm", "clearance"} <= {one.kind for one in near.violations}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import permutations, product
 
 import numpy as np
@@ -11,6 +12,7 @@ from hypothesis import strategies as st
 from scipy.sparse.csgraph import minimum_spanning_tree
 
 from regionik.planners.coverage import tours
+from regionik.planners.coverage.options import COVERAGE
 from regionik.planners.coverage.tours import (
     _held_karp,
     _open_length,
@@ -70,7 +72,7 @@ def test_order_and_choice_in_turns_come_near_the_best(seed: int) -> None:
     far, owner, lead, tail = sets_of_points(seed, 10)
     exact = shortest_tour_of_sets(far, owner, lead, tail).length
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(tours, "MAX_EXACT", 7)
+        patch.setattr(tours, "COVERAGE", replace(COVERAGE, max_exact_order=7))
         found = shortest_tour_of_sets(far, owner, lead, tail)
     assert found.length == pytest.approx(_open_length(found.order, far, lead, tail))
     assert sorted(owner[list(found.order)]) == list(range(10))

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from shapely.geometry import Point
 
+from regionik.papers.options import PAPERS
 from regionik.papers.pitch_arm import arm_share
 from regionik.papers.pose_tracking import track_runs
-from regionik.papers.tracker import DRAWN, can_track, tracking_robot
+from regionik.papers.tracker import can_track, tracking_robot
 from regionik.pipeline import check_world, plan
 from regionik.scene import scene_of
 from regionik.verification.verifier import verify
@@ -74,11 +75,11 @@ def test_what_is_drawn_as_areas_holds_the_axis(name: str) -> None:
         axis = Point(axis_of(ROBOT, state.base))
         assert area.pruned.covers(axis)
         assert area.pruned.difference(area.admissible).area < 1e-9
-        assert area.pruned.area < 4 * DRAWN**2
+        assert area.pruned.area < 4 * PAPERS.tracker.drawn_width**2
         away = Point(target.position[:2]).distance(axis)
-        ring = Point(target.position[:2]).buffer(away + 2 * DRAWN) - Point(target.position[:2]).buffer(
-            away / 2
-        )
+        ring = Point(target.position[:2]).buffer(away + 2 * PAPERS.tracker.drawn_width) - Point(
+            target.position[:2]
+        ).buffer(away / 2)
         assert ring.covers(area.pruned)
         assert area.admissible.intersection(area.rejected).area < 1e-9
 

@@ -11,7 +11,7 @@ from shapely.geometry import Point, Polygon, box
 
 from regionik.values import Motion, Report
 from regionik.verification.motion import MotionSegments, chord_deviation
-from regionik.verification.proofs import MAX_VIOLATIONS
+from regionik.verification.options import VERIFICATION
 from regionik.verification.verifier import verify
 from regionik.worlds.chain import Chain
 from regionik.worlds.joints import Joint
@@ -565,7 +565,7 @@ def test_many_violations_are_counted() -> None:
     lid = Box("lid", np.array([9.0, 9.0, 0.1]), np.array([0.0, 0.0, 0.39]))
     report = verify(plan_of(world_of(motion, lid), motion))
     found = of_kind(report, "arm")
-    assert len(found) == MAX_VIOLATIONS + 1
+    assert len(found) == VERIFICATION.proofs.max_violations + 1
     assert "more violations" in found[-1].text
 
 

@@ -20,8 +20,9 @@ from regionik.cli.app import run
 from regionik.values import Plan
 from regionik.view import film, viewer
 from regionik.view.film import BrowserPage, chromium, opened
+from regionik.view.options import VIEW
 from regionik.view.page import html_page, served, to_html
-from regionik.view.plan_picture import MAX_FRAMES, picture_of_plan
+from regionik.view.plan_picture import picture_of_plan
 from regionik.view.timeline import clearances
 from regionik.view.world_picture import picture_of_world, shown_start
 from regionik.worlds.errors import InputError
@@ -76,7 +77,7 @@ def test_every_animated_thing_is_there_and_all_last_equally_long(plan: Plan, tmp
         times = [key["time"] for key in track["keys"]]
         assert times[0] == 0.0
         assert (np.diff(times) >= 0).all()
-        assert len(times) <= 1.1 * MAX_FRAMES
+        assert len(times) <= 1.1 * VIEW.animation.max_frames
         assert path in (nodes if track["type"] in ("vector3", "quaternion") else meshes)
 
 
@@ -319,7 +320,7 @@ def test_a_film_is_a_moving_picture(tmp_path: Path) -> None:
     film.film(html_page(brief), tmp_path / "plan.gif")
     with Image.open(tmp_path / "plan.gif") as image:
         assert getattr(image, "n_frames", 1) >= 2
-        assert image.size == film.FRAME_SIZE
+        assert image.size == VIEW.animation.film_size
     with pytest.raises(InputError, match=r"expected a file name ending in \.gif, \.mp4"):
         film.film(html_page(brief), tmp_path / "plan.avi")
 

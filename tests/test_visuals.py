@@ -24,7 +24,8 @@ from regionik.worlds.readers.meshes import read_surfaces
 from regionik.worlds.robot import Robot, Tool
 from regionik.worlds.scene import Floor, Target, World
 from regionik.worlds.surfaces import VisualSurface, coarsened
-from regionik.worlds.urdf.loader import GREY, MAX_TRIANGLES, load_robot
+from regionik.worlds.urdf.loader import load_robot
+from regionik.worlds.urdf.options import URDF
 from tests.maths import translation
 
 DAE = """\
@@ -124,12 +125,18 @@ def test_broken_faces(tmp_path: Path, old: str, new: str, expected: str) -> None
 
 def test_visual_elements_are_read_with_their_colours_and_the_rest_passed_over(robot: Robot) -> None:
     seen = {(one.link, one.color) for one in robot.visuals}
-    assert seen == {(BASE, 0x0080FF), (BASE, GREY), (0, 0xFF8000), (0, GREY), (1, 0x00FF00)}
+    assert seen == {
+        (BASE, 0x0080FF),
+        (BASE, URDF.seen.grey),
+        (0, 0xFF8000),
+        (0, URDF.seen.grey),
+        (1, 0x00FF00),
+    }
     orange = next(one for one in robot.visuals if one.color == 0xFF8000)
     assert np.allclose(orange.vertices.min(axis=0), [0, 0, 2.1])  # twice a metre, and the origin
-    flap = next(one for one in robot.visuals if (one.link, one.color) == (BASE, GREY))
+    flap = next(one for one in robot.visuals if (one.link, one.color) == (BASE, URDF.seen.grey))
     assert np.allclose(flap.vertices.max(axis=0), [0.05, 0.35, 0.25])  # behind a joint that stands still
-    assert sum(len(one.faces) for one in robot.visuals) <= MAX_TRIANGLES
+    assert sum(len(one.faces) for one in robot.visuals) <= URDF.seen.max_triangles
     assert {name for one in robot.visuals for name in one.stands_for} == {"upper", "fore"}
 
 
@@ -153,7 +160,7 @@ def test_pictures_show_visual_surfaces_and_the_solids_beyond_them(robot: Robot) 
     world = World("w", replace(robot, solids=solids), Floor(shapely.box(-1, -1, 1, 1)))
     meshes, poses = robot_meshes(world, np.array([0.0, 0.0, 0.0]), np.zeros(2))
     colors = {mesh.color for mesh in meshes}
-    assert {0x0080FF, GREY, 0xFF8000, 0x00FF00} <= colors
+    assert {0x0080FF, URDF.seen.grey, 0xFF8000, 0x00FF00} <= colors
     assert Color.ROBOT not in colors  # nothing is made up where the base is known
     dark = [mesh for mesh in meshes if mesh.color == Color.ARM]
     assert [mesh.path.rsplit("/", 2)[1] for mesh in dark] == ["joint_1"]  # the pen
@@ -164,10 +171,10 @@ def test_pictures_show_visual_surfaces_and_the_solids_beyond_them(robot: Robot) 
 
 
 def test_a_base_of_which_only_a_part_is_seen_has_its_footprint_drawn(robot: Robot) -> None:
-    mast = next(one for one in robot.visuals if (one.link, one.color) == (BASE, GREY))
+    mast = next(one for one in robot.visuals if (one.link, one.color) == (BASE, URDF.seen.grey))
     world = World("w", replace(robot, visuals=(mast,)), Floor(shapely.box(-1, -1, 1, 1)))
     meshes, _ = robot_meshes(world, np.zeros(3), np.zeros(2))
-    assert {Color.ROBOT, Color.WHEEL, GREY} <= {mesh.color for mesh in meshes}
+    assert {Color.ROBOT, Color.WHEEL, URDF.seen.grey} <= {mesh.color for mesh in meshes}
 
 
 @given(st.integers(0, 10**6), st.integers(30, 3000))

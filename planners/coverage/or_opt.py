@@ -12,14 +12,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from regionik.planners.coverage.options import COVERAGE
 from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array, Index, Mask
 
-NEIGHBOURS = 12  # of a node that it may be joined to
-LONGEST = 3  # of a part that Or-opt moves
-KICKS = 60  # for each node
-SPREAD = 40  # nodes within which a double bridge lies
-GAIN = 1e-10  # below which a tour counts as no shorter
+MAX_MOVED = 3  # of a part that Or-opt moves
+MIN_GAIN = 1e-10  # below which a tour counts as no shorter
 
 
 def improved_tour(far: Array) -> Index:
@@ -28,10 +26,11 @@ def improved_tour(far: Array) -> Index:
     The weights ``far`` (n, n) are symmetric, n is at least 8.
     """
     n = len(far)
-    near = np.argsort(far + np.diag(np.full(n, np.inf)), axis=1, kind="stable")[:, : min(NEIGHBOURS, n - 1)]
+    neighbours, width = min(COVERAGE.neighbours, n - 1), min(COVERAGE.bridge_width, n - 1)
+    near = np.argsort(far + np.diag(np.full(n, np.inf)), axis=1, kind="stable")[:, :neighbours]
     tour = _nearest_neighbour(far)
     rng = np.random.default_rng(0)
-    cuts = np.sort(rng.integers(1, min(SPREAD, n - 1), (KICKS * n, 3)), axis=1)
+    cuts = np.sort(rng.integers(1, width, (COVERAGE.bridges_per_node * n, 3)), axis=1)
     cuts[:, 0] = rng.integers(0, n, len(cuts))
     _search(far, np.ascontiguousarray(near), tour, cuts)
     return tour
@@ -125,11 +124,11 @@ def _uncross(far: Array, near: Index, tour: Index, place: Index, a: int, ends: I
     for turn in (1, -1):
         b = tour[(place[a] + turn) % n]
         for c in near[a]:
-            if far[a, b] - far[a, c] <= GAIN:
+            if far[a, b] - far[a, c] <= MIN_GAIN:
                 break
             d = tour[(place[c] + turn) % n]
             gain: float = far[a, b] + far[c, d] - far[a, c] - far[b, d]
-            if gain > GAIN:
+            if gain > MIN_GAIN:
                 if turn == 1:
                     _reverse(tour, place, place[b], place[c])
                 else:
@@ -158,12 +157,12 @@ def _move(far: Array, near: Index, tour: Index, place: Index, a: int, ends: Inde
     n = len(tour)
     for turn in (1, -1):
         before = tour[(place[a] - turn) % n]
-        for length in range(1, LONGEST + 1):
+        for length in range(1, MAX_MOVED + 1):
             last = tour[(place[a] + turn * (length - 1)) % n]
             after = tour[(place[last] + turn) % n]
             off = far[before, a] + far[last, after] - far[before, after]
             for c in near[a]:
-                if off - far[a, c] <= GAIN:
+                if off - far[a, c] <= MIN_GAIN:
                     break
                 if (place[c] - place[a]) * turn % n < length:
                     continue
@@ -172,7 +171,7 @@ def _move(far: Array, near: Index, tour: Index, place: Index, a: int, ends: Inde
                     if (place[d] - place[a]) * turn % n < length:
                         continue
                     gain: float = off + far[c, d] - far[c, a] - far[d, last]
-                    if gain > GAIN:
+                    if gain > MIN_GAIN:
                         _insert(tour, place, a, turn, length, c, side)
                         ends[:] = (before, a, last, after, c, d)
                         return gain

@@ -12,13 +12,10 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 from shapely.geometry.base import BaseGeometry
 
+from regionik.planners.coverage.options import COVERAGE
 from regionik.worlds.arrays import Array, Mask
 
-LEAST = 1e-10  # faces smaller than this are left out [m2]
-CHUNK = 512  # faces compared with others in one product, the largest first
-NODES = 20_000  # of branch and bound, after which the best cover and bound found are returned
-MOST = 200  # areas that are laid over each other at once
-ROUNDING = 1e-6
+MIN_FACE_AREA = 1e-10  # faces smaller than this are left out [m2]
 
 Geometries = NDArray[np.object_]
 Index = NDArray[np.intp]
@@ -82,13 +79,13 @@ def _faces_that_count(areas: Geometries) -> Geometries:
     """Faces among which are all of the overlay that no other dominates: where all share a place, that."""
     shared = shapely.get_parts(shapely.intersection_all(areas))
     shared = shared[
-        (shapely.get_type_id(shared) == shapely.GeometryType.POLYGON) & (shapely.area(shared) > LEAST)
+        (shapely.get_type_id(shared) == shapely.GeometryType.POLYGON) & (shapely.area(shared) > MIN_FACE_AREA)
     ]
     if _holding(shared, areas).all(axis=1).any():
         return shared
     lines = shapely.union_all(shapely.boundary(areas))
     polygon = shapely.get_parts(shapely.polygonize([lines]))
-    return polygon[shapely.area(polygon) > LEAST]
+    return polygon[shapely.area(polygon) > MIN_FACE_AREA]
 
 
 def _holding(faces: Geometries, areas: Geometries) -> Mask:
@@ -106,7 +103,7 @@ def undominated(inside: Mask) -> Mask:
     size = inside.sum(axis=1)
     order = np.argsort(-size, kind="stable")
     best, kept = np.zeros(len(inside), dtype=bool), np.empty((0, inside.shape[1]), dtype=np.float32)
-    for some in np.split(order, range(CHUNK, len(order), CHUNK)):
+    for some in np.split(order, range(COVERAGE.faces_at_once, len(order), COVERAGE.faces_at_once)):
         rows = inside[some].astype(np.float32)
         left = ~(rows @ kept.T == size[some, None]).any(axis=1)
         rows, some = rows[left], some[left]
@@ -117,7 +114,7 @@ def undominated(inside: Mask) -> Mask:
     return best
 
 
-def least_cover(inside: Mask, nodes: int = NODES) -> SetCover:
+def least_cover(inside: Mask, nodes: int = COVERAGE.max_nodes) -> SetCover:
     """Fewest faces such that every area holds one of them.
 
     Parameters
@@ -139,7 +136,7 @@ def least_cover(inside: Mask, nodes: int = NODES) -> SetCover:
     ones = np.ones(len(inside))
     covered = LinearConstraint(incidence, lb=1.0)
     relaxed = milp(ones, constraints=covered, bounds=Bounds(0, 1))
-    lower = int(np.ceil(float(relaxed.fun or 0.0) - ROUNDING))
+    lower = int(np.ceil(float(relaxed.fun or 0.0) - 1e-6))
     chosen = greedy
     if len(greedy) > lower:
         found = milp(
@@ -150,7 +147,7 @@ def least_cover(inside: Mask, nodes: int = NODES) -> SetCover:
             options={"node_limit": nodes, "mip_rel_gap": 0.0},
         )
         if found.mip_dual_bound is not None and np.isfinite(found.mip_dual_bound):
-            lower = max(lower, int(np.ceil(found.mip_dual_bound - ROUNDING)))
+            lower = max(lower, int(np.ceil(found.mip_dual_bound - 1e-6)))
         if found.x is not None:
             exact = np.flatnonzero(found.x > 0.5).tolist()
             chosen = min(greedy, exact, key=len)
@@ -174,7 +171,7 @@ def cover_prices(inside: Mask) -> Array:
 
 def stride(count: int) -> int:
     """Return every how many of so many areas are laid over each other at first."""
-    return -(-count // MOST)
+    return -(-count // COVERAGE.max_overlaid)
 
 
 def least_cover_by_faces(parts: Sequence[Geometries]) -> tuple[Index, OverlayFaces, SetCover]:
@@ -285,7 +282,7 @@ def fewest_runs(options: Geometries, offsets: Index, back: Sequence[Sequence[int
         if ahead:
             found[-1] = Run(found[-1].first, i, ahead)
         else:
-            ahead = {k: options[k] for k in span if options[k].area > LEAST}
+            ahead = {k: options[k] for k in span if options[k].area > MIN_FACE_AREA}
             if not ahead:
                 break
             found.append(Run(i, i, ahead))
@@ -304,7 +301,7 @@ def _onward(
             continue
         points = before[0] if len(before) == 1 else shapely.union_all(before)
         shared = _polygons(points & options[k])
-        if shared.area > LEAST:
+        if shared.area > MIN_FACE_AREA:
             ahead[k] = shared
     return ahead
 

@@ -12,13 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import LineString, Point
 from shapely.geometry.base import BaseGeometry
 
+from regionik.planners.coverage.options import COVERAGE
 from regionik.planners.coverage.or_opt import improved_tour
 from regionik.worlds.arrays import Array
 
-MAX_EXACT = 12  # points whose best order is found by dynamic programming over subsets
-_ALTERNATIONS = 10  # of order and choice in a tour of sets
-ROUNDS = 50  # in which points of a tour through polygons are moved
-GAIN = 1e-12  # below which a tour counts as no shorter [m]
+MIN_GAIN = 1e-12  # below which a tour counts as no shorter [m]
 
 Index = NDArray[np.intp]
 
@@ -53,7 +51,7 @@ def shortest_order(
     """
     far = np.asarray(distance, dtype=np.float64)
     first, last = _ends(far, lead), _ends(far, tail)
-    if len(far) <= MAX_EXACT:
+    if len(far) <= COVERAGE.max_exact_order:
         order = _held_karp(far, first, last)
         return VisitingOrder(tuple(order), _open_length(order, far, first, last))
     tour = improved_tour(_closed(far, first, last))
@@ -90,7 +88,7 @@ def shortest_tour_of_sets(
     far, own = np.asarray(distance, dtype=np.float64), np.asarray(owner, dtype=np.intp)
     first, last = _ends(far, lead), _ends(far, tail)
     count = int(own.max()) + 1
-    if count <= MAX_EXACT:
+    if count <= COVERAGE.max_exact_order:
         exact = _held_karp(far, first, last, own)
         return VisitingOrder(tuple(exact), _open_length(exact, far, first, last))
     members = [np.flatnonzero(own == k) for k in range(count)]
@@ -101,10 +99,10 @@ def shortest_tour_of_sets(
     ends = [np.minimum.reduceat(row[by], begins) for row in (first, last)]
     order = shortest_order(nearest, *ends).order
     best, length = list[int](), np.inf
-    for _ in range(_ALTERNATIONS):
+    for _ in range(COVERAGE.max_alternations):
         chosen = shortest_choice(far, [members[k] for k in order], first, last)
         now = _open_length(chosen, far, first, last)
-        if now >= length - GAIN:
+        if now >= length - MIN_GAIN:
             break
         best, length = chosen, now
         some = np.array(best)
@@ -194,7 +192,7 @@ def short_tour(regions: Sequence[BaseGeometry], start: Array | None) -> Array:
     tour is shortest while its neighbours stay, until that gains nothing. It is not proven the shortest.
     """
     points = _best_of_samples([_sampled(region) for region in regions], start)
-    for _ in range(ROUNDS):
+    for _ in range(COVERAGE.max_polygon_rounds):
         moved = 0.0
         for i, region in enumerate(regions):
             before = points[i - 1] if i else start
@@ -235,7 +233,7 @@ def _between(region: BaseGeometry, before: Array | None, after: Array | None, he
     ways = np.hypot(*(spots - before).T) + np.hypot(*(spots - after).T)
     best = int(np.argmin(ways))
     now = float(np.hypot(*(here - before)) + np.hypot(*(here - after)))
-    return spots[best] if ways[best] < now - GAIN else here
+    return spots[best] if ways[best] < now - MIN_GAIN else here
 
 
 def _reflection_points(ring: Array, before: Array, after: Array) -> Array:

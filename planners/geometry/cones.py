@@ -12,10 +12,11 @@ import math
 from functools import lru_cache
 from typing import NamedTuple
 
+from regionik.planners.geometry.options import GEOMETRY
+
+OPTIONS = GEOMETRY.cones
+
 UPRIGHT = 0.5 * math.pi
-LEAST, MOST = 0.02, 0.1  # that pitches at one swing may leave out of those at the next smaller one [rad]
-SHARE = 1 / 6  # the same as a share of the cone, between these two
-NARROW = 1 / 64  # share of the widest swing, below which two swings are not parted
 
 Span = tuple[float, float]
 
@@ -97,7 +98,8 @@ def swings_about(pitch: float, cone: float) -> tuple[Swing, ...]:
 def _levels(pitch: float, cone: float) -> list[float]:
     """Swings from none to the widest, as few as may be, at which pitches within the cone hardly differ."""
     widest = _widest_swing(pitch, cone)
-    step, narrow = min(max(LEAST, SHARE * cone), MOST), NARROW * widest
+    step = min(max(OPTIONS.min_left_out, OPTIONS.left_out_share * cone), OPTIONS.max_left_out)
+    narrow = OPTIONS.min_swing_share * widest
     levels = [0.0]
     for end in (min(widest, _widest_level_swing(pitch, cone)), widest):
         while end - levels[-1] > narrow:

@@ -6,11 +6,9 @@ import numpy as np
 import shapely
 from shapely.geometry import Polygon
 
+from regionik.planners.geometry.options import GEOMETRY
 from regionik.worlds.arrays import Array, Index
 
-# fcl searches the corners of a solid one by one up to 32 and walks along its edges above that;
-# 16 corners of a floor polygon make 32 of a prism.
-MAX_CORNERS = 16
 _FLAT = 1e-12  # area that rounding may put between a convex ring and its hull [m^2]
 
 
@@ -39,7 +37,7 @@ def convex_pieces(polygon: Polygon) -> list[Array]:
     outline = np.asarray(polygon.exterior.coords)[:-1]
     if not polygon.interiors and _is_convex(outline):
         corners = hull_corners(outline)
-        if len(corners) <= MAX_CORNERS:
+        if len(corners) <= GEOMETRY.max_piece_corners:
             return [corners]
     points, triangles = _triangles(polygon)
     return [hull_corners(points[ring]) for ring in _merged(points, triangles.tolist())]
@@ -64,7 +62,7 @@ def _merged(points: Array, rings: list[list[int]]) -> list[list[int]]:
         if a == b:
             continue
         joined = _joined(parts[a], parts[b], u)
-        if len(joined) > MAX_CORNERS or not _is_convex(points[joined]):
+        if len(joined) > GEOMETRY.max_piece_corners or not _is_convex(points[joined]):
             continue
         parts[a] = joined
         for edge in _edges(parts.pop(b)):

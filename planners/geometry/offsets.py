@@ -15,20 +15,16 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from regionik.planners.geometry.options import GEOMETRY
 from regionik.worlds.arrays import Array
 
-_QUAD_SEGMENTS = 12
-_QUANTUM = np.pi / (2 * _QUAD_SEGMENTS)  # angle of one segment of an arc [rad]
+OPTIONS = GEOMETRY.offsets
+
+_QUANTUM = np.pi / (2 * OPTIONS.quadrant_segments)  # angle of one segment of an arc [rad]
 ROUNDING = 1e-6  # a number of segments this near to the next may be rounded either way
-SHALLOW = 0.01  # of the distance: how deep bays may be that are filled
-UNROUNDED = 1.001e-3  # corners that turn by less are not rounded [rad]
-HALVINGS = 5  # of sides of an offset that are not seen to be as near as they should be
-MEASURED = 1e-9  # to which distances are [m]
-EASED = 1.2  # times what an offset reaches too far, by which less is asked for
-SNAPPED = 1e-3  # of the distance: how near corners of an offset may be that GEOS takes for one
-MAX_EASINGS = 6  # times that GEOS is asked for less, before nothing is grown or taken away
-SHRINK = 0.7  # of a circle for which something does not hold
-LEAST = 1e-4  # radius below which a circle is only its middle [m]
+MAX_UNROUNDED_TURN = 1.001e-3  # corners that turn by less are not rounded [rad]
+DISTANCE_TOLERANCE = 1e-9  # to which distances are [m]
+SNAPPED_SHARE = 1e-3  # of the distance: how near corners of an offset may be that GEOS takes for one
 
 
 def radius_that_holds(most: float, least: float, holds: Callable[[float], bool]) -> float:
@@ -39,7 +35,7 @@ def radius_that_holds(most: float, least: float, holds: Callable[[float], bool])
     """
     radius = most
     while radius > least and not holds(radius):
-        radius = max(least, SHRINK * radius if radius > LEAST else 0.0)
+        radius = max(least, OPTIONS.shrinkage * radius if radius > OPTIONS.min_circle else 0.0)
     return radius
 
 
@@ -78,7 +74,7 @@ def shrunk(shape: BaseGeometry, by: float, *, outside: bool) -> BaseGeometry:
 
 
 def _offset(shape: BaseGeometry, by: float) -> BaseGeometry:
-    offset: BaseGeometry = shape.buffer(by, quad_segs=_QUAD_SEGMENTS)
+    offset: BaseGeometry = shape.buffer(by, quad_segs=OPTIONS.quadrant_segments)
     return offset
 
 
@@ -87,13 +83,13 @@ def _offset_by_less(shape: BaseGeometry, by: float, side: float) -> BaseGeometry
     angles, depths = _turns(shape)
     if not (side * angles < 0).any():
         return _offset(shape, side * by)
-    asked = (1 - SHALLOW) * by if _has_shallow_bays(angles, depths, by, side) else by
-    for _ in range(MAX_EASINGS):
+    asked = (1 - OPTIONS.shallow_share) * by if _has_shallow_bays(angles, depths, by, side) else by
+    for _ in range(OPTIONS.max_easings):
         offset = _offset(shape, side * asked)
         over = _overreach(offset, shape, by)
-        if over <= MEASURED:
+        if over <= DISTANCE_TOLERANCE:
             return offset
-        asked -= max(EASED * over, SNAPPED * by)
+        asked -= max(OPTIONS.easing * over, SNAPPED_SHARE * by)
     return shape
 
 
@@ -104,7 +100,7 @@ def _overreach(offset: BaseGeometry, shape: BaseGeometry, by: float) -> float:
     """
     sides, ends = _sides(shape), shapely.get_coordinates(_sides(offset)).reshape(-1, 2, 2)
     tree = shapely.STRtree(sides)
-    for halving in range(HALVINGS + 1):
+    for halving in range(OPTIONS.max_halvings + 1):
         start, end = ends[:, 0], ends[:, 1]
         near = [tree.nearest(shapely.points(place)) for place in (start, (start + end) / 2, end)]
         bounds = [
@@ -112,8 +108,8 @@ def _overreach(offset: BaseGeometry, shape: BaseGeometry, by: float) -> float:
             for one in near
         ]
         excess = np.min(bounds, axis=0) - by
-        far = excess > MEASURED
-        if halving == HALVINGS or not far.any():
+        far = excess > DISTANCE_TOLERANCE
+        if halving == OPTIONS.max_halvings or not far.any():
             break
         start, end = start[far], end[far]
         middle = (start + end) / 2
@@ -159,7 +155,7 @@ def _has_shallow_bays(angles: Array, depths: Array, by: float, side: float) -> b
 
     Corners that stand out are rounded, seen from outside (side 1) or from inside (-1). The others are bays.
     """
-    return bool(((side * angles < 0) & (depths < 2 * SHALLOW * by)).any())
+    return bool(((side * angles < 0) & (depths < 2 * OPTIONS.shallow_share * by)).any())
 
 
 def _distance_for_more(shape: BaseGeometry, by: float, side: float) -> float:
@@ -170,15 +166,11 @@ def _distance_for_more(shape: BaseGeometry, by: float, side: float) -> float:
         return float(by / np.cos(0.75 * _QUANTUM))  # a segment may be half as wide again as it should be
     out = np.abs(angles) if side > 0 else -angles[angles < 0]
     segments = np.maximum(1.0, np.floor(out / _QUANTUM + 0.5 - ROUNDING))
-    wide = np.where(out < UNROUNDED, 2 * out, out / segments)
+    wide = np.where(out < MAX_UNROUNDED_TURN, 2 * out, out / segments)
     widest = min(wide.max(initial=_QUANTUM if side > 0 else 0.0), 1.5 * _QUANTUM)
     return float(by / np.cos(widest / 2))
 
 
-RESOLVED = 1e-5  # by which a distance may be told too small [m]
-_MAX_SQUARES = (
-    300  # squares that are halved: on a ridge, as far from the edge all along, more tell nothing new
-)
 QUARTERS = np.array([[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]]) / 2
 
 
@@ -234,11 +226,11 @@ def _worst(shape: BaseGeometry, region: BaseGeometry, inside: float) -> float:
         best = max(best, float(height(near).max()))
         far = half * np.sqrt(2)
         there = height(centers)
-        some = (there + far > best + RESOLVED) & (shapely.distance(middle, shape) <= far)
+        some = (there + far > best + OPTIONS.depth_error) & (shapely.distance(middle, shape) <= far)
         kept = np.flatnonzero(some)
         if not len(kept):
             return best
-        kept = kept[np.argsort(-there[kept], kind="stable")[:_MAX_SQUARES]]
+        kept = kept[np.argsort(-there[kept], kind="stable")[: OPTIONS.max_squares]]
         half /= 2
         centers = (centers[kept, None] + 2 * half * QUARTERS).reshape(-1, 2)
 

@@ -6,13 +6,12 @@ import numpy as np
 from scipy.sparse import block_array, csc_array, csr_array, diags_array, eye_array, kron
 from scipy.sparse.linalg import splu
 
+from regionik.planners.geometry.options import GEOMETRY
 from regionik.worlds.arrays import Array, Mask
 from regionik.worlds.drives import BaseDrive
 
-ROUNDS = 10  # of Newton's method
 EXACT = 1e-14  # slip that is rounding [m]
 DAMPING = 1e-9  # where the base turns on the spot, hops depend on one another
-LENGTH_COST = 1e-6  # of motion itself, against its bending
 
 
 def without_slip(drive: BaseDrive, base: Array, free: Mask) -> Array:
@@ -27,9 +26,10 @@ def without_slip(drive: BaseDrive, base: Array, free: Mask) -> Array:
         return base
     n = len(base)
     bend = diags_array([1.0, -2.0, 1.0], offsets=[0, 1, 2], shape=(max(n - 2, 0), n))
-    form = csr_array(kron(bend.T @ bend + LENGTH_COST * eye_array(n), eye_array(3)))[moved][:, moved]
+    cost = bend.T @ bend + GEOMETRY.rolling_length_cost * eye_array(n)
+    form = csr_array(kron(cost, eye_array(3)))[moved][:, moved]
     found, force = base.copy(), np.zeros(np.count_nonzero(rolls))
-    for _ in range(ROUNDS):
+    for _ in range(GEOMETRY.rolling_rounds):
         slip, J = slips(drive, found)
         slip, J = slip[rolls], J[rolls][:, moved]
         if np.abs(slip).max() <= EXACT:

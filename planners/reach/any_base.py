@@ -30,7 +30,7 @@ from regionik.planners.reach.planar_capsules import (
 from regionik.planners.reach.planar_cells import (
     AWAY,
     PITCH,
-    SLACK,
+    PROOF_SLACK,
     TURN,
     YAW,
     ArmMount,
@@ -53,7 +53,7 @@ from regionik.planners.search.box_search import (
 from regionik.worlds.arrays import Array, Index
 
 _MAX_REFUSED = 200  # postures that the collision check refused
-NARROW = 1e-6  # cells that leave no more than this open are not bisected [m]
+MIN_OPEN = 1e-6  # cells that leave no more than this open are not bisected [m]
 CELLS, REFUSED = range(2)  # what is counted
 
 
@@ -171,7 +171,7 @@ def _judge_cell(task: AnyBase, low: Array, high: Array) -> tuple[Verdict, float,
     if cell.open.max() == 0.0:  # all of it is clear, but for the margin of the collision check
         cell.open[AWAY], cell.open[PITCH] = cell.half[AWAY], chord(cell.half[PITCH])
     side = int(np.argmax(cell.open))
-    if cell.open[side] <= NARROW or task.tally[REFUSED] == _MAX_REFUSED:
+    if cell.open[side] <= MIN_OPEN or task.tally[REFUSED] == _MAX_REFUSED:
         side = NO_SIDE  # once so many were refused it can no longer be ruled out
     return verdict, age, side
 
@@ -221,9 +221,9 @@ def _judge_direction(demand: ToolDemand, cell: PlanarCell) -> Verdict:
     angle = math.acos(min(1.0, max(-1.0, along)))
     # About the vertical the tool turns by no more than its distance from it, and so may the direction.
     yawed = half[YAW] * min(abs(level) + half[PITCH], np.hypot(d[0], d[1]))
-    if angle > demand.cone + yawed + half[PITCH] + SLACK:
+    if angle > demand.cone + yawed + half[PITCH] + PROOF_SLACK:
         return Verdict.RULED_OUT
-    if angle > demand.cone - yawed - half[PITCH] + SLACK:  # cells begin as wide as the cone
+    if angle > demand.cone - yawed - half[PITCH] + PROOF_SLACK:  # cells begin as wide as the cone
         cell.open[YAW] = max(cell.open[YAW], yawed)
         cell.open[PITCH] = max(cell.open[PITCH], half[PITCH])
     return Verdict.PROVEN if angle <= demand.cone else Verdict.OPEN
@@ -241,7 +241,7 @@ def _judge_base(mount: ArmMount, floor: BaseFloor, target: Array, cell: PlanarCe
     if contains(inner.vertices, inner.starts, x, y):
         return Verdict.PROVEN
     if not contains(outer.vertices, outer.starts, x, y) and not near_boundary(
-        outer.vertices, outer.starts, x, y, by + SLACK
+        outer.vertices, outer.starts, x, y, by + PROOF_SLACK
     ):
         return Verdict.RULED_OUT
     cell.open[YAW], cell.open[AWAY] = max(cell.open[YAW], turned * abs(away)), half[AWAY]
@@ -278,7 +278,7 @@ def _take_middle(task: AnyBase) -> bool:
     task.base[0] = target[0] - mid[AWAY] * math.cos(mid[YAW]) - x
     task.base[1] = target[1] - mid[AWAY] * math.sin(mid[YAW]) - y
     task.base[2] = yaw
-    return over <= SLACK
+    return over <= PROOF_SLACK
 
 
 @compiled

@@ -3,7 +3,7 @@
 At a height, the distance of the tool, the pitch of the last link and the side of the elbow determine a
 posture. Limits and thresholds are bounded over boxes of distance and pitch: a box all of whose postures meet
 them proves its distances, and distances are ruled out with the last box of their pitches. What is left open
-is bisected down to `FINEST`.
+is bisected down to `MIN_UNDECIDED`.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ from regionik.planners.solvers.planar_kinematics import LIMIT_SLACK, PlanarLinka
 from regionik.planners.solvers.posture_criteria import Thresholds
 from regionik.worlds.arrays import Array
 
-FINEST = 2.5e-4  # of distances that are left undecided [m]
-_RELATIVE = 0.3  # what a box of pitches may move the tool, against the width of its distances
+MIN_UNDECIDED = 2.5e-4  # of distances that are left undecided [m]
+MAX_PITCH_SHARE = 0.3  # what a box of pitches may move the tool, against the width of its distances
 ROUNDING = 1e-12
 EVERY = sys.maxsize  # boxes: the search ends of itself
 
@@ -112,7 +112,7 @@ def _judge_distances(thresholds: _HeightThresholds, near: Array, far: Array) -> 
     high = np.array([[thresholds.high, -1.0], [thresholds.high, 1.0]])
     boxes = begin_in_kernel(_judge_pitches, distances, low, high)
     boxes = explore_in_kernel(_judge_pitches, distances, boxes, EVERY, 1)
-    return verdict_of(boxes), 0.0, 0 if far[0] - near[0] > FINEST else NO_SIDE
+    return verdict_of(boxes), 0.0, 0 if far[0] - near[0] > MIN_UNDECIDED else NO_SIDE
 
 
 @compiled
@@ -124,7 +124,7 @@ def _judge_pitches(distances: Distances, low: Array, high: Array) -> tuple[Verdi
         middle = 0.5 * (low[0] + high[0])
         if judge_pitch_box(distances, middle, middle, low[1]) == Verdict.PROVEN:
             verdict = Verdict.PROVEN
-    wide = distances.thresholds.arm.lengths[2] * width > _RELATIVE * (distances.far - distances.near)
+    wide = distances.thresholds.arm.lengths[2] * width > MAX_PITCH_SHARE * (distances.far - distances.near)
     return verdict, -width, 0 if wide else NO_SIDE
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionik.planners.kernels import compiled
+from regionik.planners.reach.options import REACH
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, POSITION, Aim, polish
 from regionik.planners.solvers.serial_chain import SerialArm, serial_arm
 from regionik.worlds.arms import pivot_index, sliding_chain
@@ -24,9 +25,9 @@ from regionik.worlds.arrays import Array, Mask
 from regionik.worlds.chain import Chain, spread_postures
 from regionik.worlds.prepared import made_once
 
-SAMPLES = 4096
-NEAREST, MORE = 128, 512  # that are moved to a pose; so many where the reach is small
-STEPS = 20  # of damped least squares from a sample
+OPTIONS = REACH.pose
+
+MAX_SOLVER_STEPS = 20  # of damped least squares from a sample
 
 
 class PostureSamples(NamedTuple):
@@ -48,7 +49,7 @@ class Tolerances(NamedTuple):
 @made_once
 def posture_samples(chain: Chain, reach: float) -> PostureSamples:
     """Draw the samples of a chain with a vertical pivot; kept for the last few chains."""
-    postures = spread_postures(chain, reach, SAMPLES, 0)
+    postures = spread_postures(chain, reach, OPTIONS.samples, 0)
     postures[:, pivot_index(chain)] = 0.0
     return PostureSamples(postures, np.ascontiguousarray(chain.forward(postures)), reach)
 
@@ -111,7 +112,9 @@ def _moved(
         postures[k, pivot] -= azimuth
         there = aim_at(aim, places[k, 0], places[k, 1], places[k, 1] + np.pi)
         joints[:2], joints[2:] = 0.0, postures[k]
-        error, angle, _ = polish(arm, there, joints, within.reach, within.error, within.angle, STEPS)
+        error, angle, _ = polish(
+            arm, there, joints, within.reach, within.error, within.angle, MAX_SOLVER_STEPS
+        )
         met[k] = error <= within.error and angle <= within.angle
         dx, dy = places[k, 0] - joints[0], -joints[1]  # the tool as seen from where the base has come to
         turn = math.atan2(dy, dx)

@@ -28,6 +28,7 @@ from regionik.planners.reach.meridian import (
     walk_both_ways,
     walk_to_posture,
 )
+from regionik.planners.reach.options import REACH
 from regionik.planners.reach.outer_bounds import outer_distances
 from regionik.planners.solvers.damped_least_squares import DIRECTION, Aim
 from regionik.worlds.arms import ReachBound, pivot_index, reach_bound
@@ -36,21 +37,13 @@ from regionik.worlds.chain import Chain, translation, within_half_turns
 from regionik.worlds.joints import nearest_turn
 from regionik.worlds.prepared import made_once
 
+OPTIONS = REACH.level
+
 Intervals = tuple[tuple[float, float], ...]
 
-BATCH, MAX_BATCHES = 24, 6  # postures that walks start from; the last batch is one that adds nothing
-_NEWS = 1e-4  # what a batch must add for another to follow [m]
-MAX_SECTORS, UNLIKE = 6, 1.0  # walks whose azimuths are told, and how far apart they are [rad]
-MAX_BOXES = 20_000  # weighed for an outer bound, a few microseconds each
-LEVEL = 1e-9  # by which the tool of an arm that cannot rise may be off its height [m]
-SAMPLES, NARROWINGS = 128, 80  # random postures, ever nearer to the farthest and the nearest of them
-HALVINGS = 60  # of the straight way between those two
-_LAYER = 0.01  # height of a layer, whose targets are looked at together at first [m]
-_LAYER_BOXES = 5_000  # weighed for the outer bound of one
-ENOUGH = 1e-3  # what the outer bound may stand off from the inner one [m]
-LEVER = 0.3  # distance of two points that a pose fixes from the wrist, as a share of the arm's length
+HEIGHT_TOLERANCE = 1e-9  # by which the tool of an arm that cannot rise may be off its height [m]
 ROUNDING_MARGIN = 1e-6  # against rounding, and of frames that are not quite rotations [m], [rad]
-BESIDE = 1e-6  # what is nearer to the tool's point than this tells nothing new [m]
+MIN_POINT_DISTANCE = 1e-6  # what is nearer to the tool's point than this tells nothing new [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,13 +66,13 @@ class PivotedArm:
         """Postures (n, m) of the meridian that walks start from, drawn evenly from the limits."""
         assert self.meridian is not None
         low, high = within_half_turns(self.meridian.lower, self.meridian.upper)
-        return np.random.default_rng(0).uniform(low, high, (BATCH * MAX_BATCHES, len(low)))
+        return np.random.default_rng(0).uniform(low, high, (OPTIONS.batch * OPTIONS.max_batches, len(low)))
 
     @cached_property
     def is_level(self) -> bool:
         """True where the tool's height never changes, as all axes stand upright."""
-        heights = self.chain.forward(_drawn(self.chain, np.random.default_rng(0), SAMPLES))[:, 2, 3]
-        return bool(np.ptp(heights) < LEVEL)
+        heights = self.chain.forward(_drawn(self.chain, np.random.default_rng(0), OPTIONS.samples))[:, 2, 3]
+        return bool(np.ptp(heights) < HEIGHT_TOLERANCE)
 
     @cached_property
     def level_ends(self) -> tuple[Array, Array]:
@@ -88,8 +81,8 @@ class PivotedArm:
         ends = []
         for sign in (1.0, -1.0):
             best, spread = _drawn(self.chain, rng, 1)[0], np.pi
-            for _ in range(NARROWINGS):
-                near = best + spread * rng.normal(size=(SAMPLES, self.chain.dof))
+            for _ in range(OPTIONS.narrowings):
+                near = best + spread * rng.normal(size=(OPTIONS.samples, self.chain.dof))
                 tried = np.vstack([best, np.clip(near, self.chain.lower, self.chain.upper)])
                 far = np.linalg.norm(self.chain.forward(tried)[:, :2, 3], axis=1)
                 best, spread = tried[int(np.argmin(sign * far))], 0.8 * spread
@@ -108,10 +101,12 @@ class PivotedArm:
         return self._points(*_wrist(self.chain))
 
     def _points(self, wrist: Array, along: Array) -> tuple[tuple[Array, Chain], ...]:
-        lever = LEVER * self.bound.length
+        lever = OPTIONS.lever_share * self.bound.length
         joints, T = self.chain.joints, self.chain.T_last_tool
         points = [wrist, wrist - lever * along, wrist + lever * along]
-        return tuple((e, Chain(joints, T @ translation(*e))) for e in points if np.linalg.norm(e) > BESIDE)
+        return tuple(
+            (e, Chain(joints, T @ translation(*e))) for e in points if np.linalg.norm(e) > MIN_POINT_DISTANCE
+        )
 
 
 @made_once
@@ -152,15 +147,15 @@ def _walked(chain: Chain, rise: float) -> tuple[Intervals, Array]:
     if arm.is_level:
         return _level_reach(arm, rise), passed
     tool, length = tool_for(meridian), 0.0
-    for starts in np.split(arm.starts, MAX_BATCHES):
-        more = np.empty((BATCH, 6))
+    for starts in np.split(arm.starts, OPTIONS.max_batches):
+        more = np.empty((OPTIONS.batch, 6))
         count = walk_both_ways(meridian, rise, starts, tool, more)
         passed = np.concatenate([passed, more[:count]])
         before, length = length, sum(high - low for low, high in merged(passed[:, :2].tolist()))
-        if len(passed) and length - before < _NEWS:
+        if len(passed) and length - before < OPTIONS.min_news:
             break
     found = merged(passed[:, :2].tolist())
-    return tuple(ring for ring in found if ring[1] - ring[0] > _NEWS), passed
+    return tuple(ring for ring in found if ring[1] - ring[0] > OPTIONS.min_news), passed
 
 
 def inner_sectors(chain: Chain, rise: float) -> tuple[tuple[float, float, float, float], ...]:
@@ -171,16 +166,17 @@ def inner_sectors(chain: Chain, rise: float) -> tuple[tuple[float, float, float,
     one at every distance of a row.
     """
     walks = _walked(chain, rise)[1][:, 2:]
-    walks = walks[walks[:, 1] - walks[:, 0] > _NEWS]
+    walks = walks[walks[:, 1] - walks[:, 0] > OPTIONS.min_news]
     worth = (walks[:, 1] ** 2 - walks[:, 0] ** 2) * (2 * np.pi - (walks[:, 3] - walks[:, 2]))
     walks = walks[np.argsort(-worth, kind="stable")]
     chosen: list[tuple[float, float, float, float]] = []
-    while len(walks) and len(chosen) < MAX_SECTORS:
+    while len(walks) and len(chosen) < OPTIONS.max_sectors:
         low, high, right, left = best = walks[0]
         chosen.append((float(low), float(high), float(right), float(left)))
         apart = walks[:, 2:].sum(axis=1) / 2 - best[2:].sum() / 2
         off = np.abs(nearest_turn(apart))
-        walks = walks[(walks[:, 0] < low - _NEWS) | (walks[:, 1] > high + _NEWS) | (off > UNLIKE)]
+        wider = (walks[:, 0] < low - OPTIONS.min_news) | (walks[:, 1] > high + OPTIONS.min_news)
+        walks = walks[wider | (off > OPTIONS.min_sector_change)]
     return tuple(chosen)
 
 
@@ -200,8 +196,8 @@ def likely_reach(chain: Chain, rise: float) -> Intervals:
     """
     if pivoted_arm(chain).is_level:
         return inner_reach(chain, rise)
-    k = floor(rise / _LAYER)
-    below, above = inner_reach(chain, k * _LAYER), inner_reach(chain, (k + 1) * _LAYER)
+    k = floor(rise / OPTIONS.layer)
+    below, above = inner_reach(chain, k * OPTIONS.layer), inner_reach(chain, (k + 1) * OPTIONS.layer)
     both = [(max(a[0], b[0]), min(a[1], b[1])) for a in below for b in above]
     return merged([ring for ring in both if ring[0] < ring[1]])
 
@@ -214,9 +210,9 @@ def outer_layer(chain: Chain, rise: float) -> Intervals:
 def outer_range(chain: Chain, low: float, high: float, *, coarse: bool = False) -> Intervals:
     """As `outer_reach`, for all heights of a range; coarse: for all of the layers that it touches."""
     if coarse:
-        first, last = floor(low / _LAYER), floor(high / _LAYER)
-        return _outer_range(chain, first * _LAYER, (last + 1) * _LAYER, _LAYER_BOXES)
-    return _outer_range(chain, low, high, MAX_BOXES)
+        first, last = floor(low / OPTIONS.layer), floor(high / OPTIONS.layer)
+        return _outer_range(chain, first * OPTIONS.layer, (last + 1) * OPTIONS.layer, OPTIONS.max_layer_boxes)
+    return _outer_range(chain, low, high, OPTIONS.max_boxes)
 
 
 @lru_cache(maxsize=4096)
@@ -224,21 +220,21 @@ def _outer_range(chain: Chain, low: float, high: float, most: int) -> Intervals:
     arm = pivoted_arm(chain)
     meridian, span = arm.meridian, arm.bound
     off = max(0.0, abs((low + high) / 2 - span.height) - (high - low) / 2)
-    if off > span.length + LEVEL:
+    if off > span.length + HEIGHT_TOLERANCE:
         return ()
     cap = span.radius + float(np.sqrt(max(0.0, span.length**2 - off**2)))
     if meridian is None:
         return ((0.0, cap),)
     known = np.array(merged([ring for z in {low, high} for ring in inner_reach(chain, z)])).reshape(-1, 2)
     limits = within_half_turns(meridian.lower, meridian.upper)
-    left = outer_distances(meridian, (low, high), limits, known, cap, ENOUGH, most)
+    left = outer_distances(meridian, (low, high), limits, known, cap, OPTIONS.max_gap, most)
     return merged([*known.tolist(), *left.tolist()])
 
 
 def _level_reach(arm: PivotedArm, rise: float) -> Intervals:
     """Reach of an arm at the one height it has: its limits hang together, so all between two ends is met."""
     ends = arm.chain.forward(np.array(arm.level_ends))
-    if abs(float(ends[0, 2, 3]) - rise) > LEVEL:
+    if abs(float(ends[0, 2, 3]) - rise) > HEIGHT_TOLERANCE:
         return ()
     near, far = np.linalg.norm(ends[:, :2, 3], axis=1).tolist()
     return ((near, far),)
@@ -248,7 +244,7 @@ def _level_posture(arm: PivotedArm, distance: float) -> Array:
     """A posture of a level arm at a distance between its ends, on the straight way from one to the other."""
     near, far = arm.level_ends
     low, high = 0.0, 1.0
-    for _ in range(HALVINGS):
+    for _ in range(OPTIONS.halvings):
         share = 0.5 * (low + high)
         tool = arm.chain.forward(near + share * (far - near))
         low, high = (share, high) if np.hypot(*tool[:2, 3]) < distance else (low, share)

@@ -31,11 +31,11 @@ from regionik.worlds.arrays import Array, Index
 from regionik.worlds.chain import Chain
 from regionik.worlds.joints import Joint
 
-STILL = 1e-12  # a lever below this does not move the tool [m]; limits closer than this hold still
+MIN_LEVER = 1e-12  # a lever below this does not move the tool [m]; limits closer than this hold still
 UNIT = np.array([1.0, 0.0])
-LEVEL = 1e-12  # how near to the height a posture of a walk is [m]
+HEIGHT_TOLERANCE = 1e-12  # how near to the height a posture of a walk is [m]
 ROUNDING = 1e-12  # added to bounds [m]
-_CORRECTIONS = 40  # Newton steps to the height
+MAX_CORRECTIONS = 40  # Newton steps to the height
 
 
 class Meridian(NamedTuple):
@@ -82,8 +82,8 @@ def meridian_of(chain: Chain) -> Meridian | None:
     built_in = np.eye(4)
     for joint, lever in zip(chain.joints, levers, strict=True):
         built_in = built_in @ joint.T_parent_joint
-        held = joint.upper - joint.lower < STILL
-        if joint is pivot or held or (joint.name in alone and lever < STILL):
+        held = joint.upper - joint.lower < MIN_LEVER
+        if joint is pivot or held or (joint.name in alone and lever < MIN_LEVER):
             built_in = built_in @ joint.transform(joint.lower if held and joint is not pivot else 0.0)
         else:
             joints.append(replace(joint, T_parent_joint=built_in))
@@ -153,8 +153,8 @@ def to_level(meridian: Meridian, z: float, joints: Array, tool: MeridianTool) ->
     share, free, trial = 1.0, meridian.weights, np.empty(len(joints))
     tool_motion(meridian, joints, tool)
     miss = z - tool.at[1]
-    for _ in range(_CORRECTIONS):
-        if abs(miss) <= LEVEL:
+    for _ in range(MAX_CORRECTIONS):
+        if abs(miss) <= HEIGHT_TOLERANCE:
             return True
         square = 0.0
         for k in range(len(joints)):
@@ -188,7 +188,7 @@ def hop_stray(meridian: Meridian, a: Array, b: Array, tool: MeridianTool) -> flo
     """
     m = len(a)
     hop, d = np.abs(b - a), np.zeros(m)
-    off = _bent(meridian.bend, hop, hop) / 8.0 + 4.0 * LEVEL + ROUNDING
+    off = _bent(meridian.bend, hop, hop) / 8.0 + 4.0 * HEIGHT_TOLERANCE + ROUNDING
     tool_motion(meridian, 0.5 * (a + b), tool)
     held = np.zeros(m, dtype=np.bool_)
     for _ in range(m + 1):
@@ -227,10 +227,10 @@ def _bent(bend: Array, a: Array, b: Array) -> float:
 
 MAX_STEPS = 300  # of one walk
 FIRST_STEP, MIN_STEP = 0.3, 1e-5  # of a walk, as largest change of a joint [rad] or [m]
-_SWING = 0.5  # of the tool about the pivot axis, as far as the bounds of a walk are kept [rad]
-HALVINGS = 40  # of the last hop of a walk that is to end at a distance
-NEAR = 1e-9  # [m]
-GAIN = 1e-5  # a walk ends where the next step promises no more [m]
+MAX_SWING = 0.5  # of the tool about the pivot axis, as far as the bounds of a walk are kept [rad]
+MAX_HALVINGS = 40  # of the last hop of a walk that is to end at a distance
+DISTANCE_TOLERANCE = 1e-9  # [m]
+MIN_GAIN = 1e-5  # a walk ends where the next step promises no more [m]
 
 
 @compiled
@@ -248,7 +248,7 @@ def walk(
     """Walk at one height out (``outwards`` 1) or in (-1), to a distance or as far as it goes; where to [m].
 
     ``joints`` (m,) starts at the height and becomes the last posture of the walk, ``last`` the one before.
-    ``turns`` (3,) becomes the distance to which the tool's turn about the pivot axis is within ``_SWING``,
+    ``turns`` (3,) becomes the distance to which the tool's turn about the pivot axis is within ``MAX_SWING``,
     and bounds of that turn, from the start on.
     """
     m = len(joints)
@@ -262,10 +262,10 @@ def walk(
         x, y = tool.away
         gain = _uphill(meridian, outwards, joints, tool, d)
         longest = np.abs(d).max()
-        if gain <= 0.0 or (goal - r) * outwards <= 0.0 or r + outwards * GAIN < 0.0:
+        if gain <= 0.0 or (goal - r) * outwards <= 0.0 or r + outwards * MIN_GAIN < 0.0:
             break
         moved = False
-        while stride > MIN_STEP and gain / longest * stride > GAIN:
+        while stride > MIN_STEP and gain / longest * stride > MIN_GAIN:
             for k in range(m):
                 step = stride / longest * d[k]
                 trial[k] = max(meridian.lower[k], min(meridian.upper[k], joints[k] + step))
@@ -279,7 +279,7 @@ def walk(
                     aside = math.asin(stray / near) if stray < near else np.pi
                     right = min(turns[1], turn + min(0.0, swing) - aside)
                     left = max(turns[2], turn + max(0.0, swing) + aside)
-                    if turns[0] == r and left - right <= _SWING:
+                    if turns[0] == r and left - right <= MAX_SWING:
                         turns[0], turns[1], turns[2] = far, right, left
                     turn += swing
                     last[:], joints[:] = joints, trial
@@ -358,9 +358,9 @@ def walk_to_posture(
             continue
         outwards = 1.0 if goal > tool.at[0] else -1.0
         off = abs(walk(meridian, z, outwards, here, tool, MAX_STEPS, goal, last, turns) - goal)
-        for _ in range(HALVINGS):
+        for _ in range(MAX_HALVINGS):
             middle[:] = 0.5 * (last + here)
-            if off <= LEVEL or not to_level(meridian, z, middle, tool):
+            if off <= HEIGHT_TOLERANCE or not to_level(meridian, z, middle, tool):
                 break
             if (goal - tool.at[0]) * outwards > 0.0:
                 last[:] = middle
@@ -370,6 +370,6 @@ def walk_to_posture(
         if off < least:
             least = off
             joints[:] = here
-            if off < NEAR:
+            if off < DISTANCE_TOLERANCE:
                 break
     return least

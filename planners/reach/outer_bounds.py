@@ -32,9 +32,9 @@ from regionik.planners.search.motion_bounds import chords, displacement, from_ax
 from regionik.planners.solvers.serial_chain import SerialArm, joint_changes
 from regionik.worlds.arrays import Array
 
-PASSES = 3  # times that one box is bounded, and contracted but for the last time, before it is bisected
-SLACK = 1e-10  # rounding that no proof may rest on [m]
-EVEN = 0.1  # weight of a joint's own lever when a joint to bisect is chosen
+MAX_PASSES = 3  # times that one box is bounded, and contracted but for the last time, before it is bisected
+PROOF_SLACK = 1e-10  # rounding that no proof may rest on [m]
+OWN_LEVER_WEIGHT = 0.1  # weight of a joint's own lever when a joint to bisect is chosen
 
 
 class ToolBounds(NamedTuple):
@@ -113,13 +113,13 @@ def _judge_reach(task: OuterReach, low: Array, high: Array) -> tuple[Verdict, fl
     """Contract a box of m joint values and, last, of distances; its key is their largest excess."""
     m, z, half, known, box = len(low) - 1, task.z, task.half, task.known, task.bounds
     tells_low = tells_high = -1
-    for i in range(PASSES):
+    for i in range(MAX_PASSES):
         bound(task.meridian, low[:m], high[:m], box)
         near, far, tells_low, tells_high = spanned(box, z, half)
         low[m], high[m] = in_question(known, max(near, low[m]), min(far, high[m]))
         if low[m] > high[m]:
             return Verdict.RULED_OUT, 0.0, NO_SIDE
-        if i == PASSES - 1:
+        if i == MAX_PASSES - 1:
             break
         if not contract_to(box, z, half, low[m], high[m]):
             return Verdict.RULED_OUT, 0.0, NO_SIDE
@@ -221,7 +221,7 @@ def spanned(box: ToolBounds, z: float, half: float) -> tuple[float, float, int, 
             total += box.half[k] * abs(tool.out[k] - s * tool.up[k])
         total += abs(s) * half
         most, least = min(most, total + s * c), min(least, total - s * c)
-    if abs(c) > rise + half + SLACK or most + least < -SLACK:
+    if abs(c) > rise + half + PROOF_SLACK or most + least < -PROOF_SLACK:
         return 1.0, 0.0, -1, -1
     # Past the pivot axis the tool is on the other side, as far away as it went beyond.
     low = max(0.0, tool.at[0] - least)
@@ -230,7 +230,7 @@ def spanned(box: ToolBounds, z: float, half: float) -> tuple[float, float, int, 
     for k in range(len(box.hub)):
         r, rise = np.hypot(box.hub[k, 0], box.hub[k, 1]), abs(z - box.hub[k, 2])
         over = squared(box.keeps[k, 1]) - squared(max(0.0, rise - half))
-        if over < -SLACK:
+        if over < -PROOF_SLACK:
             return 1.0, 0.0, -1, -1
         wide = np.sqrt(max(0.0, over))
         narrow = np.sqrt(max(0.0, squared(box.keeps[k, 0]) - squared(rise + half)))
@@ -238,7 +238,7 @@ def spanned(box: ToolBounds, z: float, half: float) -> tuple[float, float, int, 
             high, tells_high = r + wide, k
         if max(narrow - r, r - wide) > low:
             low, tells_low = max(narrow - r, r - wide), k
-    return low - SLACK, high + SLACK, tells_low, tells_high
+    return low - PROOF_SLACK, high + PROOF_SLACK, tells_low, tells_high
 
 
 @compiled
@@ -246,7 +246,7 @@ def _to_bisect(meridian: Meridian, box: ToolBounds, hub: int) -> int:
     """The active joint to bisect, which improves the bound by a hub (-1: the linear one) most."""
     sizes = meridian.speeds * box.half
     if hub >= 0:
-        sizes *= EVEN
+        sizes *= OWN_LEVER_WEIGHT
         for j in range(len(box.hub)):
             if j > hub:
                 size = box.moved[j] - box.moved[j + 1]
@@ -266,7 +266,7 @@ def contract_to(box: ToolBounds, z: float, half: float, low: float, high: float)
     False where nothing is left.
     """
     m, tool, row = len(box.q), box.tool, box.row
-    c, bent, moved = z - tool.at[1], box.bent[0] + SLACK, box.moved[0]
+    c, bent, moved = z - tool.at[1], box.bent[0] + PROOF_SLACK, box.moved[0]
     for k in range(m):
         box.shift[0, k], box.shift[1, k] = -box.half[k], box.half[k]
         row[k] = tool.up[k]
@@ -297,14 +297,16 @@ def _contract_by_hubs(box: ToolBounds, z: float, half: float, low: float, high: 
     for k in range(n - 1):
         r, rise = np.hypot(box.hub[k, 0], box.hub[k, 1]), abs(z - box.hub[k, 2])
         length = norm(minus((p[0], p[1], p[2]), row(box.hub, k)))
-        moved, slack = box.moved[k + 1], box.bent[k + 1] + box.loose[k] + SLACK
+        moved, slack = box.moved[k + 1], box.bent[k + 1] + box.loose[k] + PROOF_SLACK
         if slack > length or moved > length:
             continue
         most = np.hypot(high + r, rise + half)
         least = np.hypot(max(0.0, max(low - r, r - high)), max(0.0, rise - half)) - box.loose[k]
         least = np.sqrt(max(0.0, least * least - moved * moved)) if least > 0.0 else 0.0
         box.row[:] = box.along[k]
-        if not contract(box.shift, box.row, least - length - box.bent[k + 1] - SLACK, most - length + slack):
+        if not contract(
+            box.shift, box.row, least - length - box.bent[k + 1] - PROOF_SLACK, most - length + slack
+        ):
             return False
     return True
 

@@ -23,7 +23,16 @@ from regionik.planners.collision.upright_solids import (
 )
 from regionik.planners.geometry.vectors import minus, norm
 from regionik.planners.kernels import compiled
-from regionik.planners.reach.planar_cells import AWAY, PITCH, SLACK, TURN, YAW, ArmMount, PlanarCell, chord
+from regionik.planners.reach.planar_cells import (
+    AWAY,
+    PITCH,
+    PROOF_SLACK,
+    TURN,
+    YAW,
+    ArmMount,
+    PlanarCell,
+    chord,
+)
 from regionik.planners.search.box_search import Verdict, both
 from regionik.planners.search.posture_boxes import segment_distance
 from regionik.planners.solvers.planar_kinematics import PlanarLinkage
@@ -266,7 +275,7 @@ def judge_obstacles(
                 continue
             if around.owner[k] == around.floor and not capsules.off_floor[s]:
                 continue
-            reach = capsules.radius[s] + around.clearance - SLACK
+            reach = capsules.radius[s] + around.clearance - PROOF_SLACK
             one, all_over = _judge_pair(around.solids, around.deep, k, ends, moves, reach)
             if one == Verdict.RULED_OUT:
                 return Verdict.RULED_OUT
@@ -288,7 +297,7 @@ def judge_self(capsules: PlaneCapsules, mount: ArmMount, cell: PlanarCell) -> Ve
         axis = mount.mount[0], mount.mount[1], 0.0
         _turn_capsule(cell, s, FROM_AXIS, axis, (turn, turned), ends, moves)
         for m in range(len(capsules.body.disc)):
-            reach = capsules.radius[s] - SLACK
+            reach = capsules.radius[s] - PROOF_SLACK
             one, all_over = _judge_pair(capsules.body, capsules.deep, m, ends, moves, reach)
             if one == Verdict.RULED_OUT:
                 return Verdict.RULED_OUT
@@ -304,7 +313,7 @@ def _judge_self_pairs(capsules: PlaneCapsules, plane: PlanarLinkage, cell: Plana
     verdict = Verdict.PROVEN
     for i, k in capsules.pairs:
         off = segment_distance(cell.points[i, 0], cell.points[i, 1], cell.points[k, 0], cell.points[k, 1])
-        off -= capsules.radius[i] + capsules.radius[k] - SLACK
+        off -= capsules.radius[i] + capsules.radius[k] - PROOF_SLACK
         least = np.inf
         for seen in range(2):
             one = max(cell.moves[i, 0, seen], cell.moves[i, 1, seen])

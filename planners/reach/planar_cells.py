@@ -21,7 +21,7 @@ from regionik.planners.search.box_search import Verdict
 from regionik.planners.solvers.planar_kinematics import LIMIT_SLACK, PlanarLinkage
 from regionik.worlds.arrays import Array
 
-SLACK = 1e-10  # rounding that no proof may rest on [m] or [rad]
+PROOF_SLACK = 1e-10  # rounding that no proof may rest on [m] or [rad]
 YAW, PITCH, AWAY, TURN, ELBOW = range(5)  # the sides of a cell; the elbow is -1 or 1
 
 
@@ -98,13 +98,13 @@ def judge_links(plane: PlanarLinkage, z: float, cell: PlanarCell) -> Verdict:
     y = z - plane.shoulder_z - c * math.sin(pitch)
     d, moved = math.sqrt(x * x + y * y), half[AWAY] + c * chord(half[PITCH])
     low, high = max(d - moved, abs(a - b), 1e-9), min(d + moved, a + b)
-    if low > high + SLACK:
+    if low > high + PROOF_SLACK:
         return Verdict.RULED_OUT
     high = max(low, high)
     at = min(high, max(low, d))
     bend_low, bend_high = math.pi - _opposite(a, b, high), math.pi - _opposite(a, b, low)
     middle, swing = -elbow * 0.5 * (bend_low + bend_high), 0.5 * (bend_high - bend_low)
-    if fit(middle, plane.lower[1], plane.upper[1])[1] > swing + SLACK:
+    if fit(middle, plane.lower[1], plane.upper[1])[1] > swing + PROOF_SLACK:
         return Verdict.RULED_OUT
     lead = math.atan2(y, x)
     seen = math.pi if moved >= d else math.asin(moved / d)
@@ -116,7 +116,7 @@ def judge_links(plane: PlanarLinkage, z: float, cell: PlanarCell) -> Verdict:
     vary[2] = half[PITCH]
     first = fit(cell.bends[0], plane.lower[0], plane.upper[0])[1]
     last = fit(pitch - cell.bends[1], plane.lower[2], plane.upper[2])[1]
-    if first > vary[0] + SLACK or last > vary[1] + vary[2] + SLACK:
+    if first > vary[0] + PROOF_SLACK or last > vary[1] + vary[2] + PROOF_SLACK:
         return Verdict.RULED_OUT
     bend = fit(cell.bends[1] - cell.bends[0], plane.lower[1], plane.upper[1])[1]
     fits = max(first, last, bend) <= LIMIT_SLACK
@@ -138,4 +138,4 @@ def turn_pivot(mount: ArmMount, cell: PlanarCell) -> bool:
     wanted = wrap(mid[YAW] - mount.yaw - mount.zero)
     turn, over = fit(wanted, mount.low, mount.high)
     mid[TURN], half[TURN] = wanted if over > 0.0 else turn, half[YAW]
-    return bool(over <= half[YAW] + SLACK)
+    return bool(over <= half[YAW] + PROOF_SLACK)

@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
+from regionik.planners.reach.options import REACH
 from regionik.planners.solvers.closed_form import Polish, decomposition, postures_at
 from regionik.planners.solvers.damped_least_squares import ORIENTATION, Aim
 from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.chain import Chain
 
-AROUND = 48  # bearings of a set that is the same at all of them
+OPTIONS = REACH.pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,11 +111,11 @@ class PolarCells:
         """The same set with a bearing for every side of the circle."""
 
         def spun(values: NDArray) -> NDArray:  # type: ignore[type-arg]
-            return np.repeat(values, AROUND, axis=1)
+            return np.repeat(values, OPTIONS.bearings_around, axis=1)
 
         return PolarCells(
             self.distances,
-            np.linspace(0.0, 2 * np.pi, AROUND, endpoint=False),
+            np.linspace(0.0, 2 * np.pi, OPTIONS.bearings_around, endpoint=False),
             spun(self.members),
             spun(self.outward),
             spun(self.onward),
@@ -135,9 +136,6 @@ def _joined(points: Array, real: Mask) -> BaseGeometry:
     ring = np.unique(ring[own], return_inverse=True)[1]
     rings = shapely.linearrings(corner[own], indices=ring)
     return shapely.coverage_union_all(shapely.polygons(rings))
-
-
-BEYOND = 0.125, 0.375  # shares of an edge by which a cut is moved where the places there have postures
 
 
 def can_ask(chain: Chain, kind: int) -> bool:
@@ -165,7 +163,7 @@ def closed_form_cells(chain: Chain, aim: Aim, within: Polish, cells: PolarCells,
     sides = cells.outward.copy(), cells.onward.copy()
     cuts = np.array([sides[side][i, j] for side, i, j in edges.tolist()])
     inside = found[edges[:, 1], edges[:, 2]]
-    shares = cuts + np.where(inside, 1.0, -1.0) * np.array(BEYOND)[:, None]
+    shares = cuts + np.where(inside, 1.0, -1.0) * np.array(OPTIONS.moved_cuts)[:, None]
     wide, turn = cells.distances[1], 2 * np.pi / len(cells.bearings)
     out, on = np.where(edges[:, 0] == 0, shares, 0.0), np.where(edges[:, 0] == 1, shares, 0.0)
     places = np.stack([(edges[:, 1] + out) * wide, (edges[:, 2] + on) * turn], axis=-1)

@@ -19,14 +19,8 @@ from shapely import transform
 from shapely.geometry.base import BaseGeometry
 
 from regionik.planners.kernels import compiled
-from regionik.planners.reach.inverse_reachability import (
-    MORE,
-    NEAREST,
-    Tolerances,
-    aim_at,
-    posture_samples,
-    posture_seeds,
-)
+from regionik.planners.reach.inverse_reachability import Tolerances, aim_at, posture_samples, posture_seeds
+from regionik.planners.reach.options import REACH
 from regionik.planners.reach.polar_cells import PolarCells, can_ask, closed_form_cells
 from regionik.planners.reach.serial_criteria import (
     PostureDemand,
@@ -43,15 +37,9 @@ from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.chain import Chain, rot_z
 from regionik.worlds.joints import nearest_turn
 
-DISTANCES, BEARINGS = 18, 32  # cells of the grid
-FINER = (3, 9)  # times as many cells, while the reach is thin
-SMALL = 0.25  # share of the grid found, below which more samples are tried
-THIN = 0.25  # whole cells for each posture found, below which the reach counts as thin
-STEPS = 8  # of damped least squares from a neighbour
-HALVINGS = 3  # of an edge at the rim, the last of them by a closed form where there is one
-TOLERANCE = 1e-4  # [m]
-ANGLE_SHARE = 0.1  # of the cone, which a posture may miss it by
-TURNED = 0.5  # about the vertical, by which samples may miss a heading that is kept [rad]
+OPTIONS = REACH.pose
+
+MAX_SOLVER_STEPS = 8  # of damped least squares from a neighbour
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)  # multiples of it, but for whole ones, are spread evenly
 DIGITS = 12  # of a turn: targets that differ by less are one
 
@@ -140,27 +128,27 @@ def _sampled(
 ) -> _Sampled:
     turning = with_pivot_limits(chain, -np.inf, np.inf)
     arm = serial_arm(chain if fixed_heading else turning)
-    within = Tolerances(TOLERANCE, max(ANGLE_SHARE * cone, 1e-9), span(arm))
+    within = Tolerances(OPTIONS.tolerance, max(OPTIONS.angle_share * cone, 1e-9), span(arm))
     aim = Aim(np.array([0.0, 0.0, rise]), kind, np.array(key).reshape(3, 3), cone)
     samples = posture_samples(turning, within.reach)
     bound = reach_bound(chain)
     far = bound.radius + np.sqrt(max(bound.length**2 - (rise - bound.height) ** 2, 0.0))
     thresholds = serial_thresholds(demand, chain.dof)
     grid = _grid(arm, thresholds, aim, within, far, 1, fixed_heading)
-    for count in (MORE,) if fixed_heading else (NEAREST, MORE):
+    for count in (OPTIONS.more,) if fixed_heading else (OPTIONS.nearest, OPTIONS.more):
         seeds = posture_seeds(turning, samples, rise, aim, within, count)
         seeds = _at_heading(chain, aim, *seeds) if fixed_heading else seeds
         if demand is not None:
             met = _meet_thresholds(grid, *seeds)
             seeds = seeds[0][met], seeds[1][met]
         _fill(grid, *seeds)
-        if np.count_nonzero(grid.filled) >= SMALL * grid.filled.size:
+        if np.count_nonzero(grid.filled) >= OPTIONS.small_share * grid.filled.size:
             break
     branches = chain if fixed_heading else turning
     known = branches if demand is None and can_ask(branches, kind) else None
     cells = _cells(grid, known)
-    for finer in FINER if len(seeds[0]) else ():
-        if cells.whole >= max(1.0, THIN * np.count_nonzero(grid.filled)):
+    for finer in OPTIONS.finer if len(seeds[0]) else ():
+        if cells.whole >= max(1.0, OPTIONS.thin_share * np.count_nonzero(grid.filled)):
             break
         grid = _grid(arm, thresholds, aim, within, far, finer, fixed_heading)
         _fill(grid, *seeds)
@@ -184,7 +172,7 @@ def _at_heading(chain: Chain, aim: Aim, postures: Array, places: Array) -> tuple
         middle = (lower + upper) / 2
         turned = nearest_turn(turned, middle)
         fitting = np.clip(turned, lower, upper)
-    near = (np.abs(fitting - turned) <= TURNED) | (aim.kind == POSITION)
+    near = (np.abs(fitting - turned) <= OPTIONS.max_heading_miss) | (aim.kind == POSITION)
     postures, places = postures.copy(), places.copy()
     postures[:, pivot], places[:, 1] = fitting, np.mod(places[:, 1] + fitting - turned, 2 * np.pi)
     return postures[near], places[near]
@@ -219,7 +207,7 @@ def _grid(
     """An empty grid, its cells divided."""
     upright = aim.kind != ORIENTATION and np.hypot(*aim.turn[:2, 2]) < 1e-9
     round_about = upright and not fixed_heading
-    rows, columns = DISTANCES * finer + 1, 1 if round_about else BEARINGS * finer
+    rows, columns = OPTIONS.distances * finer + 1, 1 if round_about else OPTIONS.bearings * finer
     return _Grid(
         arm,
         thresholds,
@@ -286,7 +274,9 @@ def _extend_to(grid: _Grid, i: int, j: int, posture: Array) -> bool:
 def _come_to(grid: _Grid, distance: float, bearing: float, joints: Array) -> bool:
     within = grid.within
     aim = aim_at(grid.aim, distance, bearing, 0.0 if grid.fixed_heading else bearing + np.pi)
-    error, angle, _ = polish(grid.arm, aim, joints, within.reach, within.error, within.angle, STEPS)
+    error, angle, _ = polish(
+        grid.arm, aim, joints, within.reach, within.error, within.angle, MAX_SOLVER_STEPS
+    )
     if error > within.error or angle > within.angle:
         return False
     return moved_within_thresholds(
@@ -299,13 +289,15 @@ def _cells(grid: _Grid, known: Chain | None) -> PolarCells:
 
     A chain that is ``known`` in closed form is asked about what was not found.
     """
-    cuts = _cut_edges(grid, HALVINGS if known is None else HALVINGS - 1)
+    cuts = _cut_edges(grid, OPTIONS.halvings if known is None else OPTIONS.halvings - 1)
     cells = PolarCells(grid.distances, grid.bearings, grid.filled, *cuts)
     r, b, middles = cells.middles
     met = _cells_with_posture(grid, r, b, middles)
     if known is None:
         return cells.selected(met)
-    return closed_form_cells(known, grid.aim, Polish(grid.within.error, grid.within.angle, STEPS), cells, met)
+    return closed_form_cells(
+        known, grid.aim, Polish(grid.within.error, grid.within.angle, MAX_SOLVER_STEPS), cells, met
+    )
 
 
 @compiled

@@ -22,6 +22,7 @@ from regionik.planners.geometry.polygons import EVERYWHERE
 from regionik.planners.kernels import compiled
 from regionik.planners.reach.inverse_reachability import aim_at
 from regionik.planners.reach.level_reach import Intervals, merged
+from regionik.planners.reach.options import REACH
 from regionik.planners.reach.pose_reach import DIGITS, PlacedPostures, PoseReach, pose_reach
 from regionik.planners.reach.serial_criteria import PostureDemand, moved_within_thresholds
 from regionik.planners.reach.square_proofs import EXACT, SquareTask, constraints, holds_about, square_task
@@ -30,13 +31,12 @@ from regionik.worlds.arms import pivot_index
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 
-LEAST = 0.005  # half the side of squares that are not quartered, as a share of the arm's length
-FINEST = 2.0**20  # steps a metre of the sides of squares
-QUARTERED = 5  # times, from the first squares to the least
-STEPS = 12  # of damped least squares
-OTHERS = 3  # postures that are tried where one does not prove
-AMPLE = 0.3  # share of a threshold, by which postures are to meet it
-CENTRED = 0.3  # of the way to the middles of the joints' limits that the arm's self-motion goes
+OPTIONS = REACH.proof
+
+STEPS_PER_METRE = 2.0**20  # steps a metre of the sides of squares
+MAX_SOLVER_STEPS = 12  # of damped least squares
+SPARE_SHARE = 0.3  # share of a threshold, by which postures are to meet it
+CENTRING_SHARE = 0.3  # of the way to the middles of the joints' limits that the arm's self-motion goes
 
 EVERY = -np.inf, np.inf
 FIXED_COORDINATES = {POSITION: 3, DIRECTION: 5, ORIENTATION: 6}  # numbers that an aim fixes
@@ -174,12 +174,13 @@ def _squares(
 def _quartered(task: SquareTask, reach: PoseReach) -> Iterator[Array]:
     """The squares proven of each size: middle, half, azimuth and turn, (k, 5)."""
     grid, seeds = (_Nearest.of(some, task.pivot) for some in (reach.grid, reach.seeds))
-    half = float(np.ceil(LEAST * task.reach * FINEST)) / FINEST * 2.0**QUARTERED
+    least = float(np.ceil(OPTIONS.min_half_share * task.reach * STEPS_PER_METRE)) / STEPS_PER_METRE
+    half = least * 2.0**OPTIONS.max_quarterings
     middles = _first_squares(reach.area, half)
-    for _ in range(QUARTERED + 1):
+    for _ in range(OPTIONS.max_quarterings + 1):
         postures = grid.to(middles)
         turns = _judge(task, middles, half, postures)
-        for k in range(min(OTHERS, len(seeds.postures))):
+        for k in range(min(OPTIONS.max_postures, len(seeds.postures))):
             left = np.flatnonzero(np.isinf(turns))
             others = seeds.to(middles[left], k)
             turns[left] = _judge(task, middles[left], half, others)
@@ -253,13 +254,13 @@ def _centred(task: SquareTask, aim: Aim, joints: Array) -> bool:
     M, A, _, _, _ = constraints(task.arm, aim.kind, joints)
     if len(M) >= len(joints):
         return moved_within_thresholds(
-            task.arm, task.thresholds, aim, joints, task.reach, EXACT, task.angle, AMPLE
+            task.arm, task.thresholds, aim, joints, task.reach, EXACT, task.angle, SPARE_SHARE
         )
     lower, upper = task.arm.lower, task.arm.upper
     away, along, trial = np.zeros(len(joints)), np.zeros(len(M)), joints.copy()
     for k in range(len(joints)):
         if upper[k] - lower[k] < np.inf:
-            away[k] = CENTRED * (0.5 * (lower[k] + upper[k]) - joints[k])
+            away[k] = CENTRING_SHARE * (0.5 * (lower[k] + upper[k]) - joints[k])
         for r in range(len(M)):
             along[r] += M[r, k] * away[k]
     for k in range(len(joints)):
@@ -270,11 +271,11 @@ def _centred(task: SquareTask, aim: Aim, joints: Array) -> bool:
     if _come_to(task, aim, trial):
         joints[:] = trial
     return moved_within_thresholds(
-        task.arm, task.thresholds, aim, joints, task.reach, EXACT, task.angle, AMPLE
+        task.arm, task.thresholds, aim, joints, task.reach, EXACT, task.angle, SPARE_SHARE
     )
 
 
 @compiled
 def _come_to(task: SquareTask, aim: Aim, joints: Array) -> bool:
-    error, angle, _ = polish(task.arm, aim, joints, task.reach, EXACT, task.angle, STEPS)
+    error, angle, _ = polish(task.arm, aim, joints, task.reach, EXACT, task.angle, MAX_SOLVER_STEPS)
     return bool(error <= EXACT and angle <= task.angle)

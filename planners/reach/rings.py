@@ -14,8 +14,8 @@ from regionik.worlds.arms import PlanarArm
 from regionik.worlds.arrays import Array, Index
 
 MAX_INTERVALS = 16  # at one height
-APART = 1e-7  # ends that are nearer to each other than this may be taken for each other [m]
-NEAR = 1e-6  # of a turning height: ends at heights this near to one are searched anew [m]
+MIN_END_DISTANCE = 1e-7  # ends that are nearer to each other than this may be taken for each other [m]
+TURNING_WIDTH = 1e-6  # of a turning height: ends at heights this near to one are searched anew [m]
 
 FREE = (-np.inf, np.inf)
 
@@ -162,7 +162,9 @@ def _spans(
     for i, z in enumerate(heights):
         while turn < len(turns) and turns[turn] < z:
             turn += 1
-        near = (turn < len(turns) and turns[turn] - z < NEAR) or (turn > 0 and z - turns[turn - 1] < NEAR)
+        near = (turn < len(turns) and turns[turn] - z < TURNING_WIDTH) or (
+            turn > 0 and z - turns[turn - 1] < TURNING_WIDTH
+        )
         if known and between == turn and not near:
             counts[i] = counts[i - 1]
             for k in range(counts[i]):
@@ -202,4 +204,4 @@ def _apart(circles: Array, z: float) -> bool:
         if abs(z - circles[name // 2, 1]) <= circles[name // 2, 2]:
             places[count] = _end(circles, name, z)
             count += 1
-    return bool((np.diff(np.sort(places[:count])) >= APART).all())
+    return bool((np.diff(np.sort(places[:count])) >= MIN_END_DISTANCE).all())

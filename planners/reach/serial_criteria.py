@@ -24,10 +24,10 @@ from regionik.worlds.prepared import made_once
 from regionik.worlds.robot import GRAVITY, Robot, check_criteria
 
 MAX_THRESHOLD_STEPS = 30  # steps that lead a posture to better ones
-LONGEST, SHORTEST = 0.3, 0.005  # of these [rad] or [m]
-STEPS = 8  # of damped least squares after each
-DIFFERENCE = 1e-4  # share of motions by which slopes are told
-TINY = 1e-6  # by which joints are moved to see what that changes [rad] or [m]
+MAX_STEP, MIN_STEP = 0.3, 0.005  # of these [rad] or [m]
+MAX_SOLVER_STEPS = 8  # of damped least squares after each
+DIFFERENCE_SHARE = 1e-4  # share of motions by which slopes are told
+PROBE_STEP = 1e-6  # by which joints are moved to see what that changes [rad] or [m]
 
 
 class SerialThresholds(NamedTuple):
@@ -148,7 +148,7 @@ def margin_about(
     for change in joint_changes(arm, moves):
         moved += change
     for s in range(5):
-        way = 0.0 if s == 0 else (DIFFERENCE if s % 2 else -DIFFERENCE)
+        way = 0.0 if s == 0 else (DIFFERENCE_SHARE if s % 2 else -DIFFERENCE_SHARE)
         chain_frames(arm, joints + way * along[:, s // 3], frames[s])
     for p in range(len(thresholds.points)):
         for s in range(5):
@@ -159,7 +159,9 @@ def margin_about(
                 left[k] += thresholds.bends[p, k, j] * (off[j] + moved * moves[j])
             for a in range(2):
                 for i in range(3):
-                    slopes[a, k, i] = (speeds[1 + 2 * a, k, i] - speeds[2 + 2 * a, k, i]) / (2.0 * DIFFERENCE)
+                    slopes[a, k, i] = (speeds[1 + 2 * a, k, i] - speeds[2 + 2 * a, k, i]) / (
+                        2.0 * DIFFERENCE_SHARE
+                    )
             torques[k] += thresholds.weights[p] * speeds[0, k, 2]
             changes[k] += thresholds.weights[p] * (left[k] + abs(slopes[0, k, 2]) + abs(slopes[1, k, 2]))
         if p == 0 and thresholds.least > 0.0:
@@ -254,7 +256,7 @@ def moved_within_thresholds(
     It goes up the gradient of the margin and back to the aim by damped least squares, see `polish`.
     ``joints`` (dof,) are overwritten.
     """
-    n, stride = len(joints), LONGEST
+    n, stride = len(joints), MAX_STEP
     margin = serial_margin(arm, thresholds, joints)
     slope, trial = np.empty(n), np.empty(n)
     for _ in range(MAX_THRESHOLD_STEPS):
@@ -263,16 +265,16 @@ def moved_within_thresholds(
         steepest = 0.0
         for k in range(n):
             trial[:] = joints
-            trial[k] += TINY
+            trial[k] += PROBE_STEP
             slope[k] = serial_margin(arm, thresholds, trial) - margin
             steepest = max(steepest, abs(slope[k]))
         if steepest == 0.0:
             break
         better = -np.inf
-        while not better > margin and stride > SHORTEST:
+        while not better > margin and stride > MIN_STEP:
             for k in range(n):
                 trial[k] = min(max(joints[k] + stride * slope[k] / steepest, arm.lower[k]), arm.upper[k])
-            error, angle, _ = polish(arm, aim, trial, reach, tolerance, angle_tolerance, STEPS)
+            error, angle, _ = polish(arm, aim, trial, reach, tolerance, angle_tolerance, MAX_SOLVER_STEPS)
             if error <= tolerance and angle <= angle_tolerance:
                 better = serial_margin(arm, thresholds, trial)
             if not better > margin:
@@ -280,7 +282,7 @@ def moved_within_thresholds(
         if not better > margin:
             break
         joints[:], margin = trial, better
-        stride = min(2.0 * stride, LONGEST)
+        stride = min(2.0 * stride, MAX_STEP)
     return margin > THRESHOLD_SLACK
 
 

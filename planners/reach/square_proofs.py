@@ -13,7 +13,7 @@ import numpy as np
 
 from regionik.planners.geometry.vectors import cross, row, squared
 from regionik.planners.kernels import compiled
-from regionik.planners.reach.pose_reach import ANGLE_SHARE
+from regionik.planners.reach.options import REACH
 from regionik.planners.reach.serial_criteria import (
     PostureDemand,
     SerialThresholds,
@@ -37,10 +37,10 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 
 EXACT = 1e-9  # [m]
-SLACK = 1e-9  # rounding that no proof may rest on [m], [rad]
-COARSE = 1e-3  # error of a right inverse, beyond which nothing is proven
-CORRECTED = 12  # times that the ball of corrections is made larger
-LARGER = 1.25
+PROOF_SLACK = 1e-9  # rounding that no proof may rest on [m], [rad]
+MAX_INVERSE_ERROR = 1e-3  # error of a right inverse, beyond which nothing is proven
+MAX_ENLARGEMENTS = 12  # times that the ball of corrections is made larger
+ENLARGEMENT = 1.25
 
 
 class SquareTask(NamedTuple):
@@ -66,7 +66,7 @@ def square_task(
     arm = serial_arm(with_pivot_limits(chain, *azimuths))
     aim = aim._replace(position=aim.position - [0.0, 0.0, height])
     levers = longest_levers(chain, len(chain.joints) - 1, chain.T_last_tool[:3, 3])[0]
-    angle = max(ANGLE_SHARE * aim.cone, EXACT)
+    angle = max(REACH.pose.angle_share * aim.cone, EXACT)
     asked = serial_thresholds(demand, chain.dof)
     return SquareTask(arm, asked, aim, angle, span_of(arm), levers, pivot_index(chain))
 
@@ -117,13 +117,13 @@ def holds_about(task: SquareTask, kind: int, joints: Array, half: float) -> floa
     arm, n = task.arm, len(joints)
     M, A, room, frames, axes = constraints(arm, kind, joints)
     rounding = _inverse_error(M, A)
-    if not rounding <= COARSE:
+    if not rounding <= MAX_INVERSE_ERROR:
         return np.inf
     curved = _quadratic(arm, kind, frames, axes, A)
     fixed, slope, bend = _over_square(curved, half)
     off, needed, moves = np.empty(2), np.empty(2), np.empty(n)  # off: radii of corrections to place and turn
-    off[0] = off[1] = SLACK
-    for _ in range(CORRECTED):
+    off[0] = off[1] = PROOF_SLACK
+    for _ in range(MAX_ENLARGEMENTS):
         for k in range(n):
             moves[k] = half * (abs(A[k, 0]) + abs(A[k, 1]))
             moves[k] += off[0] * _length(A[k], 0, 3) + off[1] * _length(A[k], 3, len(M))
@@ -131,7 +131,7 @@ def holds_about(task: SquareTask, kind: int, joints: Array, half: float) -> floa
                 return np.inf
         needed[0], needed[1] = _third_order(arm, frames, axes, joint_changes(arm, moves), task.levers)
         for i in range(2):
-            needed[i] += fixed[i] + EXACT + SLACK + rounding * (2.0 * half + off[0] + off[1])
+            needed[i] += fixed[i] + EXACT + PROOF_SLACK + rounding * (2.0 * half + off[0] + off[1])
             for a in range(2):
                 needed[i] += slope[i, a] * off[a]
                 for b in range(2):
@@ -141,7 +141,7 @@ def holds_about(task: SquareTask, kind: int, joints: Array, half: float) -> floa
         if needed[0] <= off[0] and needed[1] <= off[1]:
             return float(moves[task.pivot]) if _meets(task, joints, half * A[:, :2], moves) else np.inf
         for i in range(2):
-            off[i] = max(off[i], LARGER * needed[i])
+            off[i] = max(off[i], ENLARGEMENT * needed[i])
     return np.inf
 
 
@@ -151,7 +151,7 @@ def _meets(task: SquareTask, joints: Array, along: Array, moves: Array) -> bool:
     along, moves = along.copy(), moves.copy()
     along[task.pivot], moves[task.pivot] = 0.0, 0.0
     off = moves - np.abs(along[:, 0]) - np.abs(along[:, 1])
-    return bool(margin_about(task.arm, task.thresholds, joints, along, off, moves) > SLACK)
+    return bool(margin_about(task.arm, task.thresholds, joints, along, off, moves) > PROOF_SLACK)
 
 
 @compiled

@@ -21,6 +21,7 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import EVERY, Ground, Side, united
 from regionik.areas.layers import ROUNDING_MARGIN, BodyLayer, Geometries, disjoint
+from regionik.areas.options import AREAS
 from regionik.planners.driving.footprint import fits
 from regionik.planners.driving.footprint_scene import FootprintScene, footprint_scene
 from regionik.planners.driving.heading_slabs import (
@@ -37,8 +38,6 @@ from regionik.worlds.joints import nearest_turn
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import World
 
-HEADING_SLABS = 24  # of equal width in a full turn
-MAX_WALL_DIRECTIONS = 4  # longest directions of walls: slabs end where a side of the footprint is along one
 MIN_AREA = 1e-8  # smaller areas are none, and areas that share less do not overlap [m2]
 
 Index = NDArray[np.intp]
@@ -274,7 +273,7 @@ def _bounds(floor: Polygon, base: BodyLayer, upper: tuple[BodyLayer, ...]) -> Ar
     """Headings of the slabs, those with a side of an outline along a wall among them."""
     corners = np.array(base.outline.corners)
     scene = footprint_scene(corners, floor, base.shadows, base.clearance, [layer.outline for layer in upper])
-    return slabs_along(scene, HEADING_SLABS, MAX_WALL_DIRECTIONS)
+    return slabs_along(scene, AREAS.heading_slabs, AREAS.max_wall_directions)
 
 
 def spread(area: BaseGeometry, count: int, seed: int) -> Array:

@@ -19,7 +19,6 @@ from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.layers import (
-    MIN_CUT_VERTICES,
     ROUNDING_MARGIN,
     BodyLayer,
     Geometries,
@@ -27,6 +26,7 @@ from regionik.areas.layers import (
     footprint_layer,
     upper_layers,
 )
+from regionik.areas.options import AREAS
 from regionik.planners.driving.footprint_scene import Outline
 from regionik.planners.geometry.offsets import grown, shrunk
 from regionik.worlds.arrays import Array
@@ -34,8 +34,6 @@ from regionik.worlds.obstacles import Shadow
 from regionik.worlds.scene import World
 
 UNION_GRID = 1e-11  # of corners where a union fails without one, far below the margin against rounding [m]
-# an outline whose distances from the arm axis differ less gains nothing by slabs [m]
-MAX_ROUND_DEVIATION = 0.01
 EVERY = (-np.inf, np.inf)  # heading of the base
 
 
@@ -86,7 +84,7 @@ class Side:
     def _local(self, shapes: Geometries, which: NDArray[np.intp], part: NDArray[np.intp]) -> Geometries:
         """Parts that intersect shapes, large ones clipped to the shape's surroundings."""
         pieces: Geometries = self.parts[part]
-        large = np.flatnonzero(shapely.get_num_coordinates(self.parts)[part] > MIN_CUT_VERTICES)
+        large = np.flatnonzero(shapely.get_num_coordinates(self.parts)[part] > AREAS.min_cut_vertices)
         around = shapely.bounds(shapes[which[large]]) + [-0.1, -0.1, 0.1, 0.1]
         for k, bounds in zip(large.tolist(), around.tolist(), strict=True):
             pieces[k] = shapely.clip_by_rect(pieces[k], *bounds)
@@ -130,7 +128,7 @@ class Ground:
     @property
     def is_round(self) -> bool:
         """True where headings make next to no difference to what the base could hit."""
-        return all(layer.far - layer.near < MAX_ROUND_DEVIATION for layer in (self.base, *self.around))
+        return all(layer.far - layer.near < AREAS.max_round_deviation for layer in (self.base, *self.around))
 
     @property
     def within(self) -> tuple[BodyLayer, ...]:

@@ -18,6 +18,7 @@ from shapely import STRtree
 from shapely.geometry import MultiPoint, Point
 from shapely.geometry.base import BaseGeometry
 
+from regionik.areas.options import AREAS
 from regionik.planners.driving.footprint_scene import Outline
 from regionik.planners.geometry.offsets import grown, shrunk
 from regionik.worlds.arrays import Array
@@ -29,8 +30,6 @@ from regionik.worlds.self_collision import base_name
 ON_AXIS = 1e-9  # distance at which a footprint is as good as on the arm axis [m]
 ROUNDING_MARGIN = 1e-6  # margin of inner areas at every bound, against rounding [m]
 
-MAX_WHOLE_VERTICES = 12  # vertices, up to which a shadow is left whole where the ground is cut
-MIN_CUT_VERTICES = 400  # vertices, from which on a shape is cut to what is looked at before it is worked on
 
 Geometries = NDArray[np.object_]
 
@@ -88,7 +87,7 @@ class BodyLayer:
         found = []
         for k in self.within(shape, by):
             shadow = self.shadows[k]
-            if shapely.get_num_coordinates(shadow.core) > MIN_CUT_VERTICES:
+            if shapely.get_num_coordinates(shadow.core) > AREAS.min_cut_vertices:
                 wide = 2 * (by + shadow.radius) + ROUNDING_MARGIN
                 around = shapely.box(x0 - wide, y0 - wide, x1 + wide, y1 + wide)
                 shadow = replace(shadow, core=shapely.intersection(shadow.core, around))
@@ -101,7 +100,7 @@ class BodyLayer:
         for k in self.within(region, self.clearance):
             by = self.clearance + self.shadows[k].radius + ROUNDING_MARGIN
             core = self.shadows[k].core
-            if shapely.get_num_coordinates(core) > MAX_WHOLE_VERTICES:
+            if shapely.get_num_coordinates(core) > AREAS.max_whole_vertices:
                 core = shapely.intersection(core, shapely.buffer(region, by, join_style="mitre"))
             if not core.is_empty:
                 shadows.append(replace(self.shadows[k], core=core))

@@ -19,13 +19,11 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import EVERY
 from regionik.areas.layers import ROUNDING_MARGIN, BodyLayer, all_taken, layers_of
+from regionik.areas.options import AREAS
 from regionik.planners.driving.heading_slabs import ConvexScene, free_at_all, free_at_some, outline_scene
 from regionik.worlds.body import lift_for, lift_range, lifted_prisms
 from regionik.worlds.robot import Robot, with_joint_margin
 from regionik.worlds.scene import World
-
-LIFT_STEP = 0.05  # to which ranges of lifts are widened, so that heights share their rejection [m]
-TINY = 1e-9  # of a step, that rounding may add
 
 Lift = tuple[float, float]  # lowest and highest [m]
 
@@ -78,7 +76,7 @@ class LiftedBody:
         if ends is None or not math.isfinite(limits[1] - limits[0]):
             return []
         low, high = max(ends[0], limits[0]), min(ends[1], limits[1])
-        count = math.ceil((high - low) / LIFT_STEP - TINY)
+        count = math.ceil((high - low) / AREAS.lift_step - 1e-9)  # but for rounding
         return list(pairwise(np.linspace(low, high, count + 1).tolist())) if count > 1 else []
 
     @property
@@ -101,8 +99,8 @@ class LiftedBody:
         if lift is None:
             return None
         low, high = lift_range(self.world.robot)
-        return max(low, LIFT_STEP * math.floor(lift[0] / LIFT_STEP)), min(
-            high, LIFT_STEP * math.ceil(lift[1] / LIFT_STEP)
+        return max(low, AREAS.lift_step * math.floor(lift[0] / AREAS.lift_step)), min(
+            high, AREAS.lift_step * math.ceil(lift[1] / AREAS.lift_step)
         )
 
     def _rejection(self, lift: Lift, span: tuple[float, float], inner: bool) -> BaseGeometry:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from regionik.areas.ground import EVERY
 from regionik.areas.layers import ROUNDING_MARGIN, Geometries
+from regionik.areas.options import AREAS
 from regionik.planners.geometry.polygons import EVERYWHERE
 from regionik.planners.solvers.planar_kinematics import LIMIT_SLACK
 from regionik.postures.arm import Arm
@@ -23,8 +24,6 @@ from regionik.worlds.chain import Chain
 from regionik.worlds.limits import Criteria
 from regionik.worlds.robot import Robot, with_joint_margin
 from regionik.worlds.scene import Rules, Target
-
-ARC_POINTS = 48  # vertices of a full circle
 
 Index = NDArray[np.intp]
 ReachTable = tuple[Index, tuple[Family, ...], Geometries]  # target, ascending, family and shape of each row
@@ -43,7 +42,7 @@ class ReachQuery(NamedTuple):
     margin: float | None  # that rings within the true reach keep from its ends [m]; None for rings around it
     span: tuple[float, float]  # headings of the base [rad]
     facings: tuple[int, ...] = (FRONT, BACK)
-    arcs: int = ARC_POINTS  # vertices of a full circle
+    arcs: int = AREAS.arc_points  # vertices of a full circle
     coarse: bool = False
     proven: bool = False
     window: tuple[float, ...] = EVERYWHERE  # least x and y, and most, of places that matter [m]

@@ -46,8 +46,6 @@ from regionik.worlds.prepared import made_once
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Rules, Target
 
-FINE_ARC_POINTS = 768  # vertices of a full circle in `fine_reach`
-
 Bound = Callable[[Chain, float], Intervals]  # of R(z) [m]
 
 

@@ -9,13 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from regionik.areas.options import AREAS
 from regionik.worlds.arrays import Array
 from regionik.worlds.prepared import made_once
 from regionik.worlds.robot import Robot
 from regionik.worlds.self_collision import postures_clear
-
-LOG2_SAMPLES = 14  # postures drawn, as a power of two
-MIN_CLEAR_POSTURES = 100  # postures clear of the robot itself, of fewer nothing is learnt
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +45,8 @@ def sampled_reach(robot: Robot) -> SampledReach:
     chain = robot.chain
     endless = np.isinf(chain.upper - chain.lower)
     low, high = np.where(endless, -np.pi, chain.lower), np.where(endless, np.pi, chain.upper)
-    unit = qmc.Sobol(chain.dof, scramble=True, rng=np.random.default_rng(0)).random_base2(LOG2_SAMPLES)
+    unit = qmc.Sobol(chain.dof, scramble=True, rng=np.random.default_rng(0)).random_base2(AREAS.log2_samples)
     joints = low + unit * (high - low)
     clear = postures_clear(robot, joints, 0.0)
-    joints = joints[clear] if np.count_nonzero(clear) >= MIN_CLEAR_POSTURES else joints
+    joints = joints[clear] if np.count_nonzero(clear) >= AREAS.min_clear_postures else joints
     return SampledReach(robot.tool(np.zeros((len(joints), 3)), joints)[:, :3, 3], joints)

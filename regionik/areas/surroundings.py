@@ -12,20 +12,16 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from regionik.areas.options import AREAS
 from regionik.planners.collision.robot_bodies import span_about_tool
 from regionik.worlds.arrays import Array
 from regionik.worlds.obstacles import Prism
 from regionik.worlds.scene import World
 
-MIN_SOLIDS_TO_CUT = 500  # solids, from which on it is worth the while
-MIN_CORNERS_TO_CUT = 100  # corners of a map's blob, from which on it is cut
-SURROUNDING_WIDTH = 0.25  # kept besides, on all sides [m]
-MAX_DRIVEN = 2.0  # how far beyond what it reaches the base may drive about a path [m]
-
 
 def is_large(world: World) -> bool:
     """True of a world with so many solids that it is worth the while to leave out those far away."""
-    return len(world.solids) >= MIN_SOLIDS_TO_CUT
+    return len(world.solids) >= AREAS.min_cut_solids
 
 
 def region_in_reach(world: World, places: Array, more: float) -> BaseGeometry:
@@ -33,7 +29,7 @@ def region_in_reach(world: World, places: Array, more: float) -> BaseGeometry:
     robot, rules = world.robot, world.rules
     body = float(np.linalg.norm(robot.footprint, axis=1).max() + np.linalg.norm(robot.mount[:2]))
     near = max(world.base_clearance, world.arm_clearance, rules.tool_contact) + rules.tolerance
-    far = span_about_tool(robot) + 2 * body + near + SURROUNDING_WIDTH + more
+    far = span_about_tool(robot) + 2 * body + near + AREAS.kept_width + more
     squares = [_squares(places[:, :2], far)]
     if world.start is not None:
         squares.append(_squares(world.start.base[None, :2], 2 * far))
@@ -70,7 +66,7 @@ def cut_to(world: World, region: BaseGeometry, *, floor: bool) -> World:
 
 def _parts(cell: Prism, region: BaseGeometry) -> list[Prism]:
     """A blob as it is, or what of a large one lies in a region."""
-    if shapely.get_num_coordinates(cell.polygon) <= MIN_CORNERS_TO_CUT:
+    if shapely.get_num_coordinates(cell.polygon) <= AREAS.min_cut_corners:
         return [cell]
     parts = [part for part in shapely.get_parts(shapely.intersection(cell.polygon, region)) if part.area > 0]
     names = [cell.name, *(f"{cell.name}, part {k}" for k in range(2, len(parts) + 1))]

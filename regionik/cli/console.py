@@ -23,6 +23,7 @@ import typer
 from regionik.cli import interrupts
 from regionik.planners.progress import listening
 from regionik.storage.files import json_values
+from regionik.verification.options import VERIFICATION
 from regionik.worlds.errors import Explanation, InputError, NoPlanFound, RobotNote
 
 if TYPE_CHECKING:
@@ -362,14 +363,12 @@ def spare_text(margins: Mapping[str, float], world: World) -> str:
     """Return what a plan has to spare, beside what was asked for.
 
     "Of" stands before what was allowed at most, "over" before what was demanded at least. Distances are
-    measured up to `MARGIN_RANGE`: what is farther has "at least" that to spare.
+    measured up to a few centimetres: what is farther has "at least" that to spare.
     """
-    from regionik.verification.self_collision import MARGIN_RANGE
-
     asked = _required_number(world)
     parts = []
     for name, value in margins.items():
-        capped = name in ("arm", "self", "contact") and value >= MARGIN_RANGE
+        capped = name in ("arm", "self", "contact") and value >= VERIFICATION.proofs.margin_range
         unit = _UNITS.get(name, " m")
         text = f"{name} {'at least ' if capped else ''}{value:z.4f}{unit}"
         parts.append(text + (f" {asked[name][0]} {asked[name][1]:g}{unit}" if name in asked else ""))

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from regionik.explain.constraints import ARM_CLEARANCE, CLEARANCE, with_rules
-from regionik.explain.minimal_change import FINE, grid_above
+from regionik.explain.minimal_change import grid_above
+from regionik.explain.options import EXPLAIN
 from regionik.scene import Scene
 from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import Array
@@ -69,7 +70,7 @@ class Change:
 
     scene: Scene
     most: float  # largest amount that is tried
-    repair: Callable[[float], Repair]  # the repair of an amount, rounded to the grid of `FINE`
+    repair: Callable[[float], Repair]  # the repair of an amount, rounded to the grid
     # The target that in the unchanged world has the areas of the world changed by an amount
     as_target: Callable[[float], Target] | None = None
     # True where more of it never takes room away, so that bisection alone finds the least
@@ -104,8 +105,8 @@ class Move:
 
 
 def on_grid(step: Array) -> Array:
-    """A step on the grid of `FINE`; adding zero makes no zero negative."""
-    return np.round(np.round(step / FINE) * FINE, 6) + 0.0
+    """A step on the grid of amounts; adding zero makes no zero negative."""
+    return np.round(np.round(step / EXPLAIN.grid) * EXPLAIN.grid, 6) + 0.0
 
 
 def lower_clearance(scene: Scene, name: str = CLEARANCE) -> Change | None:
@@ -115,7 +116,7 @@ def lower_clearance(scene: Scene, name: str = CLEARANCE) -> Change | None:
         return None
 
     def repair(cut: float) -> Repair:
-        left = float(np.floor((most - cut) / FINE + 1e-6)) * FINE
+        left = float(np.floor((most - cut) / EXPLAIN.grid + 1e-6)) * EXPLAIN.grid
         return _repair(scene, "clearance", name, max(0.0, round(left, 6)))
 
     return Change(scene, most, repair, monotone=name == CLEARANCE)

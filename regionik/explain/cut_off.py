@@ -15,15 +15,12 @@ from regionik.areas.free_space import FreeSpace, Index, into_span
 from regionik.areas.layers import Geometries, grow
 from regionik.explain.causes import deletion_filter
 from regionik.explain.constraints import CELLS, EDGE, join, no_way_to, setpoint_at, spot
+from regionik.explain.options import EXPLAIN
 from regionik.planners.driving.footprint_planner import passage_width
 from regionik.planners.driving.footprint_scene import footprint_width
 from regionik.scene import Scene
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation, SetpointFailure
-
-NO_WAY = 1e-3  # a narrower one is rounding of the floor [m]
-EXACT = 1e-4  # to which the widest place of a floor is found [m]
-FEW = 8  # places that are asked for a way
 
 
 class Barrier(NamedTuple):
@@ -81,7 +78,7 @@ def barrier(scene: Scene, here: Array, there: Array) -> Barrier | None:
 
 def poses_in(free_space: FreeSpace, components: Geometries, side: Index) -> Array:
     """A place inside each of some components, the largest first, and a heading of its side (n, 3)."""
-    order = np.argsort(-shapely.area(components), kind="stable")[:FEW].tolist()
+    order = np.argsort(-shapely.area(components), kind="stable")[: EXPLAIN.max_places_asked].tolist()
     spots = [shapely.point_on_surface(components[k]) for k in order]
     yaws = [into_span(sum(span) / 2 if np.isfinite(span).all() else 0.0, span)
             for span in (free_space.sides[side[k]].span for k in order)]  # fmt: skip
@@ -170,7 +167,7 @@ def narrow_passage(scene: Scene, here: BaseGeometry, there: BaseGeometry) -> str
     if across == 0:
         return ""
     passage = passage_width(_clear_floor(scene), here, there)
-    if passage >= across or passage < NO_WAY:
+    if passage >= across or passage < EXPLAIN.min_gap:
         return ""  # where there is no way at all, something else has been said
     return (
         f" The widest way there is {passage:.3f} m wide at its narrowest, clearance taken off, and the base "
@@ -183,8 +180,8 @@ def narrow_floor(scene: Scene) -> str:
     across, floor = footprint_width(scene.robot.footprint), _clear_floor(scene)
     if across == 0 or floor.is_empty:
         return ""
-    wide = 2 * float(shapely.maximum_inscribed_circle(floor, tolerance=EXACT).length)
-    if wide >= across - EXACT:
+    wide = 2 * float(shapely.maximum_inscribed_circle(floor, tolerance=EXPLAIN.width_tolerance).length)
+    if wide >= across - EXPLAIN.width_tolerance:
         return ""
     return (
         f" The floor has no place wider than {wide:.3f} m, clearance taken off, and the base is nowhere less "

@@ -33,8 +33,6 @@ from regionik.worlds.obstacles import Shadow
 from regionik.worlds.scene import Target, World
 from regionik.worlds.self_collision import base_name
 
-MIN_AREA = 1e-12  # of a place that counts [m2]
-
 
 def no_place(scene: Scene, i: int, targets: Sequence[Target] | None = None) -> Explanation:
     """Explain why set-point i has no known place for the base: "unreachable" where its outer area is empty.
@@ -91,7 +89,7 @@ def _blocked_above(scene: Scene, target: Target) -> list[RejectedPart]:
         return []
     footprint = base_name(scene.robot)
     found = rejected_by_obstacles(scene, reach_of(bare, target), target)
-    return [part for part in found if part.part != footprint and part.polygon.area > MIN_AREA]
+    return [part for part in found if part.part != footprint and part.polygon.area > 1e-12]
 
 
 def _under(

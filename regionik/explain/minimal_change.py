@@ -8,26 +8,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from regionik.explain.options import EXPLAIN
 from regionik.worlds.arrays import Array
 
-FINE = 1e-4  # grid of the amounts, so that what is printed is what was checked [m] or [rad]
-SHARE = 0.01
-_STEPS = 64
-_SPLIT = 16
-_CLOSE = 0.02  # part by which the least that holds may be missed
-_RECHECKED_SHARE = 0.97  # of an amount that holds, checked too before it is accepted
-_COARSE = 24  # steps along each of many directions
-_BEST = 4  # directions that are searched closely
-_TURNS = (0.4, 0.2, 0.1, 0.05, 0.02)  # of the best direction, to find a better one [rad]
-_LEVELS, _LOOKS = 6, 8  # lengths at which expensive tests are made, and how many at each
-_GROWTH = (1.0, 1.01, 1.03, 1.06, 1.12, 1.25, 1.5, 2.0)
+OPTIONS = EXPLAIN.amounts
+
 
 Opens = Callable[[Array], NDArray[np.bool_]]  # mask of the amounts (n,), or steps (n, d), that help
 Holds = Callable[[float], bool]  # True for an amount that helps
 
 
 def least_open(opens: Opens, most: float) -> float | None:
-    """Least amount that helps, to `FINE`; None where none of those looked at does.
+    """Least amount that helps, to the grid; None where none of those looked at does.
 
     More need not help more: a first scan takes every 64th of ``most``, and amounts below the one found are
     scanned again in steps of a hundredth of it.
@@ -37,12 +29,13 @@ def least_open(opens: Opens, most: float) -> float | None:
     >>> round(least_open(lambda amounts: amounts > 0.3, 2.0), 3)
     0.3
     """
-    found = _first(opens, 0.0, most, _STEPS)
+    found = _first(opens, 0.0, most, OPTIONS.scan_steps)
     while found is not None:
         low, high = found
-        while high - low > FINE / 2:
-            low, high = _first(opens, low, high, _SPLIT) or (high, high)
-        found = _first(opens, 0.0, high * (1 - SHARE), round(1 / SHARE)) if high > FINE else None
+        while high - low > EXPLAIN.grid / 2:
+            low, high = _first(opens, low, high, OPTIONS.refined_steps) or (high, high)
+        below, steps = high * (1 - OPTIONS.recheck_share), round(1 / OPTIONS.recheck_share)
+        found = _first(opens, 0.0, below, steps) if high > EXPLAIN.grid else None
         if found is None:
             return high
     return None
@@ -59,8 +52,8 @@ def _first(opens: Opens, low: float, high: float, steps: int) -> tuple[float, fl
 
 
 def grid_above(amount: float) -> float:
-    """The next amount on the grid of `FINE`."""
-    return round(float(np.ceil(amount / FINE - 1e-6)) * FINE, 6)
+    """The next amount on the grid."""
+    return round(float(np.ceil(amount / EXPLAIN.grid - 1e-6)) * EXPLAIN.grid, 6)
 
 
 @dataclass(frozen=True)
@@ -94,29 +87,29 @@ class Scan:
         return high
 
 
-GRID = Scan(_COARSE, 1.5 * FINE, _CLOSE, grid_above)
+GRID_SCAN = Scan(OPTIONS.steps_per_direction, 1.5 * EXPLAIN.grid, OPTIONS.missed_share, grid_above)
 
 
 def confirmed(holds: Holds, amount: float, most: float, seen: Holds | None = None) -> float | None:
-    """Least amount near to a given one that holds, on the grid of `FINE` but for ``most`` itself.
+    """Least amount near to a given one that holds, on the grid but for ``most`` itself.
 
     ``holds`` decides; it is more expensive than the test that the amount was found by, above all where it
     fails, and may be stricter or laxer. Where ``seen`` is given, a faster and stricter test, that leads to an
     amount, and ``holds`` is asked for that one and for a little less. A few hundredths less than what is
     found do not hold. None where up to twice the amount, or the most that is tried, nothing does.
     """
-    tried = sorted({min(grid_above(amount * factor), most) for factor in _GROWTH})
+    tried = sorted({min(grid_above(amount * factor), most) for factor in OPTIONS.growth})
     if seen is not None:
         tried = _holding_amounts(seen, tried)
     k = next((k for k, one in enumerate(tried) if holds(one)), len(tried))
     if k == len(tried):
         return None
     if k:
-        return GRID.narrowed(holds, tried[k - 1], tried[k])
-    below = grid_above(_RECHECKED_SHARE * tried[0] - FINE)
+        return GRID_SCAN.narrowed(holds, tried[k - 1], tried[k])
+    below = grid_above(OPTIONS.confirmed_share * tried[0] - EXPLAIN.grid)
     if below <= 0 or below >= tried[0] or not holds(below):
         return tried[0]
-    return GRID.narrowed(holds, 0.0, below)
+    return GRID_SCAN.narrowed(holds, 0.0, below)
 
 
 def _holding_amounts(seen: Holds, tried: list[float]) -> list[float]:
@@ -124,7 +117,7 @@ def _holding_amounts(seen: Holds, tried: list[float]) -> list[float]:
     k = next((k for k, one in enumerate(tried) if seen(one)), None)
     if k is None:
         return tried[-1:]
-    return [GRID.narrowed(seen, tried[k - 1] if k else 0.0, tried[k]), *tried[k + 1 :]]
+    return [GRID_SCAN.narrowed(seen, tried[k - 1] if k else 0.0, tried[k]), *tried[k + 1 :]]
 
 
 def shortest_step(opens: Opens, directions: Array, most: float) -> tuple[float, Array] | None:
@@ -135,20 +128,20 @@ def shortest_step(opens: Opens, directions: Array, most: float) -> tuple[float, 
     """
     low, high = 0.0, most
     first = _coarse(opens, directions, low, high)
-    if first.min() == _COARSE:
+    if first.min() == OPTIONS.steps_per_direction:
         return None
     while True:
-        step = (high - low) / _COARSE
+        step = (high - low) / OPTIONS.steps_per_direction
         low, high = low + step * first.min(), low + step * (first.min() + 1)
-        if (first == first.min()).sum() <= _BEST or step < FINE:
+        if (first == first.min()).sum() <= OPTIONS.max_close_directions or step < EXPLAIN.grid:
             break
         first = _coarse(opens, directions, low, high)  # look closer, until few are foremost
     best, way = high, directions[int(np.argmin(first))]
-    for other in directions[np.argsort(first, kind="stable")[:_BEST]]:
+    for other in directions[np.argsort(first, kind="stable")[: OPTIONS.max_close_directions]]:
         best, way = _shorter(opens, other, best, way)
-    for turn in _TURNS:
+    for turn in OPTIONS.turns:
         beside = _beside(way, turn)
-        for other in beside[opens(best * (1 - SHARE) * beside)]:
+        for other in beside[opens(best * (1 - OPTIONS.recheck_share) * beside)]:
             best, way = _shorter(opens, other, best, way)
     return best, way
 
@@ -160,20 +153,20 @@ def first_seen(
 
     ``sees`` is asked of a few steps (d,) of each length, evenly chosen among those (n, d) that ``opens``.
     """
-    for length in np.geomspace(low, high, _LEVELS + 2)[1:-1].tolist():
+    for length in np.geomspace(low, high, OPTIONS.slow_lengths + 2)[1:-1].tolist():
         ways = directions[opens(length * directions)]
-        for way in ways[:: max(1, -(-len(ways) // _LOOKS))]:
+        for way in ways[:: max(1, -(-len(ways) // OPTIONS.max_slow_tests))]:
             if sees(length * way):
                 return length, way
     return None
 
 
 def _coarse(opens: Opens, directions: Array, low: float, high: float) -> NDArray[np.intp]:
-    """First of even steps along each direction that helps; `_COARSE` where none does."""
-    lengths = np.linspace(low, high, _COARSE + 1)[1:]
-    steps = lengths[None, :, None] * directions[:, None, :]
-    table = opens(steps.reshape(-1, directions.shape[1])).reshape(len(directions), _COARSE)
-    return np.where(table.any(axis=1), table.argmax(axis=1), _COARSE)
+    """First of even steps along each direction that helps; the number of steps where none does."""
+    count = OPTIONS.steps_per_direction
+    steps = np.linspace(low, high, count + 1)[1:, None] * directions[:, None, :]
+    table = opens(steps.reshape(-1, directions.shape[1])).reshape(len(directions), count)
+    return np.where(table.any(axis=1), table.argmax(axis=1), count)
 
 
 def _shorter(opens: Opens, other: Array, best: float, way: Array) -> tuple[float, Array]:

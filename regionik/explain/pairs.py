@@ -9,12 +9,12 @@ from regionik.explain.causes import irreducible
 from regionik.explain.changes import Change, Move, both, share
 from regionik.explain.constraints import Constraint
 from regionik.explain.minimal_change import circle
+from regionik.explain.options import EXPLAIN
 from regionik.explain.questions import TargetQuestion
 from regionik.planners.progress import track
 from regionik.worlds.errors import Repair
 
-SMALL = (0.1, 0.3)  # first changes that another is tried with [m] or [rad]
-WAYS = 8  # directions in which an obstacle is moved first
+OPTIONS = EXPLAIN.pairs
 
 
 def pair(question: TargetQuestion, causes: Sequence[Constraint]) -> Repair | None:
@@ -32,12 +32,12 @@ def _firsts(question: TargetQuestion, causes: Sequence[Constraint]) -> Iterator[
     """Small changes, each with what is changed; the target itself is moved last or not at all."""
     for change in question.changes(causes):
         if isinstance(change, Change):
-            for amount in sorted({min(change.most, small) for small in SMALL}):
+            for amount in sorted({min(change.most, small) for small in OPTIONS.amounts}):
                 repair = change.repair(amount)
                 yield _what(repair), repair
         elif isinstance(change, Move) and change.kind == "move-obstacle":
-            for length in SMALL:
-                for way in circle(WAYS):
+            for length in OPTIONS.amounts:
+                for way in circle(OPTIONS.directions):
                     repair = change.repair(length * way)
                     yield _what(repair), repair
 

@@ -34,8 +34,7 @@ from regionik.explain.constraints import (
     without_obstacle,
 )
 from regionik.explain.minimal_change import (
-    FINE,
-    GRID,
+    GRID_SCAN,
     Holds,
     Scan,
     circle,
@@ -46,25 +45,23 @@ from regionik.explain.minimal_change import (
     shortest_step,
     sphere,
 )
-from regionik.explain.steps import AROUND, Steps, obstacle_steps, steps_around, target_steps
+from regionik.explain.options import EXPLAIN
+from regionik.explain.steps import Steps, obstacle_steps, steps_around, target_steps
 from regionik.planners.search.box_search import Verdict
 from regionik.regions import has_no_known_place, have_known_places, is_ruled_out
 from regionik.scene import Scene
 from regionik.worlds.arms import reach_bound
 from regionik.worlds.errors import Repair
 
+OPTIONS = EXPLAIN.questions
+
 if TYPE_CHECKING:
     from regionik.values import Answer
 
 
-PROOF, SEARCH = 30_000, 1_500  # cells of postures looked at for a cause, and for an amount of a change
-LENGTHS = 0.01 * 3.0 ** np.arange(5)  # of moves that are tried with the arm [m]
-FARTHER = 1.05  # than areas have it, from which on other directions are looked at
-SLACK = (1.0, 1.05)  # of what areas ask for, tried in plans
-MAX_ARM_QUESTIONS = 4  # steps of one length that are asked with the arm
-CLOSE = Scan(1, 1.5 * FINE, 0.05, grid_above)  # for what is asked with the arm
-HALVED = Scan(1, 1e-5, 0.0)
-COARSE = Scan(12, FINE, 0.01)  # for what is dear to ask
+ARM_SCAN = Scan(1, 1.5 * EXPLAIN.grid, 0.05, grid_above)  # for what is asked with the arm
+CHANGE_SCAN = Scan(1, 1e-5, 0.0)  # for what areas are asked
+PATH_SCAN = Scan(12, EXPLAIN.grid, 0.01)  # for what whole paths are asked
 
 
 @dataclass(frozen=True)
@@ -154,7 +151,7 @@ class TargetQuestion(_OneTarget):
     def least(self, change: Change) -> Repair | None:
         as_target = change.as_target
         if as_target is None:
-            opens = HALVED.first(
+            opens = CHANGE_SCAN.first(
                 lambda one: bool(have_known_places(change.at(one), self.scene.task)[0]), change.most
             )
             return self._confirmed(change, opens or change.most)
@@ -180,7 +177,7 @@ class TargetQuestion(_OneTarget):
     def farthest(self, move: Move) -> float:
         """Length of the longest step that is tried [m]."""
         if move.kind == "move-target":
-            return AROUND[-1]
+            return OPTIONS.target_lengths[-1]
         steps = obstacle_steps(move)
         return 0.0 if steps is None else steps.most
 
@@ -209,7 +206,7 @@ class TargetQuestion(_OneTarget):
         length, way = step
         first = self._confirmed(move.along(way, steps.most), length)
         longest = 2 * length if first is None else first.amount
-        if longest <= FARTHER * length:
+        if longest <= OPTIONS.aside_factor * length:
             return first
         aside = first_seen(steps.opens, lambda by: self._seen(move.at(by)), steps.directions, length, longest)
         second = None if aside is None else self._confirmed(move.along(aside[1], longest), aside[0])
@@ -220,10 +217,10 @@ class TargetQuestion(_OneTarget):
         steps, lengths = steps_around(move)
         low = 0.0
         for length in (one for one in lengths if one < longest):
-            for way in steps.directions[steps.opens(length * steps.directions)][:MAX_ARM_QUESTIONS]:
+            for way in steps.directions[steps.opens(length * steps.directions)][: OPTIONS.max_arm_steps]:
                 change = move.along(way, length)
                 if self.holds(change.at(length)):
-                    return change.repair(CLOSE.narrowed(self._holds_at(change), low, length))
+                    return change.repair(ARM_SCAN.narrowed(self._holds_at(change), low, length))
             low = length
         return None
 
@@ -242,7 +239,7 @@ class ArmQuestion(_OneTarget):
 
     def closed(self, scene: Scene) -> bool:
         """Return True where the target is proven to have no clear posture from any place."""
-        return is_ruled_out(scene) or self.oracles.look(scene, PROOF) == Verdict.RULED_OUT
+        return is_ruled_out(scene) or self.oracles.look(scene, OPTIONS.proof_cells) == Verdict.RULED_OUT
 
     def changes(self, causes: Sequence[Constraint]) -> Iterator[Change | Move | None]:
         yield lower_clearance(self.scene, ARM_CLEARANCE)
@@ -255,23 +252,25 @@ class ArmQuestion(_OneTarget):
         """Return True where a clear posture is found in a changed world, the target newly in no solid."""
         if after.task[0].position[2] < 0 or self.enters(after):
             return False
-        return self.oracles.look(after, SEARCH) == Verdict.PROVEN
+        return self.oracles.look(after, OPTIONS.search_cells) == Verdict.PROVEN
 
     def least(self, change: Change) -> Repair | None:
         most = change.most
-        amount = GRID.first(lambda one: self._seen(change.at(one)), most) if most >= FINE else None
+        amount = (
+            GRID_SCAN.first(lambda one: self._seen(change.at(one)), most) if most >= EXPLAIN.grid else None
+        )
         if amount is not None:
             amount = confirmed(lambda one: self.holds(change.at(one)), amount, most)
         return None if amount is None else change.repair(amount)
 
     def farthest(self, move: Move) -> float:
         """Length of the longest step that is tried [m]."""
-        return float(LENGTHS[-1])
+        return OPTIONS.arm_move_lengths[-1]
 
     def shortest(self, move: Move) -> Repair | None:
         """A short step: of a few lengths the first at which some direction helps, then less of it."""
         directions = sphere(12) if move.kind == "move-target" else circle(12)
-        for length in LENGTHS.tolist():
+        for length in OPTIONS.arm_move_lengths:
             for way in directions:
                 if self._seen(move.at(length * way)):
                     repair = self.least(move.along(way, length))
@@ -315,11 +314,11 @@ class PathQuestion:
             yield raise_arm(self.scene, reach_bound(self.scene.robot.chain).length)
 
     def least(self, change: Change) -> Repair | None:
-        scan = COARSE
+        scan = PATH_SCAN
         if change.counted:
             scan = Scan(round(change.most), 1.0, 0.0)
         elif change.monotone:
-            scan = replace(COARSE, steps=1)
+            scan = replace(PATH_SCAN, steps=1)
         return self._planned(change, scan.first(self._spans_at(change), change.most))
 
     def _spans_at(self, change: Change) -> Holds:
@@ -329,7 +328,8 @@ class PathQuestion:
         """The repair by an amount, or a little more, with which the path is planned."""
         if amount is None:
             return None
-        tried = [change.repair(amount * slack) for slack in (SLACK if not change.counted else (1.0,))]
+        factors = (1.0,) if change.counted else OPTIONS.plan_factors
+        tried = [change.repair(amount * factor) for factor in factors]
         return next((one for one in tried if self.plans(repaired(self.scene, one))), None)
 
     def farthest(self, move: Move) -> float:
@@ -344,7 +344,7 @@ class PathQuestion:
         best, first = self.farthest(move), None
         for way in circle(8):
             change = move.along(way, best)
-            found = COARSE.first(self._spans_at(change), best)
+            found = PATH_SCAN.first(self._spans_at(change), best)
             if found is not None and (first is None or found < best):
                 best, first = found, change
         return None if first is None else self._planned(first, best)

@@ -9,11 +9,11 @@ from dataclasses import replace
 from itertools import groupby
 
 from regionik.explain.constraints import join
+from regionik.explain.options import EXPLAIN
 from regionik.values import Skipped
 from regionik.worlds.errors import Explanation, NoPlanFound, SetpointFailure, Verdict
 
 ALONE: tuple[Verdict, ...] = ("unreachable", "undecided", "no-posture")  # said of a set-point by itself
-LISTED = 12  # numbers, or spans of them, in a sentence
 _WORDS: dict[Verdict, str] = {
     "unreachable": "cannot be reached",
     "undecided": "could not be decided",
@@ -81,8 +81,8 @@ def numbered(setpoints: Sequence[int], count: int) -> str:
     'Set-points 3, 5 to 7 and 10 of 12'
     """
     spans = _spans(setpoints)
-    more = len(setpoints) - sum(size for _, size in spans[:LISTED])
-    names = [name for name, _ in spans[:LISTED]] + ([f"{more} more"] if more else [])
+    more = len(setpoints) - sum(size for _, size in spans[: EXPLAIN.max_listed])
+    names = [name for name, _ in spans[: EXPLAIN.max_listed]] + ([f"{more} more"] if more else [])
     return f"Set-point{'s' * (len(setpoints) > 1)} {join(names)} of {count}"
 
 

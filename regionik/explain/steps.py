@@ -14,14 +14,14 @@ from regionik.areas.free_space import MIN_AREA
 from regionik.areas.layers import ROUNDING_MARGIN, grow
 from regionik.explain.changes import Move
 from regionik.explain.constraints import without_obstacle
-from regionik.explain.minimal_change import FINE, Opens, circle, sphere
+from regionik.explain.minimal_change import Opens, circle, sphere
+from regionik.explain.options import EXPLAIN
 from regionik.regions import have_known_places, path_areas
 from regionik.scene import Scene
 from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import Array
 
-AROUND = (0.05, 0.1, 0.15, 0.25, 0.4, 0.6, 1.0)  # lengths of steps of a target that are tried in space [m]
-SPARSE = (0.1, 0.25, 0.6, 1.0)  # the same where areas are sampled, pose by pose [m]
+OPTIONS = EXPLAIN.questions
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ def steps_around(move: Move) -> tuple[Steps, tuple[float, ...]]:
     level = np.column_stack([circle(8 if proven else 4), np.zeros(8 if proven else 4)])
     upright = np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]])
     oblique = [(level + way) / np.sqrt(2) for way in upright] if proven else []
-    lengths = AROUND if proven else SPARSE
+    lengths = OPTIONS.target_lengths if proven else OPTIONS.sampled_target_lengths
     return Steps(
         np.vstack([_inwards(scene), upright, level, *oblique]), lengths[-1], _opens(move, space=True)
     ), lengths
@@ -59,7 +59,7 @@ def scene_of_setpoint(scene: Scene, i: int) -> Scene:
     Obstacles that are moved come from there: they are near the set-point, or are no cause.
     """
     alone = scene.changed(task=(scene.task[i],))
-    return alone.within_reach(alone.task[0].position[None], max(AROUND[-1], _farthest(alone)))
+    return alone.within_reach(alone.task[0].position[None], max(OPTIONS.target_lengths[-1], _farthest(alone)))
 
 
 def _opens(move: Move, *, space: bool) -> Opens:
@@ -93,7 +93,7 @@ def _inwards(scene: Scene) -> Array:
     there = np.array(nearest_points(free, Point(target[:2]))[0].coords[0])
     way = np.array([*(there - target[:2]), 0.0])
     length = float(np.linalg.norm(way))
-    return way[None] / length if length > FINE else np.empty((0, 3))
+    return way[None] / length if length > EXPLAIN.grid else np.empty((0, 3))
 
 
 def obstacle_steps(move: Move) -> Steps | None:

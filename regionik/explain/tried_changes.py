@@ -22,26 +22,19 @@ from regionik.explain.changes import (
 from regionik.explain.constraints import ARM_CLEARANCE, CLEARANCE, mended
 from regionik.explain.failures import is_blocked, too_close
 from regionik.explain.minimal_change import Holds, Scan, circle
+from regionik.explain.options import EXPLAIN
 from regionik.planners.tries import TooManyTriesError, at_most, counted
 from regionik.scene import Scene
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Explanation, Repair
 from regionik.worlds.scene import Start
 
+OPTIONS = EXPLAIN.trials
+
 Asked = Callable[[Scene], bool]
 
-SHARES = (0.5, 1.0)  # of a clearance, or of the radius of the circle to park in, that is given up
-LENGTHS = (0.1, 0.3)  # of moves [m]
-SPARE_TRIES = 100  # of searches for repairs, beside as many as half of those of the search that failed
-MAX_PLANNED_REPAIRS = 2  # of the smallest repairs, whether the whole path is planned with them
-FEW = 4  # set-points, up to which a whole path is asked about where a part of it can be planned
-TRIES_EACH = 2  # besides, for each set-point, of plans from a start that is mended
-START, LOWERED = (
-    Scan(40, 1e-3, 0.01),
-    Scan(1, 1e-3, 0.01),
-)  # of lengths that a start is moved by, of clearance
-SPARE = 1e-3  # of a start beyond what frees it, so that the base can drive off [m]
-FARTHEST = 2.0  # of them [m]
+START_SCAN = Scan(40, 1e-3, 0.01)  # of lengths that a start is moved by
+CLEARANCE_SCAN = replace(START_SCAN, steps=1)  # of what its clearance is lowered by
 
 
 def mended_motion(scene: Scene, quick: Explanation, plans: Asked, made: int = 0) -> Explanation:
@@ -52,11 +45,11 @@ def mended_motion(scene: Scene, quick: Explanation, plans: Asked, made: int = 0)
     """
     i = 0 if quick.setpoint is None else quick.setpoint
     first = max(0, i - 1)
-    part, most = scene.changed(task=scene.task[first : i + 1]), made // 2 + SPARE_TRIES
+    part, most = scene.changed(task=scene.task[first : i + 1]), made // 2 + OPTIONS.spare_tries
     helped, tried, small = list[Repair](), list[str](), list[Repair]()
     with suppress(TooManyTriesError), at_most(most):
         if plans(part):  # it is not these two alone
-            if len(scene.task) > FEW:
+            if len(scene.task) > OPTIONS.max_whole_path:
                 return quick
             part, first = scene, 0
         for group in map(list, _groups(scene, i, quick)):
@@ -67,7 +60,8 @@ def mended_motion(scene: Scene, quick: Explanation, plans: Asked, made: int = 0)
     # the search is made once more, and goes on.
     lifts = [one for one in helped if one.kind == "lift-off"]
     others = [one for one in smallest_first(scene, helped) if one not in lifts]
-    for some, tries in ((lifts, 2 * made + SPARE_TRIES), (others[: MAX_PLANNED_REPAIRS - len(lifts)], most)):
+    smallest = others[: OPTIONS.max_planned_repairs - len(lifts)]
+    for some, tries in ((lifts, 2 * made + OPTIONS.spare_tries), (smallest, most)):
         with suppress(TooManyTriesError), at_most(tries):
             for one in some:
                 small += [one] if part is scene or plans(repaired(scene, one, i)) else []
@@ -81,11 +75,11 @@ def _groups(scene: Scene, i: int, quick: Explanation) -> Iterator[Iterator[Repai
         yield iter([one_lift_off(scene, i)])
     wide = scene.rules.stop_tolerance
     if scene.rules.mode == "stops" and wide:
-        yield (smaller_circle(scene, (1 - share) * wide) for share in SHARES)
+        yield (smaller_circle(scene, (1 - share) * wide) for share in OPTIONS.given_up_shares)
     for name in (CLEARANCE, ARM_CLEARANCE):
         lower = lower_clearance(scene, name)
         if lower is not None and scene.world.arm_solids:
-            yield (lower.repair(share * lower.most) for share in SHARES)
+            yield (lower.repair(share * lower.most) for share in OPTIONS.given_up_shares)
     for name in dict.fromkeys(cause.name for cause in quick.causes if cause.kind == "obstacle"):
         move = move_obstacle(scene, name)
         if move is not None:
@@ -98,7 +92,7 @@ def _groups(scene: Scene, i: int, quick: Explanation) -> Iterator[Iterator[Repai
 
 
 def _moved(move: Move, ways: Array) -> Iterator[Repair]:
-    return (move.repair(length * way) for length in LENGTHS for way in ways)
+    return (move.repair(length * way) for length in OPTIONS.move_lengths for way in ways)
 
 
 def _away(scene: Scene, i: int, name: str) -> Array:
@@ -119,19 +113,19 @@ def mended_start(scene: Scene, quick: Explanation, blocked: Asked, plans: Asked)
     lower = lower_clearance(scene)
     deep = any((cause.margin or 0.0) >= scene.world.base_clearance for cause in quick.causes)
     if lower is not None and not deep:  # no clearance helps a base that stands in a solid, or off the floor
-        amount = LOWERED.first(lambda cut: not blocked(lower.at(cut)), lower.most)
-        found += [] if amount is None else [lower.repair(min(amount + SPARE, lower.most))]
+        amount = CLEARANCE_SCAN.first(lambda cut: not blocked(lower.at(cut)), lower.most)
+        found += [] if amount is None else [lower.repair(min(amount + OPTIONS.start_spare, lower.most))]
     solids = (move_obstacle(scene, cause.name) for cause in quick.causes if cause.kind == "obstacle")
     moves = [move_start(scene), *(move for move in solids if move is not None)]
     found += [one for one in map(_shortest, moves) if one is not None and not blocked(repaired(scene, one))]
     repairs = list(_confirmed(scene, smallest_first(scene, found), plans))
-    told = mended(repairs, [f"move {move.name} by up to {FARTHEST:g} m" for move in moves])
+    told = mended(repairs, [f"move {move.name} by up to {OPTIONS.max_start_move:g} m" for move in moves])
     return replace(quick, reason=f"{quick.reason} {told}", repairs=tuple(repairs))
 
 
 def tries_for(scene: Scene) -> int:
     """Tries that plans of a changed world may make where nothing has been searched before."""
-    return SPARE_TRIES + TRIES_EACH * len(scene.task)
+    return OPTIONS.spare_tries + OPTIONS.tries_per_setpoint * len(scene.task)
 
 
 def _confirmed(scene: Scene, repairs: Iterable[Repair], plans: Asked) -> Iterator[Repair]:
@@ -149,11 +143,11 @@ def _confirmed(scene: Scene, repairs: Iterable[Repair], plans: Asked) -> Iterato
 
 def _shortest(move: Move) -> Repair | None:
     """The shortest of some steps on the floor that free the start, if any does."""
-    frees, best, found = _frees(move), FARTHEST, None
+    frees, best, found = _frees(move), OPTIONS.max_start_move, None
     for way in circle(16):
-        length = START.first(_along(frees, way), best)
+        length = START_SCAN.first(_along(frees, way), best)
         if length is not None and (found is None or length < best):
-            best, found = length, move.repair((length + SPARE) * way)
+            best, found = length, move.repair((length + OPTIONS.start_spare) * way)
     return found
 
 

@@ -19,7 +19,8 @@ from shapely.geometry import Point, mapping
 
 from regionik.executors import CHUNKS_AHEAD, Pool, map_unordered
 from regionik.planners.progress import tell, track
-from regionik.reachability.reach import CHUNK, reach
+from regionik.reachability.options import REACHABILITY
+from regionik.reachability.reach import reach
 from regionik.storage.files import csv_text, json_text, json_values, open_partial, write_atomic
 from regionik.storage.plan_document import feature, feature_collection
 from regionik.values import Answer, Stop
@@ -168,7 +169,7 @@ def stream_answers(
     the same call resumes with them, and gives the bytes of one uninterrupted call. Parts of another run are
     an `InputError`; workers that are lost again and again are an `EngineError`.
     """
-    blocks = index_csv(table, CHUNK)
+    blocks = index_csv(table, REACHABILITY.search.targets_at_once)
     with open_partial(output, _manifest(world, blocks, base)) as parts:
         counts = parts.counts()
         for k in track("read", range(0 if counts else len(blocks))):

@@ -16,6 +16,7 @@ from functools import partial
 import numpy as np
 
 from regionik.mfabrik import Method, Solver, configurations
+from regionik.papers.options import PAPERS
 from regionik.papers.rivals.genetic import Genetic
 from regionik.papers.rivals.iterative import CyclicDescent, DampedLeastSquares, PseudoInverse, Transpose
 from regionik.papers.rivals.method import ArmMethod, Fabrik, FabrikPolished, SearchResult
@@ -35,13 +36,11 @@ from regionik.worlds.errors import InputError
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Target, World
 
+OPTIONS = PAPERS.comparison
+
 REFERENCE = "mfabrik"
 BASE_JOINTS = 2  # before those of the arm
-MAX_RUNS = 40  # of a method along the path, of which the fastest counts
-TIME_BUDGET = 0.5  # after which a method is not run again [s]
 ROUNDING = 1e-9  # allowed at tolerances, cones and limits
-TIE_RATIO = 1.05  # of iterations, times or errors below which no method is called better
-TIE_ERROR = 1e-6  # difference of errors below which no method is called better [m]
 
 
 def by_sliding_base(
@@ -261,12 +260,12 @@ def _solve_and_time(world: World, solvers: Sequence[Method]) -> tuple[tuple[Conf
     start = _start(world)
     solvers[0](world.task[0], *start)  # loads compiled code
     least, spent = np.inf, 0.0
-    for _ in range(MAX_RUNS):
+    for _ in range(OPTIONS.max_runs):
         began = time.perf_counter()
         found = configurations(world.task, solvers, start)
         taken = time.perf_counter() - began
         least, spent = min(least, taken), spent + taken
-        if spent > TIME_BUDGET:
+        if spent > OPTIONS.time_budget:
             break
     return found, least / len(world.task)
 
@@ -313,11 +312,11 @@ def _advantages(one: Score, ours: Score) -> list[str]:
         return found
     if one.success > ours.success:
         found.append(f"success ({one.success} against {ours.success} of {one.setpoints})")
-    if one.iterations * TIE_RATIO < ours.iterations:
+    if one.iterations * OPTIONS.tie_ratio < ours.iterations:
         found.append(f"iterations ({one.iterations:.2f} against {ours.iterations:.2f})")
-    if one.ratio * TIE_RATIO < 1.0:
+    if one.ratio * OPTIONS.tie_ratio < 1.0:
         found.append(f"time ({one.ratio:.2f} of it)")
-    if one.worst_error * TIE_RATIO + TIE_ERROR < ours.worst_error:
+    if one.worst_error * OPTIONS.tie_ratio + OPTIONS.tie_error < ours.worst_error:
         found.append(f"worst error ({one.worst_error * 1e3:.3g} against {ours.worst_error * 1e3:.3g} mm)")
     for what, field in (("limits", "over_limits"), ("collisions", "collisions"), ("floor", "off_floor")):
         if getattr(one, field) < getattr(ours, field):

@@ -16,13 +16,15 @@ from itertools import takewhile
 
 import numpy as np
 
+from regionik.papers.options import PAPERS
 from regionik.papers.pitch_arm import ArmShare, PitchArm, arm_share
 from regionik.planners.driving.arcs import arc_end
 from regionik.planners.geometry.angles import wrap
 from regionik.worlds.arrays import Array
 
+OPTIONS = PAPERS.tracker
+
 SLACK = 1e-9  # beyond a joint's limit, for rounding [rad]
-SPREAD = 24  # headings of a full turn that a run is started with
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,8 +148,8 @@ def start_headings(robot: TrackingRobot, pose: Array, elbow: int = 1) -> tuple[f
     The nearer joint 1 is to zero, the earlier.
     """
     turn = arm_share(robot.arm, pose, robot.lift, elbow=elbow).turn
-    aside = sorted(range(SPREAD), key=lambda k: min(k, SPREAD - k))
-    return (None, *(float(wrap(turn + 2 * np.pi * k / SPREAD)) for k in aside))
+    aside = sorted(range(OPTIONS.start_headings), key=lambda k: min(k, OPTIONS.start_headings - k))
+    return (None, *(float(wrap(turn + 2 * np.pi * k / OPTIONS.start_headings)) for k in aside))
 
 
 def _step(

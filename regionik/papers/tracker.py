@@ -7,7 +7,6 @@ nothing.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -19,6 +18,7 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.explain.constraints import no_way_to, setpoint_at
 from regionik.explain.failures import invalid_plan
+from regionik.papers.options import PAPERS
 from regionik.papers.pitch_arm import HeightError, arm_share, pitch_arm
 from regionik.papers.pose_tracking import TrackedRun, TrackingRobot, start_headings, track_runs
 from regionik.planners.driving.point_planner import NoPathError
@@ -44,12 +44,11 @@ from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 from regionik.worlds.robot import Robot, with_joint_margin
 from regionik.worlds.scene import Target
 
-FINEST = 6  # halvings of the segment between two set-points at most
+OPTIONS = PAPERS.tracker
+
 SAME = 1e-9  # [rad] or [m]
 # That the pivot, which may stand there for long, keeps off its limits: smooth motions overshoot [rad]
 OFF_LIMITS = 1e-3
-MAX_SWING = math.radians(1.0)  # by which the base turns more or less than in the step before
-DRAWN = 0.005  # half the drawn width of the curves that the axis may stand on [m]
 
 
 def can_track(scene: Scene) -> bool:
@@ -148,7 +147,7 @@ def _plan_of(scene: Scene, seed: int, robot: TrackingRobot, path: TrackedPath) -
 
 
 def _area(robot: TrackingRobot, target: Target, free: BaseGeometry, axis: Array) -> PlannedArea:
-    """Positions of the axis for a set-point: curves and points, drawn `DRAWN` to either side.
+    """Positions of the axis for a set-point: curves and points, drawn a little to either side.
 
     Under an upright tool a circle for each elbow, under a leaning one a point. The area for the whole path is
     the point that the plan takes.
@@ -161,12 +160,12 @@ def _area(robot: TrackingRobot, target: Target, free: BaseGeometry, axis: Array)
             if not _holds(robot, share.joints):
                 continue
             if share.upright:
-                middle, out = Point(T[:2, 3]), abs(share.out)
-                curves.append(middle.buffer(out + DRAWN, 64) - middle.buffer(out - DRAWN, 64))
+                middle, out, wide = Point(T[:2, 3]), abs(share.out), OPTIONS.drawn_width
+                curves.append(middle.buffer(out + wide, 64) - middle.buffer(out - wide, 64))
             else:
                 way = np.array([np.cos(share.turn), np.sin(share.turn)])
-                curves.append(Point(T[:2, 3] - share.out * way).buffer(DRAWN))
-    reach, taken = shapely.union_all(curves), Point(axis).buffer(DRAWN)
+                curves.append(Point(T[:2, 3] - share.out * way).buffer(OPTIONS.drawn_width))
+    reach, taken = shapely.union_all(curves), Point(axis).buffer(OPTIONS.drawn_width)
     return PlannedArea((reach & free) | taken, taken, reach - free - taken)
 
 
@@ -262,7 +261,7 @@ def _tracked(
 ) -> TrackedPath:
     """Runs along a path whose segments are halved until the motion between poses keeps the rules."""
     parts = [1] * len(scene.task)
-    for _ in range(FINEST):
+    for _ in range(OPTIONS.max_halvings):
         poses, owner = _path(scene.task, parts)
         try:
             runs = track_runs(robot, poses, heading=heading, elbow=elbow, most=most)
@@ -304,7 +303,7 @@ def _coarse_poses(scene: Scene, poses: Array, runs: tuple[TrackedRun, ...]) -> l
     turn = slide[:, 2]
     turn[lifted] = 0.0
     coarse = (np.abs(arc) > rules.step) | (np.abs(bend) > MAX_JOINT_CHANGE).any(1)
-    swung = np.abs(np.diff(turn)) > MAX_SWING
+    swung = np.abs(np.diff(turn)) > OPTIONS.max_swing
     coarse[:-1] |= swung
     coarse[1:] |= swung
     for s in (0.25, 0.5, 0.75):

@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial.distance import cdist
 
+from regionik.parking.options import PARKING
 from regionik.parking.parking_areas import StopGroup
 from regionik.parking.placements import PlacementSearch
 from regionik.parking.posture_carrier import PostureCarrier
@@ -23,13 +24,7 @@ from regionik.worlds.arms import pivot_index
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.limits import Speeds
 
-MAX_FAMILIES = 8  # of postures that are looked for
-SAME_POSTURE = 0.05  # postures that differ by less in every joint are one [rad]
-MAX_CONTINUATION_ROUNDS = 3  # rounds in which each posture is continued from the one before
-# rounds in which what was chosen is proven, and then only what is known to hold is chosen
-MAX_PROOF_ROUNDS = 12
-MAX_ROUNDS = 120  # in all, until a tour is chosen of which every way round is known
-ROUNDING = 1e-9  # [s]
+OPTIONS = PARKING.tour
 
 
 def in_short_order(placements: PlacementSearch, group: StopGroup) -> tuple[StopGroup, float]:
@@ -89,7 +84,7 @@ class _Branches:
         """Return these and those others that differ from them at the same set-point."""
         known = (self.joints[self.owner == k] for k in owner)
         off = [np.abs(rows - q).max(axis=1).min() for rows, q in zip(known, joints, strict=True)]
-        new = np.flatnonzero(np.array(off) > SAME_POSTURE)
+        new = np.flatnonzero(np.array(off) > OPTIONS.same_posture)
         return _Branches(np.vstack([self.joints, joints[new]]), np.concatenate([self.owner, owner[new]]))
 
 
@@ -107,13 +102,13 @@ class _ArmTour:
         """Return the known postures, then families of others."""
         every = np.arange(len(self.postures.joints))
         found = _Branches(self.postures.joints, every)
-        for owner, joints in self.carrier.families(self.postures.base, every, MAX_FAMILIES):
+        for owner, joints in self.carrier.families(self.postures.base, every, OPTIONS.max_families):
             found = found.joined(joints, owner)
         return found
 
     def continued(self, branches: _Branches) -> _Branches:
         """Return the branches and more: along the shortest tour, postures continued from the one before."""
-        for _ in range(MAX_CONTINUATION_ROUNDS):
+        for _ in range(OPTIONS.max_continuation_rounds):
             far = _times(branches.joints, self.velocity)
             chosen = branches.of(np.array(self._shortest(branches, far).order))
             more = self.carrier.continued(self.postures.base, chosen.owner, chosen.joints)
@@ -129,8 +124,8 @@ class _ArmTour:
         """
         far, left = _times(branches.joints, self.velocity), np.ones(len(branches.owner), dtype=bool)
         holds = np.arange(len(left)) < len(self.postures.joints)
-        for k in range(MAX_ROUNDS):
-            some = np.flatnonzero(left if k < MAX_PROOF_ROUNDS - 1 else holds)
+        for k in range(OPTIONS.max_rounds):
+            some = np.flatnonzero(left if k < OPTIONS.max_proof_rounds - 1 else holds)
             tour = self._shortest(branches.of(some), far[np.ix_(some, some)])
             order = some[list(tour.order)]
             new = order[~holds[order]]
@@ -158,7 +153,7 @@ class _ArmTour:
             if way is not None:
                 states = [branches.joints[a], *(pose.joints for pose in way), branches.joints[b]]
                 time = float((np.abs(np.diff(states, axis=0)) / self.velocity).max(axis=1).sum())
-                found |= time > far[a, b] + ROUNDING
+                found |= time > far[a, b] + 1e-9
                 far[a, b] = far[b, a] = time
         return found
 

@@ -19,6 +19,7 @@ from regionik.explain.changes import smaller_circle
 from regionik.explain.constraints import no_way_to, rounded_down, setpoint_at
 from regionik.explain.failures import no_place
 from regionik.explain.several import together
+from regionik.parking.options import PARKING
 from regionik.parking.parking_areas import (
     Parking,
     ParkingAreas,
@@ -46,9 +47,10 @@ from regionik.worlds.arrays import Array, Mask
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 from regionik.worlds.scene import Target
 
-Unserved = tuple[list[int], ParkingAreas]  # set-points without a place to park, and the areas
+OPTIONS = PARKING.places
 
-SURE_CIRCLE_SHARE = 0.99  # of a circle, that the rounding of shrunk areas leaves a place for
+
+Unserved = tuple[list[int], ParkingAreas]  # set-points without a place to park, and the areas
 
 
 def park(scene: Scene) -> Parking:
@@ -248,7 +250,7 @@ def no_room(scene: Scene, i: int, parking_areas: ParkingAreas) -> Explanation:
     if not proven:
         reason = f"{no_way_to(who)} from a {circle}; the largest known has {widest:.4f} m, and outer areas "
         reason += "leave room for one."
-    left = rounded_down(SURE_CIRCLE_SHARE * widest, 4)
+    left = rounded_down(OPTIONS.sure_circle_share * widest, 4)
     reason += f" A stop_tolerance of at most {left:.4f} m would do."
     causes, repairs = (Cause("floor", "room to park", wanted - widest),), (smaller_circle(scene, left),)
     return Explanation("unreachable" if proven else "undecided", i, reason, causes, repairs)

@@ -24,8 +24,6 @@ from regionik.scene import Scene
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Order
 
-MIN_SHOWN_RADIUS = 1e-3  # radius of the circle that is shown around a pose, where none is asked for [m]
-
 
 @dataclass(frozen=True, eq=False)
 class StopGroup:
@@ -126,12 +124,8 @@ class ParkingAreas:
 
     def about(self, setpoints: Sequence[int], side: int, axis: Array, tolerance: float) -> BaseGeometry:
         """What areas share around a place that serves set-points; the circle to park in where they do not."""
-        shared = self.shared(setpoints, side, axis)
-        return (
-            shared
-            if shared.covers(shapely.Point(axis))
-            else shapely.Point(axis).buffer(max(tolerance, MIN_SHOWN_RADIUS))
-        )
+        shared, place = self.shared(setpoints, side, axis), shapely.Point(axis)
+        return shared if shared.covers(place) else place.buffer(max(tolerance, 1e-3))  # wide enough to see
 
     def nearest(self, setpoints: Sequence[int], axis: Array, yaw: float) -> tuple[int, ...]:
         """Component of each set-point nearest to a pose in heading, then in place."""

@@ -20,6 +20,7 @@ from shapely.geometry.base import BaseGeometry
 from regionik.areas.layers import ROUNDING_MARGIN
 from regionik.areas.reach_model import ReachQuery
 from regionik.explain.constraints import setpoint_at
+from regionik.parking.options import PARKING
 from regionik.planners.driving.heading_slabs import convex_scene, free_at_all, outline_scene
 from regionik.planners.geometry.offsets import shrunk
 from regionik.postures.poses import axis_of
@@ -29,14 +30,8 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation
 from regionik.worlds.limits import ParkingAccuracy
 
-MAX_DEVIATIONS = 5.5  # on either side of the stop within which poses count
-FIRST_SLICES, MAX_SLICES = 12, 96  # slices of yaw at first, and at most
-ESTIMATE_SLICES = 6  # slices of an estimate
-MAX_HALF_SLICE = 0.2  # half of a slice at the start, at most [rad]
-ESTIMATE_SLACK = 0.01  # by which an estimate may be too low
-MIN_GAIN = 1e-4  # less than this more slices are not worth
-CIRCLE_VERTICES = 144  # vertices of a full circle
-ROUNDING = 1e-9
+OPTIONS = PARKING.probability
+
 MIN_VARIANCE = 1e-14  # added in both directions, so that none is zero [m2]
 EDGE_TOLERANCE = 1e-200  # distance of an edge from the mean that counts as none, in standard deviations
 
@@ -49,20 +44,20 @@ def parking_probability(scene: Scene, base: Array, setpoints: tuple[int, ...]) -
     (3,), in a world with ``rules.parking``.
     """
     error = _PoseError.of(scene)
-    count = max(FIRST_SLICES, int(np.ceil(MAX_DEVIATIONS * error.yaw / MAX_HALF_SLICE)))
+    count = max(OPTIONS.min_slices, int(np.ceil(OPTIONS.max_deviations * error.yaw / OPTIONS.max_half_slice)))
     found = _summed(scene, base, setpoints, count, proven=True)
-    while error.yaw > 0 and count < MAX_SLICES:
+    while error.yaw > 0 and count < OPTIONS.max_slices:
         count *= 2
         better = max(found, _summed(scene, base, setpoints, count, proven=True))
         gain, found = better - found, better
-        if gain < MIN_GAIN:
+        if gain < OPTIONS.min_gain:
             break
-    return max(found - ROUNDING, 0.0)
+    return max(found - 1e-9, 0.0)
 
 
 def likely_parking_probability(scene: Scene, base: Array, setpoints: tuple[int, ...]) -> float:
     """Return `parking_probability` as the middles of few slices have it: an estimate, not a bound."""
-    return _summed(scene, base, setpoints, ESTIMATE_SLICES, proven=False)
+    return _summed(scene, base, setpoints, OPTIONS.estimate_slices, proven=False)
 
 
 def is_probable(scene: Scene, base: Array, setpoints: tuple[int, ...]) -> bool:
@@ -70,7 +65,7 @@ def is_probable(scene: Scene, base: Array, setpoints: tuple[int, ...]) -> bool:
     asked = scene.rules.parking
     if asked is None or asked.probability is None:
         return True
-    if likely_parking_probability(scene, base, setpoints) < asked.probability - ESTIMATE_SLACK:
+    if likely_parking_probability(scene, base, setpoints) < asked.probability - OPTIONS.estimate_slack:
         return False
     return parking_probability(scene, base, setpoints) >= asked.probability
 
@@ -110,7 +105,7 @@ class _PoseError(NamedTuple):
         """
         if self.yaw == 0:
             return np.zeros(2), np.ones(1)
-        far = float(ndtr(MAX_DEVIATIONS / np.sqrt(2)))
+        far = float(ndtr(OPTIONS.max_deviations / np.sqrt(2)))
         ends = np.sqrt(2) * ndtri(np.linspace(1 - far, far, count + 1))
         return self.yaw * ends, np.diff(ndtr(ends))
 
@@ -119,7 +114,7 @@ def _summed(scene: Scene, base: Array, setpoints: tuple[int, ...], count: int, *
     """Sum over slices of yaw, of places that are good in all of each, or else in its middle."""
     error = _PoseError.of(scene)
     ends, weights = error.slices(count)
-    far = MAX_DEVIATIONS * np.sqrt(np.maximum(np.diag(error.covariance), 0.0)) + ROUNDING_MARGIN
+    far = OPTIONS.max_deviations * np.sqrt(np.maximum(np.diag(error.covariance), 0.0)) + ROUNDING_MARGIN
     total = 0.0
     for low, high, weight in zip(ends[:-1], ends[1:], weights, strict=True):
         middle, half = float(low + high) / 2, float(high - low) / 2 if proven else 0.0
@@ -162,7 +157,7 @@ def _reaching(
     off = scene.world.axis_error + half * float(np.hypot(*axis))
     axes = translate(window, *axis).buffer(off, join_style="mitre")
     query = ReachQuery(
-        rules, ROUNDING_MARGIN, (yaw, yaw), arcs=CIRCLE_VERTICES, proven=True, window=axes.bounds
+        rules, ROUNDING_MARGIN, (yaw, yaw), arcs=OPTIONS.circle_vertices, proven=True, window=axes.bounds
     )
     targets = [scene.task[i] for i in setpoints]
     which, _, shapes = reach_table_of(scene, targets, query)

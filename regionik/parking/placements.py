@@ -13,6 +13,7 @@ from shapely.geometry import Point
 
 from regionik.areas.free_space import away, into_span, spread, stands_about
 from regionik.mfabrik import Solver, solver_for
+from regionik.parking.options import PARKING
 from regionik.parking.parking_areas import ParkingAreas, StopGroup, depth
 from regionik.parking.parking_probability import (
     is_probable,
@@ -20,7 +21,7 @@ from regionik.parking.parking_probability import (
     not_probable,
     parking_probability,
 )
-from regionik.parking.pivot_turns import EDGE_TOLERANCE, PivotTurns, gathered
+from regionik.parking.pivot_turns import EDGE_TOLERANCE, HEADING_ROUNDING, PivotTurns, gathered
 from regionik.parking.posture_carrier import PostureCarrier
 from regionik.planners.coverage.set_cover import undominated
 from regionik.planners.solvers.serial_chain import chain_frames, chain_jacobian, serial_arm
@@ -34,14 +35,7 @@ from regionik.worlds.arrays import Array, Index
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import NoPlanFound
 
-MAX_PLACES = 24  # of a stop that are looked at before the best is bettered
-MAX_POSES, MAX_ROOMIEST = 48, 3  # poses of a stop that are asked whether they serve all of it, first for room
-MAX_CARRIED_PLACES = 6  # of these, where a place gives the arm no posture, or its score takes as long
-MIN_STEP = 1e-3  # steps by which it is bettered, at the least [m]
-# steps [m] and gains by which a probability is bettered, at the least
-MIN_PROBABILITY_STEP, MIN_PROBABILITY_GAIN = 0.01, 1e-4
-HEADING_ROUNDING = 1e-9  # by which the pivot may be over its limits [rad]
-ROUNDING = 1e-9  # by which a circle may be smaller than asked [m]
+OPTIONS = PARKING.places
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,7 +185,7 @@ class PlacementSearch:
         """Group that holds, of a few of its poses that serve all of it, the one with the largest circle."""
         if group.postures is None or group.poses is None:
             return group
-        found = [self._on(group, group.postures), *self._on_poses(group, MAX_ROOMIEST)]
+        found = [self._on(group, group.postures), *self._on_poses(group, OPTIONS.max_roomiest_poses)]
         best = max(found, key=lambda one: one.tolerance)
         held = FixedBasePostures(best.base, tuple(range(len(best.near))), best.near, 0.0, best.roadmap)
         return replace(group, spot=best.axis, postures=held)
@@ -211,7 +205,7 @@ class PlacementSearch:
         sides = self.parking_areas.free_space.sides
         return max(depth(side.free, axis) for side in sides if away(yaw, side.span) <= HEADING_ROUNDING)
 
-    def _on_poses(self, group: StopGroup, count: int = MAX_POSES) -> Iterator[BasePlacement]:
+    def _on_poses(self, group: StopGroup, count: int = OPTIONS.max_poses) -> Iterator[BasePlacement]:
         """Yield placements on poses of a stop, of so many far apart, that are proven to serve all of it."""
         poses = np.empty((0, 3)) if group.poses is None else group.poses
         carrier = PostureCarrier(
@@ -225,7 +219,8 @@ class PlacementSearch:
 
     def _spread(self, group: StopGroup, side: int) -> Iterator[BasePlacement]:
         """Yield placements spread over one side of a stop."""
-        count = MAX_PLACES if self._gives_posture(group) and not self._is_slow else MAX_CARRIED_PLACES
+        quick = self._gives_posture(group) and not self._is_slow
+        count = OPTIONS.max_places if quick else OPTIONS.max_slow_places
         for spot in spread(group.places[side], count, 0):
             placement = self.at(group, spot, side)
             if placement is not None:
@@ -240,7 +235,8 @@ class PlacementSearch:
         """Best by the criterion of the placements on poses of a stop, or the one nearest to a place (2,)."""
         if at is None and self.scene.rules.stop_criterion in ("tolerance", "distance"):
             return widest
-        whole = islice(self._on_poses(group), MAX_CARRIED_PLACES if self._is_slow else MAX_PLACES)
+        count = OPTIONS.max_slow_places if self._is_slow else OPTIONS.max_places
+        whole = islice(self._on_poses(group), count)
         found = [widest, *(one for one in whole if one.setpoints == widest.setpoints)]
         if at is not None:
             return min(found, key=lambda one: float(np.hypot(*(one.axis - at))))
@@ -257,7 +253,9 @@ class PlacementSearch:
         x0, y0, x1, y1 = group.places[side].bounds
         step, score = max(x1 - x0, y1 - y0) / 8, self._score(placement)
         turns = np.arange(8) * np.pi / 4
-        finest, worth = (MIN_PROBABILITY_STEP, MIN_PROBABILITY_GAIN) if self._is_slow else (MIN_STEP, 1e-9)
+        finest, worth = OPTIONS.min_step, 1e-9
+        if self._is_slow:
+            finest, worth = OPTIONS.min_probability_step, OPTIONS.min_probability_gain
         while step > finest:
             for move in step * np.column_stack([np.cos(turns), np.sin(turns)]):
                 other = self.at(group, placement.axis + move, side)
@@ -346,7 +344,7 @@ class PlacementSearch:
                 options.append((known, middle + np.mod(some - known - middle + np.pi, 2 * np.pi) - np.pi))
             rooms = [self._pivot_margin(group.setpoints[:count], axis, pivot) for _, pivot in options]
             yaw, pivot = options[int(np.argmax(rooms))]
-            if max(rooms) >= self.scene.rules.stop_tolerance - ROUNDING:
+            if max(rooms) >= self.scene.rules.stop_tolerance - 1e-9:
                 base = pose_of(self.scene.robot, axis, float(np.arctan2(np.sin(yaw), np.cos(yaw))))
                 near = np.tile(self.scene.robot.carry, (count, 1))
                 near[:, pivot_index(self.scene.robot.chain)] = pivot

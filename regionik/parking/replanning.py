@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from regionik.explain.constraints import setpoint_at
 from regionik.explain.failures import invalid_plan
+from regionik.parking.options import PARKING
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.reach.serial_criteria import demand_of
 from regionik.postures.arm import goal_between
@@ -26,10 +27,6 @@ from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import Cause, Explanation, InputError, NoPlanFound
 from regionik.worlds.robot import with_joint_margin
 from regionik.worlds.scene import Start, Target, World
-
-SAME_POSE = 1e-9  # by which states of a stop may be off its pose [m] or [rad]
-SOLVE_TOLERANCE_SHARE = 0.1  # of the tolerance to which arms are solved between set-points
-MIN_SQUARED_LENGTH = 1e-12  # square of a segment's length, below which all of it is one point [m2]
 
 
 def replan_stop(plan: Plan, stop: int, measured_pose: ArrayLike) -> Plan:
@@ -89,7 +86,7 @@ def _states(motion: Motion, stop: Stop) -> tuple[int, int]:
     done = np.flatnonzero(motion.kind == "setpoint")
     at = dict(zip(motion.setpoint[done].tolist(), done.tolist(), strict=True))
     first = at[stop.first]
-    while first > 0 and np.abs(motion.base[first - 1] - stop.base).max() <= SAME_POSE:
+    while first > 0 and np.abs(motion.base[first - 1] - stop.base).max() <= 1e-9:
         if motion.kind[first - 1] != "transit":
             break
         first -= 1
@@ -115,7 +112,7 @@ def _target_between(plan: Plan, i: int, k: int) -> Target:
     a, b = plan.world.task[i], plan.world.task[i + 1]
     tool = plan.world.robot.tool(plan.motion.base[k], plan.motion.joints[k])[:3, 3]
     way = b.position - a.position
-    share = float(np.clip((tool - a.position) @ way / max(float(way @ way), MIN_SQUARED_LENGTH), 0.0, 1.0))
+    share = float(np.clip((tool - a.position) @ way / max(float(way @ way), 1e-12), 0.0, 1.0))
     return goal_between(a, b, share)
 
 
@@ -127,7 +124,7 @@ def _turned(world: World, stop: Stop, base: Array, joints: Array) -> Array:
 def _least_change(world: World, target: Target, base: Array, joints: Array, kind: str) -> Array | None:
     """Joints near to given ones that meet a target with the base held; None where there are none."""
     robot, rules = with_joint_margin(world.robot, world.rules.criteria), world.rules
-    tolerance = rules.tolerance * (1.0 if kind == "setpoint" else SOLVE_TOLERANCE_SHARE)
+    tolerance = rules.tolerance * (1.0 if kind == "setpoint" else PARKING.solve_tolerance_share)
     demand = demand_of(robot, rules.criteria) if kind == "setpoint" else None
     arm = serial_solver(robot.chain, float(robot.mount[2]), tolerance, turns=False, demand=demand)
     yaw = float(base[2] + robot.mount[3])

@@ -18,7 +18,9 @@ import shapely
 
 from regionik.areas.free_space import into_spans, spread
 from regionik.areas.layers import Geometries
+from regionik.parking.options import PARKING
 from regionik.parking.parking_areas import ParkingAreas, StopPart, shrunk_by_circle
+from regionik.parking.pivot_turns import HEADING_ROUNDING
 from regionik.parking.posture_carrier import PostureCarrier
 from regionik.planners.coverage.set_cover import cover_prices, least_cover
 from regionik.postures.arm_roadmap import FixedBasePostures
@@ -27,19 +29,8 @@ from regionik.regions import round_outer_areas
 from regionik.scene import Scene
 from regionik.worlds.arrays import Array, Index, Mask
 
-POSES_PER_SQUARE_METRE = 100  # poses drawn for a square metre from which some set-point may be reached
-MIN_POSES, MAX_POSES = 500, 6000  # of them
-# of poses drawn around favoured ones: at most, and such that improve nothing
-MAX_ROUNDS, MAX_FUTILE_ROUNDS = 24, 5
-MAX_FAVOURED, POSES_AROUND = 150, 2  # poses that are favoured in a round, and poses drawn around each
-# deviation of these [m], by round, and of their headings [rad/m]
-FIRST_DEVIATION, DEVIATION_SHRINKAGE, HEADING_DEVIATION = 0.3, 0.8, 1.5
-LAST_NARROWING = 8  # round after which it is not made narrower
-# poses drawn in a round for a set-point that none serves, and in each known area
-POSES_FOR_UNSERVED, POSES_IN_KNOWN = 40, 10
-MAX_NODES = 200  # of branch and bound for a cover
-MAX_COVERS = 60  # that are taken
-ROUNDING = 1e-9  # of headings [rad]
+OPTIONS = PARKING.cover
+
 
 Prove = Callable[["_Drawn"], FixedBasePostures | None]
 
@@ -81,15 +72,16 @@ class PoseCover:
         rng, every = np.random.default_rng(0), np.arange(len(self.scene.task))
         drawn = list(self._looked_at(self._all_over(rng)))
         best, since, k = np.inf, 0, 0
-        while since < MAX_FUTILE_ROUNDS and k < MAX_ROUNDS:
+        while since < OPTIONS.max_futile_rounds and k < OPTIONS.max_rounds:
             inside = _served(drawn, every)
             prices, missed = cover_prices(inside), np.flatnonzero(~inside.any(axis=0)).tolist()
             need = float(prices.sum()) + len(missed)
-            since = 0 if need < best - ROUNDING else since + 1
+            since = 0 if need < best - 1e-9 else since + 1
             best = min(best, need)
             rows = [self._near(i, k, rng) for i in missed]
-            deviation = FIRST_DEVIATION * DEVIATION_SHRINKAGE ** min(k, LAST_NARROWING)
-            top = np.argsort(-(inside @ prices), kind="stable")[:MAX_FAVOURED].tolist()
+            shrinkages = min(k, OPTIONS.max_shrinkages)
+            deviation = OPTIONS.first_deviation * OPTIONS.deviation_shrinkage**shrinkages
+            top = np.argsort(-(inside @ prices), kind="stable")[: OPTIONS.max_favoured].tolist()
             rows += [drawn[n].row + _shaken(rng, deviation) for n in top]
             if rows:
                 drawn += self._looked_at(np.vstack(rows))
@@ -110,7 +102,8 @@ class PoseCover:
     def _about(self, setpoints: Iterable[int]) -> Iterator[_Drawn]:
         """More poses for each of some set-points: those drawn have clear postures there that do not keep."""
         rng = np.random.default_rng(1)
-        rows = [self._near(i, MAX_ROUNDS + n, rng) for i in setpoints for n in range(MAX_FUTILE_ROUNDS)]
+        seeds = range(OPTIONS.max_rounds, OPTIONS.max_rounds + OPTIONS.max_futile_rounds)
+        rows = [self._near(i, seed, rng) for i in setpoints for seed in seeds]
         return self._looked_at(np.vstack(rows)) if rows else iter(())
 
     @cached_property
@@ -122,7 +115,7 @@ class PoseCover:
         area = shapely.union_all(self._outer) & shapely.union_all(self._floors)
         if area.area == 0.0:
             return np.empty((0, 3))
-        count = int(np.clip(POSES_PER_SQUARE_METRE * area.area, MIN_POSES, MAX_POSES))
+        count = int(np.clip(OPTIONS.poses_per_square_metre * area.area, OPTIONS.min_poses, OPTIONS.max_poses))
         return self._headed(spread(area, count, 0), rng, self.scene.free_floor.headings)
 
     def _near(self, i: int, seed: int, rng: np.random.Generator) -> Array:
@@ -135,11 +128,11 @@ class PoseCover:
             (
                 self._outer[i] & shapely.union_all(self._floors),
                 self.scene.free_floor.headings,
-                POSES_FOR_UNSERVED,
+                OPTIONS.poses_for_unserved,
             )
         ]
         for s in self.parking_areas.sides:
-            parts.append((self.parking_areas.areas_at(s)[i], sides[s].span, POSES_IN_KNOWN))
+            parts.append((self.parking_areas.areas_at(s)[i], sides[s].span, OPTIONS.poses_in_known))
         rows = [
             self._headed(spread(area, count, seed + 1), rng, span)
             for area, span, count in parts
@@ -173,7 +166,7 @@ class PoseCover:
         for s, (side, floor) in enumerate(
             zip(self.parking_areas.free_space.sides, self._floors, strict=True)
         ):
-            here = np.abs(into_spans(rows[:, 2], *side.span) - rows[:, 2]) <= ROUNDING
+            here = np.abs(into_spans(rows[:, 2], *side.span) - rows[:, 2]) <= HEADING_ROUNDING
             found[(found < 0) & here & shapely.contains_xy(floor, *rows.T[:2])] = s
         return found
 
@@ -218,11 +211,11 @@ class _ProvenCover:
 
     def _chosen(self) -> tuple[int, ...]:
         chosen: tuple[int, ...] = ()
-        for _ in range(MAX_COVERS):
+        for _ in range(OPTIONS.max_covers):
             left = self.inside.any(axis=0)
             if not left.any():
                 return chosen
-            cover = least_cover(self.inside[:, left], MAX_NODES)
+            cover = least_cover(self.inside[:, left], OPTIONS.max_nodes)
             chosen, known = cover.chosen, self._of_known()
             if known is not None and len(known) <= cover.lower:
                 return known
@@ -239,7 +232,7 @@ class _ProvenCover:
         left = self.inside.any(axis=0)
         if not known or not self.inside[known][:, left].any(axis=0).all():
             return None
-        return tuple(known[n] for n in least_cover(self.inside[known][:, left], MAX_NODES).chosen)
+        return tuple(known[n] for n in least_cover(self.inside[known][:, left], OPTIONS.max_nodes).chosen)
 
     def _ask(self, k: int) -> None:
         held = self.prove(self.poses[k])
@@ -262,4 +255,4 @@ def _served(poses: Sequence[_Drawn], setpoints: Index) -> Mask:
 
 def _shaken(rng: np.random.Generator, by: float) -> Array:
     """Return random offsets (n, 3) of poses around one, with a deviation [m]."""
-    return rng.normal(size=(POSES_AROUND, 3)) * (by, by, HEADING_DEVIATION * by)
+    return rng.normal(size=(OPTIONS.poses_around, 3)) * (by, by, OPTIONS.heading_deviation * by)

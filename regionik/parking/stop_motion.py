@@ -27,6 +27,7 @@ from regionik.moving.path_search import (
     PathSearch,
     search_from_places,
 )
+from regionik.parking.options import PARKING
 from regionik.parking.parking_areas import StopGroup
 from regionik.parking.placements import BasePlacement, PlacementSearch
 from regionik.parking.posture_carrier import PostureCarrier
@@ -41,12 +42,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 from regionik.worlds.scene import Target
 
-MAX_PLACES = 8  # of a stop that are tried
-# of these, how many of a stop with more set-points are worth a search for the way there
-MAX_WHOLE_BODY_PLACES = 2
-MAX_POSTURES = 8  # at one set-point that are tried from the one before
-MAX_ARRIVALS = 3  # of them that are worth a drive, in any order
-MAX_LINKED_MOTIONS = 4  # motions to the next set-point that are tried where the tool may as well be lifted
+OPTIONS = PARKING.work
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,8 +202,10 @@ class _StopConnection:
                 part = areas.group(some, order) if group.poses is None else group.of(some)
             first = (one for one in [placements.best(part, spot)] if one is not None)
             hard = MAX_WHOLE_BODY_TRIES if count == 1 or self.scene.rules.order == "given" else 1
-            for n, placement in enumerate(islice(chain(first, placements.others(part)), MAX_PLACES)):
-                tried = self._attempt(placement, here, hard if n < MAX_WHOLE_BODY_PLACES or count == 1 else 0)
+            for n, placement in enumerate(islice(chain(first, placements.others(part)), OPTIONS.max_places)):
+                tried = self._attempt(
+                    placement, here, hard if n < OPTIONS.max_whole_body_places or count == 1 else 0
+                )
                 if best is None or len(tried.candidates) > len(best.candidates):
                     best = tried
                 if len(best.candidates) == count:
@@ -227,7 +225,7 @@ class _StopConnection:
         """
         states, done = list[MotionState](), list[Candidate]()
         given = self.scene.rules.order == "given"
-        patience = MAX_STALLED_CANDIDATES if given else MAX_LINKED_MOTIONS
+        patience = MAX_STALLED_CANDIDATES if given else OPTIONS.max_linked_motions
         while len(done) < len(placement.setpoints):
             i = placement.setpoints[len(done)]
             came = self._arrive(placement, i, here, hard)
@@ -307,9 +305,8 @@ class _StopConnection:
             self._looked_at.setdefault(i, []).extend(own)
             way = partial(self._driven if first else self._swung, roadmap)
             return self.search.arrive(i, here, own, way, hard if first else 1)
-        postures = list(
-            islice(found, MAX_ARRIVALS if first and self.scene.rules.order == "any" else MAX_POSTURES)
-        )
+        drives = first and self.scene.rules.order == "any"
+        postures = list(islice(found, OPTIONS.max_arrivals if drives else OPTIONS.max_postures))
         if not postures and len(placement.setpoints) == 1:
             postures = list(self._round(i, components, placement.base, near))
         if first:
@@ -362,7 +359,8 @@ class _StopConnection:
             for k in self._components(placement, i + 1)
             if here.component in self.sequence.parking_areas.back[k]
         ]
-        return islice(self._postures(placement, i + 1, linked, here.configuration.joints), MAX_POSTURES)
+        found = self._postures(placement, i + 1, linked, here.configuration.joints)
+        return islice(found, OPTIONS.max_postures)
 
     def _postures(
         self, placement: BasePlacement, i: int, components: list[int], near: Array

@@ -14,6 +14,7 @@ from regionik.explain.several import failures_of, naming_all, naming_as_given, t
 from regionik.explain.skipping import as_given, leaving_out, naming_each
 from regionik.parking.arm_tour import in_short_order
 from regionik.parking.fewest_stops import covering_groups, park
+from regionik.parking.options import PARKING
 from regionik.parking.parking_areas import Parking, ParkingAreas, StopGroup, StopPart
 from regionik.parking.placements import BasePlacement, PlacementSearch
 from regionik.parking.sampled_poses import PoseCover
@@ -27,7 +28,7 @@ from regionik.values import Skipped, Stop
 from regionik.worlds.errors import Cause, Explanation, InputError, NoPlanFound
 from regionik.worlds.scene import World
 
-MAX_PLACES = 1500  # all over the areas of a side that are looked at where a pivot splits stops
+OPTIONS = PARKING.places
 
 
 def stops(world: World) -> tuple[Stop, ...]:
@@ -175,7 +176,7 @@ def _by_one_heading(scene: Scene, parking: Parking) -> tuple[StopGroup, ...]:
 def _from_places(placements: PlacementSearch, parking: Parking) -> Iterator[StopPart]:
     """What headings serve from the places of faces, and from places all over the areas."""
     for side, spots in parking.spots.items():
-        some = spread(shapely.union_all(parking.parking_areas.areas_at(side)), MAX_PLACES, 0)
+        some = spread(shapely.union_all(parking.parking_areas.areas_at(side)), OPTIONS.max_pivot_places, 0)
         for spot in np.concatenate([spots, some]):
             yield from (StopPart(side, spot, found) for found in placements.served(spot, side))
 

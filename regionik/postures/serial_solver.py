@@ -9,7 +9,8 @@ import numpy as np
 
 from regionik.planners.geometry.polygons import FlatPolygon, clamp, contains
 from regionik.planners.reach.level_reach import posture_at
-from regionik.planners.reach.pose_reach import ANGLE_SHARE, pose_reach
+from regionik.planners.reach.options import REACH
+from regionik.planners.reach.pose_reach import pose_reach
 from regionik.planners.reach.serial_criteria import PostureDemand, moved_within_thresholds
 from regionik.planners.solvers.base_placement import BaseArea
 from regionik.planners.solvers.closed_form import decomposition, postures_at
@@ -250,7 +251,7 @@ class SerialSolver:
             sliding = arm_model(sliding_chain(self.endless)).pointing.arm
             return SerialGoal(self.pointing, sliding, starts, self.effort, aim_of(target), 0.0)
         sliding = serial_arm(sliding_chain(self.endless))
-        effort = self.effort._replace(angle_tolerance=ANGLE_SHARE * target.cone)
+        effort = self.effort._replace(angle_tolerance=REACH.pose.angle_share * target.cone)
         return SerialGoal(
             self.posing, sliding, self.starts, effort, aim_of(target), (1 - CONE_SHARE) * target.cone
         )

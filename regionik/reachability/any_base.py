@@ -31,11 +31,12 @@ from regionik.planners.search.box_search import Verdict
 from regionik.planners.search.fixed_base import solid_at_target
 from regionik.postures.collision_checker import MAX_SPARE, contact_for
 from regionik.postures.poses import Pose, axis_of
+from regionik.reachability.options import REACHABILITY
 from regionik.scene import Scene
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.scene import Target
 
-FEWEST = 64  # cells that a search has at least: those that it may begin with
+OPTIONS = REACHABILITY.search
 
 
 class AnyBaseResult(NamedTuple):
@@ -65,7 +66,7 @@ def search_any_base(scene: Scene, target: Target, most: int) -> AnyBaseResult:
         return AnyBaseResult(Verdict.RULED_OUT, None, 0.0, (name,))
     task, model = any_base_of(scene, target), planar_reach(scene.robot)
     (rings,) = reach_intervals(model.arm, model.plane.shoulder_z, target.position[2:])
-    verdict, gap = search_cells(task, rings, max(most, FEWEST))
+    verdict, gap = search_cells(task, rings, max(most, OPTIONS.min_cells))
     if verdict == Verdict.PROVEN:
         return AnyBaseResult(verdict, Pose(task.base, task.joints), 0.0, ())
     near = np.unique(task.around.owner[task.around.near]).tolist()
@@ -92,7 +93,7 @@ def rules_out_posture(scene: Scene, target: Target, base: Array, most: int) -> b
     )
     far = float(np.hypot(*(target.position[:2] - axis)))
     rings = np.array([[far - 2 * by, far + 2 * by], [-far - 2 * by, -far + 2 * by]])
-    return search_cells(held, rings, max(most, FEWEST))[0] == Verdict.RULED_OUT
+    return search_cells(held, rings, max(most, OPTIONS.min_cells))[0] == Verdict.RULED_OUT
 
 
 def any_base_of(scene: Scene, target: Target) -> AnyBase:

@@ -17,6 +17,7 @@ from regionik.areas.reachable import reach_model
 from regionik.postures.families import BACK, FRONT
 from regionik.postures.poses import pose_of
 from regionik.reach_table import reach_table
+from regionik.reachability.options import REACHABILITY
 from regionik.regions import checked_targets, path_areas
 from regionik.scene import Scene, scene_of
 from regionik.worlds.arrays import Array, frozen
@@ -24,12 +25,10 @@ from regionik.worlds.errors import InputError
 from regionik.worlds.robot import with_joint_margin
 from regionik.worlds.scene import Target, World
 
-MAX_CELLS = 40_000_000
+OPTIONS = REACHABILITY.field
+
 UNREACHABLE, UNDECIDED, REACHABLE = 0, 1, 2
 PROOF = "by areas alone"  # which do not look at what the arm would touch
-TURNS = 8  # headings of the best place
-BLOCK = 8  # cells across, whose distance from a piece of floor is asked at once
-_CHUNK = 2000  # targets whose areas are made at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,13 +92,14 @@ class Field:
     def best(self) -> Array:
         """Base poses (n, 3) at the first place that reaches most targets; none of a slice or where none does.
 
-        One at the heading there, or `TURNS` all round where the base has room to turn.
+        One at the heading there, or several all round where the base has room to turn.
         """
         if self.height is not None or not self.values.any():
             return np.empty((0, 3))
         row, column = np.unravel_index(int(self.values.argmax()), self.values.shape)
         axis, yaw = np.array([self.x[column], self.y[row]]), float(self.heading[row, column])
-        turns = [2 * np.pi * k / TURNS for k in range(TURNS)] if np.isnan(yaw) else [yaw]
+        count = OPTIONS.headings
+        turns = [2 * np.pi * k / count for k in range(count)] if np.isnan(yaw) else [yaw]
         return np.array([pose_of(self.scene.robot, axis, turn) for turn in turns])
 
 
@@ -189,8 +189,8 @@ def _axes(bounds: tuple[float, float, float, float], cell: float) -> tuple[Array
         raise InputError(f"cell: must be above 0, got {cell}")
     x0, y0, x1, y1 = bounds
     wide, deep = np.ceil((x1 - x0) / cell - 1e-9), np.ceil((y1 - y0) / cell - 1e-9)
-    if not wide * deep <= MAX_CELLS:
-        least = np.sqrt((x1 - x0) * (y1 - y0) / MAX_CELLS)
+    if not wide * deep <= OPTIONS.max_cells:
+        least = np.sqrt((x1 - x0) * (y1 - y0) / OPTIONS.max_cells)
         raise InputError(f"cell: expected at least {least:.2g} m for a floor of this size, got {cell:g}")
     x, y = np.arange(wide, dtype=np.float64), np.arange(deep, dtype=np.float64)
     return x0 + cell * (x + 0.5), y0 + cell * (y + 0.5)
@@ -240,9 +240,9 @@ def _count_areas(
 ) -> NDArray[np.int32]:
     """Count where headings or tool directions bound the reach: cells within its polygons."""
     count = np.zeros(free.shape, dtype=np.int32)
-    for k in range(0, len(targets), _CHUNK):
+    for k in range(0, len(targets), OPTIONS.targets_at_once):
         which, _, shapes = reach_table(
-            scene, targets[k : k + _CHUNK], (FRONT, BACK), inner=True, span=side.span
+            scene, targets[k : k + OPTIONS.targets_at_once], (FRONT, BACK), inner=True, span=side.span
         )
         for rows in np.split(shapes, np.flatnonzero(np.diff(which)) + 1) if len(which) else []:
             x0, y0, x1, y1 = shapely.total_bounds(rows)
@@ -297,7 +297,7 @@ def near_piece(piece: BaseGeometry, x: Array, y: Array, far: float) -> NDArray[n
     middles = shapely.points(*np.meshgrid(middle_x, middle_y))
     whole = shapely.dwithin(piece, middles, far - half) & (far > half)
     some = shapely.dwithin(piece, middles, far + half) & ~whole
-    block = np.ix_(np.arange(len(y)) // BLOCK, np.arange(len(x)) // BLOCK)
+    block = np.ix_(np.arange(len(y)) // OPTIONS.block, np.arange(len(x)) // OPTIONS.block)
     found: NDArray[np.bool_] = whole[block]
     row, column = np.nonzero(some[block])
     found[row, column] = shapely.dwithin(piece, shapely.points(x[column], y[row]), far)
@@ -306,8 +306,8 @@ def near_piece(piece: BaseGeometry, x: Array, y: Array, far: float) -> NDArray[n
 
 def _blocks(line: Array) -> tuple[Array, Array]:
     """Middles of blocks of ascending values, and how far the values of each lie from it at most."""
-    first = line[::BLOCK]
-    last = line[np.minimum(np.arange(len(first)) * BLOCK + BLOCK, len(line)) - 1]
+    first = line[:: OPTIONS.block]
+    last = line[np.minimum(np.arange(len(first)) * OPTIONS.block + OPTIONS.block, len(line)) - 1]
     return (first + last) / 2, (last - first) / 2
 
 
@@ -317,8 +317,8 @@ def _reachable_one_by_one(
     """Cells with an inner area, among those whose outer area is not empty."""
     met = np.zeros(values.shape, dtype=bool)
     rows, columns = np.nonzero(values)
-    for k in range(0, len(rows), _CHUNK):
-        row, column = rows[k : k + _CHUNK], columns[k : k + _CHUNK]
+    for k in range(0, len(rows), OPTIONS.targets_at_once):
+        row, column = rows[k : k + OPTIONS.targets_at_once], columns[k : k + OPTIONS.targets_at_once]
         points = np.column_stack([x[column], y[row], np.full(len(row), height)])
         areas = path_areas(scene, _as_targets(points))
         good = np.unique(areas.target[shapely.area(areas.inner) > 0])

@@ -25,6 +25,7 @@ from regionik.postures.families import Family
 from regionik.postures.poses import Pose, axis_of, pose_of
 from regionik.reachability.any_base import can_search, search_any_base
 from regionik.reachability.from_base import from_base
+from regionik.reachability.options import REACHABILITY
 from regionik.reachability.refinement import KnownArea, diameter, refine
 from regionik.reachability.target_search import TargetResult, TargetSearch
 from regionik.regions import checked_targets, path_areas, round_outer_areas
@@ -34,9 +35,8 @@ from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import Target, World
 
-MAX_CELLS = 200_000  # of postures looked at for one target
-CHUNK = 500  # targets that a worker is given at once
-KNOWN_CELL = 0.05  # cells of distance and height for which one posture is known [m]
+OPTIONS = REACHABILITY.search
+
 _NO_WAY = "from no place of the floor and in no posture does the arm keep off {}"
 _CLOSELY = "heading by heading and pitch by pitch, each place for the base is ruled out"
 _IN = "whatever the posture, the end of the arm is in {} there, or nearer to it than the rules allow"
@@ -48,7 +48,7 @@ def reach(
     *,
     base: ArrayLike | None = None,
     executor: Pool | None = None,
-    chunk: int = CHUNK,
+    chunk: int = OPTIONS.targets_at_once,
     progress: Progress | None = None,
 ) -> Answer:
     """Reachability of targets, with base and joints for those that are reachable.
@@ -180,7 +180,7 @@ def _carried(
     if target.direction is not None:
         return None
     away = target.position[:2] - axis_of(scene.robot, place)
-    cells = int(np.hypot(*away) / KNOWN_CELL), round(float(target.position[2]) / KNOWN_CELL)
+    cells = int(np.hypot(*away) / OPTIONS.known_cell), round(float(target.position[2]) / OPTIONS.known_cell)
     known = scene.once(_known_posture, family, *cells)
     if known is None:
         return None
@@ -191,7 +191,8 @@ def _carried(
 
 def _known_posture(scene: Scene, family: Family, out: int, up: int) -> Array | None:
     """A posture with the tool so many cells out and up, whichever target asks; None where none is known."""
-    base, spot = pose_of(scene.robot, np.zeros(2), 0.0), np.array([KNOWN_CELL * out, 0.0, KNOWN_CELL * up])
+    base = pose_of(scene.robot, np.zeros(2), 0.0)
+    spot = OPTIONS.known_cell * np.array([out, 0.0, up])
     answers_for = solver_for(scene, family).hold(spot, base, scene.robot.carry)
     return answers_for.joints if answers_for.converged else None
 
@@ -224,7 +225,7 @@ def _everywhere(search: TargetSearch) -> TargetResult:
     scene, target = search.scene, search.target
     if not can_search(scene):
         return TargetResult("undecided", None, np.inf, "")
-    seen = search_any_base(scene, target, MAX_CELLS)
+    seen = search_any_base(scene, target, OPTIONS.max_cells)
     if seen.verdict == Verdict.RULED_OUT:
         way = _NO_WAY.format(", ".join([*seen.around, "itself and its base"]))
         return TargetResult("unreachable", None, 0.0, f"{search.who} cannot be reached: {way}")

@@ -26,20 +26,15 @@ from regionik.postures.arm import goal_of
 from regionik.postures.families import BACK, FRONT, Family, families_along
 from regionik.postures.poses import Pose
 from regionik.reach_table import fine_reach
+from regionik.reachability.options import REACHABILITY
 from regionik.reachability.target_search import TargetSearch
 from regionik.regions import reach_of, round_outer_areas
 from regionik.scene import Scene
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target
 
-SIDES, MAX_SIDES = 48, 384  # of the polygons for discs, in wide cells and in narrow ones
-NARROW = 0.02  # [rad]
-WIDER = 1.05  # polygons round a footprint's rotations than the circle round it, at the most
-ENOUGH = 1e-4  # widest disc of open places below which a cell is not bisected [m]
-NARROWEST = 1e-4  # width of cells below which they are not bisected [rad]
-TURNS = 8  # cells that a full turn is cut in, where it does not do as a whole
-MAX_CELLS = 240
-MAX_TRIES = 16  # inner areas that are searched for a configuration
+OPTIONS = REACHABILITY.refinement
+
 
 Span = tuple[float, float]
 KnownArea = tuple[Family, BaseGeometry]
@@ -70,9 +65,9 @@ def refine(search: TargetSearch, likely: Sequence[KnownArea] = ()) -> Refinement
     heading, pitch = close.whole
     boxes = begin(_judge, close, *_boxes([heading], pitch))
     if np.pi < heading[1] - heading[0] < np.inf and verdict_of(boxes) == Verdict.OPEN:
-        ends = np.linspace(*heading, TURNS + 1).tolist()
+        ends = np.linspace(*heading, OPTIONS.first_cells + 1).tolist()
         boxes = begin(_judge, close, *_boxes(list(zip(ends[:-1], ends[1:], strict=True)), pitch))
-    boxes = explore(_judge, close, boxes, MAX_CELLS, 1)
+    boxes = explore(_judge, close, boxes, OPTIONS.max_cells, 1)
     if close.pose is not None:
         return Refinement(close.pose, Polygon(), close.tried)
     cells = [close.cell(boxes.low[slot], boxes.high[slot]) for slot in left_open(boxes).tolist()]
@@ -94,7 +89,7 @@ def _judge(close: _CloseAreas, low: Array, high: Array) -> tuple[Verdict, float,
         return Verdict.RULED_OUT, 0.0, NO_SIDE
     if close.attempts(cell):
         return Verdict.PROVEN, outer.area, NO_SIDE
-    settled = close.is_exhausted or diameter(outer) <= ENOUGH or close.stays_open(cell)
+    settled = close.is_exhausted or diameter(outer) <= OPTIONS.min_disc or close.stays_open(cell)
     return Verdict.OPEN, outer.area, NO_SIDE if settled else close.widest_side(cell)
 
 
@@ -135,7 +130,7 @@ class _CloseAreas:
     @property
     def is_exhausted(self) -> bool:
         """True where no other inner area is searched."""
-        return self.tried >= MAX_TRIES or self.search.is_exhausted
+        return self.tried >= OPTIONS.max_tries or self.search.is_exhausted
 
     @property
     def whole(self) -> tuple[Span, Span]:
@@ -217,7 +212,7 @@ class _CloseAreas:
         tilt = 0.0
         if cell.pitch is not None and self.target.orientation is None:
             tilt = cell.pitch[1] - cell.pitch[0]
-        if max(turn, tilt) < NARROWEST:
+        if max(turn, tilt) < OPTIONS.min_cell_width:
             return NO_SIDE
         return 1 if tilt > turn else 0
 
@@ -275,7 +270,7 @@ class _CloseAreas:
         if not wider:
             return self._about
         about = self._free[min(wider, key=lambda span: span[1] - span[0])]
-        exact = heading[1] - heading[0] <= NARROW and not self.has_inner
+        exact = heading[1] - heading[0] <= OPTIONS.narrow_cell and not self.has_inner
         return about & self.reach if exact else about
 
     @property
@@ -291,12 +286,12 @@ class _CloseAreas:
     def _cut_by_slab(self, heading: Span, about: BaseGeometry) -> BaseGeometry:
         """Some places, as far as a heading is free of the floor and the shadows that matter to them."""
         ground, (low, high) = self.scene.ground, _turn(heading)
-        by = WIDER * ground.far + ROUNDING_MARGIN
+        by = OPTIONS.max_rotated_share * ground.far + ROUNDING_MARGIN
         x0, y0, x1, y1 = shapely.bounds(shapely.get_parts(about)).T
         near = ground.cut_to(shapely.union_all(shapely.box(x0 - by, y0 - by, x1 + by, y1 + by)))
         if near.floor.is_empty:
             return Polygon()
-        sides = SIDES if high - low > NARROW else MAX_SIDES
+        sides = OPTIONS.disc_sides if high - low > OPTIONS.narrow_cell else OPTIONS.narrow_disc_sides
         scene = convex_scene(self._outline, near.floor, near.shadows, near.clearance, sides, about)
         self._scenes[heading] = scene
         return free_at_some(scene, low, high)

@@ -13,6 +13,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 import numpy as np
 
 from regionik.planners.collision.convex_bodies import solid_pieces
+from regionik.simulation.options import SIMULATION
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import planar_pose
 from regionik.worlds.joints import Joint
@@ -22,14 +23,12 @@ from regionik.worlds.robot import GRAVITY, Robot
 from regionik.worlds.scene import World
 from regionik.worlds.self_collision import BODY, base_body, self_collision_pairs
 
+OPTIONS = SIMULATION.robot
+
 ROOT = "mujoco"  # element of every model
 BASE_JOINTS = ("base x", "base y", "base yaw")
-BASE_MASS, BASE_INERTIA = 50.0, 5.0  # of all that does not move with the arm [kg], [kg m2]
-BARE_MASS, BARE_INERTIA = 0.1, 1e-4  # of a link without solids and without a known mass [kg], [kg m2]
-DENSITY = 1000.0  # of links whose masses are not known [kg/m3]
 ARMATURE = {"revolute": 0.01, "prismatic": 1.0}  # of a joint's drive, seen from the joint [kg m2], [kg]
-SHELL = 1e-3  # thickness of a mesh's triangles [m]
-_UNFELT = 1.0  # depth up to which contacts of the last link exert no force [m]
+_MAX_UNFELT_DEPTH = 1.0  # depth up to which contacts of the last link exert no force [m]
 
 
 def model_text(world: World, timestep: float) -> str:
@@ -63,7 +62,7 @@ def _add_robot(assets: Element, scene: Element, robot: Robot) -> None:
     base = SubElement(scene, "body", name="base")
     for name, kind, axis in zip(BASE_JOINTS, ("slide", "slide", "hinge"), np.eye(3), strict=True):
         SubElement(base, "joint", name=name, type=kind, axis=_numbers(axis))
-    _inertial(base, BASE_MASS, np.zeros(3), np.full(3, BASE_INERTIA))
+    _inertial(base, OPTIONS.base_mass, np.zeros(3), np.full(3, OPTIONS.base_inertia))
     if base_body(robot) is not None:
         outline = robot.footprint
         corners = [np.column_stack([outline, np.full(len(outline), z)]) for z in (0.0, robot.body_height)]
@@ -79,7 +78,7 @@ def _add_robot(assets: Element, scene: Element, robot: Robot) -> None:
         load = SubElement(
             parent, "body", {"name": "payload", "gravcomp": "1", **_frame(robot.chain.T_last_tool)}
         )
-        _inertial(load, robot.payload, np.zeros(3), np.full(3, BARE_INERTIA))
+        _inertial(load, robot.payload, np.zeros(3), np.full(3, OPTIONS.bare_inertia))
 
 
 def _add_link(assets: Element, parent: Element, robot: Robot, k: int, joint: Joint) -> Element:
@@ -100,23 +99,27 @@ def _add_link(assets: Element, parent: Element, robot: Robot, k: int, joint: Joi
     if masses or not solids:
         _inertial(link, *_link_inertia(masses, [solid for _, solid in solids]))
     # Plans let the last link sink into what the tool works on: how deep is looked at, and nothing pushes.
-    felt = {"margin": repr(-_UNFELT), "gap": repr(_UNFELT)} if k == len(robot.chain.joints) - 1 else {}
+    felt = (
+        {"margin": repr(-_MAX_UNFELT_DEPTH), "gap": repr(_MAX_UNFELT_DEPTH)}
+        if k == len(robot.chain.joints) - 1
+        else {}
+    )
     for i, solid in solids:
-        _geom(assets, link, f"robot {i}", _link_shape(solid), density=repr(DENSITY), **felt)
+        _geom(assets, link, f"robot {i}", _link_shape(solid), density=repr(OPTIONS.density), **felt)
     return link
 
 
 def _link_inertia(masses: list[LinkMass], solids: list[LinkSolid]) -> tuple[float, Array, Array]:
     """Mass [kg], its centre [m] and, of a box around the solids, moments of inertia [kg m2] of a link."""
     if not masses:
-        return BARE_MASS, np.zeros(3), np.full(3, BARE_INERTIA)
+        return OPTIONS.bare_mass, np.zeros(3), np.full(3, OPTIONS.bare_inertia)
     mass = sum(one.mass for one in masses)
     center = sum((one.mass * one.center for one in masses), np.zeros(3)) / mass
     if not solids:
-        return mass, center, np.full(3, BARE_INERTIA)
+        return mass, center, np.full(3, OPTIONS.bare_inertia)
     corners = [solid.corners + side for solid in solids for side in (-solid.radius, solid.radius)]
     square = np.ptp(np.concatenate(corners), axis=0) ** 2
-    return mass, center, np.maximum(mass / 12 * (square.sum() - square), BARE_INERTIA)
+    return mass, center, np.maximum(mass / 12 * (square.sum() - square), OPTIONS.bare_inertia)
 
 
 # --- shapes, as attributes of a geom; corners of hulls under "vertex"
@@ -150,7 +153,7 @@ def _hull(corners: Array) -> Shape:
 def _shell(triangle: Array) -> Shape:
     """A triangle (3, 3) of a closed mesh, thickened inwards."""
     normal = np.cross(triangle[1] - triangle[0], triangle[2] - triangle[0])
-    inner = triangle.mean(0) - SHELL * normal / max(float(np.linalg.norm(normal)), 1e-300)
+    inner = triangle.mean(0) - OPTIONS.shell * normal / max(float(np.linalg.norm(normal)), 1e-300)
     return _hull(np.vstack([triangle, inner]))
 
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from regionik.planners.geometry.angles import wrap
+from regionik.simulation.options import SIMULATION
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import rot_z
 from regionik.worlds.errors import InputError
 
-SLIP_TIME = 1.0  # for which a draw of the slip lasts [s]
-LOCALISATION_TIME = 10.0  # for which the robot has localised itself before it sets off [s]
+OPTIONS = SIMULATION.noise
 
 
 @dataclass(frozen=True)
@@ -59,11 +59,11 @@ class Noise:
 
     def slips(self, duration: float, rng: np.random.Generator) -> Array:
         """Draw factors of what the base does to what its wheels say, one row a second, (n, 3)."""
-        return 1.0 + self.slip * rng.uniform(-1.0, 1.0, (int(duration / SLIP_TIME) + 1, 3))
+        return 1.0 + self.slip * rng.uniform(-1.0, 1.0, (int(duration / OPTIONS.slip_time) + 1, 3))
 
     def start(self, pose: Array, rng: np.random.Generator) -> PoseEstimate:
         """Draw the estimate of a pose (3,) at which the robot has stood for a while."""
-        deviation = self.deviations / np.sqrt(max(LOCALISATION_TIME * self.rate, 1.0))
+        deviation = self.deviations / np.sqrt(max(OPTIONS.localisation_time * self.rate, 1.0))
         return PoseEstimate(pose + deviation * rng.standard_normal(3), np.diag(deviation**2))
 
 
@@ -85,7 +85,7 @@ class PoseEstimate:
         F = np.eye(3)
         F[0, 2], F[1, 2] = -step[1], step[0]
         # A draw of the slip lasts: what it adds to the error it adds bit by bit, in the same direction.
-        spread = slip / np.sqrt(3) * np.abs(twist) * np.sqrt(SLIP_TIME * time)
+        spread = slip / np.sqrt(3) * np.abs(twist) * np.sqrt(OPTIONS.slip_time * time)
         S = rot_z(self.pose[2] + twist[2] * time / 2)[:3, :3] * spread
         return PoseEstimate(self.pose + step, F @ self.covariance @ F.T + S @ S.T)
 

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from regionik.simulation.mjcf import model_text
+from regionik.simulation.options import SIMULATION
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import EngineError, InputError
 from regionik.worlds.scene import World
 
-STEP = 0.002  # of the solver [s]
+STEP = SIMULATION.step
 BASE_STIFFNESS = 10 / STEP  # rate at which the base takes on the speed of its wheels, their grip [1/s]
 _NAME = re.compile(r"(robot|solid) (-?\d+)")
 

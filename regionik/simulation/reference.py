@@ -7,13 +7,14 @@ from functools import cached_property
 
 import numpy as np
 
+from regionik.simulation.options import SIMULATION
 from regionik.timing.limits import tool_velocity
 from regionik.timing.trajectory import sample_plan, trajectory
 from regionik.values import Plan
 from regionik.worlds.arrays import Array, Index, Mask
 
-PERIOD = 0.01  # of the controller [s]
-ROLLS = 1e-3  # speed above which a car's curvature is that of its motion [m/s]
+PERIOD = SIMULATION.controller.period
+MIN_ROLLING_SPEED = 1e-3  # speed above which a car's curvature is that of its motion [m/s]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +42,7 @@ class Reference:
     def curvature(self) -> Array:
         """Curvature of the base's way; where it stands, that of its next motion, (n,) [1/m]."""
         speed, _, turn = self.twist.T
-        rolls = np.flatnonzero(np.abs(speed) > ROLLS)
+        rolls = np.flatnonzero(np.abs(speed) > MIN_ROLLING_SPEED)
         if not len(rolls):
             return np.zeros(len(speed))
         ahead = rolls[np.minimum(np.searchsorted(rolls, np.arange(len(speed))), len(rolls) - 1)]

@@ -8,15 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from regionik.simulation.options import SIMULATION
 from regionik.simulation.reference import Reference
 from regionik.values import Plan
 from regionik.worlds.arrays import Array
 from regionik.worlds.joints import nearest_turn
 from regionik.worlds.limits import Execution, Speeds
 
-ROWS = 1000  # looked at together
-GRID = 1e-4  # to which suggested errors are rounded up [m], [rad]
-SPEED_BAND = 0.02  # share of the nominal tool speed within which the tool's speed counts as held
+OPTIONS = SIMULATION.run
 
 
 @dataclass(frozen=True)
@@ -104,8 +103,8 @@ class SimulatedRun:
     @cached_property
     def arm_error(self) -> Array:
         """Largest distance of any point of the arm's solids from where the plan has it, (n,) [m]."""
-        rows = range(0, len(self.time), ROWS)
-        return np.concatenate([self._arm_error(slice(first, first + ROWS)) for first in rows])
+        rows = range(0, len(self.time), OPTIONS.rows_at_once)
+        return np.concatenate([self._arm_error(slice(first, first + OPTIONS.rows_at_once)) for first in rows])
 
     def _arm_error(self, rows: slice) -> Array:
         robot, error = self.plan.world.robot, np.zeros(len(self.time[rows]))
@@ -125,7 +124,8 @@ class SimulatedRun:
         heading = np.abs(nearest_turn(turned)).max()
         tool, figures = self.tool_error[self.reference.on_path].max(initial=0.0), self.figures
         errors = figures["base_error"], heading, tool, max(float(self.arm_error.max()), float(tool))
-        return Execution(*(round(float(np.ceil(error / GRID)) * GRID, 9) for error in errors))
+        grid = OPTIONS.error_grid
+        return Execution(*(round(float(np.ceil(error / grid)) * grid, 9) for error in errors))
 
     @property
     def ok(self) -> bool:
@@ -175,7 +175,7 @@ class SimulatedRun:
         if not planned[on_path].any():
             return 1.0  # the tool rests wherever it works
         nominal = (self.plan.world.speeds or Speeds()).tool_velocity or float(planned[on_path].max())
-        near = np.abs(self.tool_speed - planned)[on_path] <= SPEED_BAND * nominal
+        near = np.abs(self.tool_speed - planned)[on_path] <= OPTIONS.speed_band * nominal
         return float(near.mean())
 
     @property

@@ -7,20 +7,22 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from regionik.simulation.options import SIMULATION
 from regionik.simulation.run import SimulatedRun
 from regionik.values import Motion, Plan
 from regionik.view.picture import Color, Picture, SceneMesh
 from regionik.view.plan_picture import picture_of_plan
 from regionik.view.triangle_meshes import tubes
 
-FRAMES = 1500  # of the animation, at most
-_THIN = 0.003  # radius of the planned tool path [m]
+OPTIONS = SIMULATION.run
+
+_PATH_RADIUS = 0.003  # radius of the planned tool path [m]
 
 
 def picture_of_run(run: SimulatedRun) -> Picture:
     """Return the picture of a run, animated, with the tool path that was planned beside the one made."""
     rows = len(run.time)
-    frames = np.unique(np.linspace(0, rows - 1, min(rows, FRAMES)).astype(int))
+    frames = np.unique(np.linspace(0, rows - 1, min(rows, OPTIONS.max_frames)).astype(int))
     figures, moving = run.figures, picture_of_plan(_as_plan(run, frames), run.time[frames])
     error = {key: 1000 * value for key, value in figures["tool_error"].items()}
     facts = (
@@ -28,7 +30,7 @@ def picture_of_run(run: SimulatedRun) -> Picture:
         f"tool error: 95 % below {error['p95']:.2f} mm, worst {error['worst']:.2f} mm",
         *([run.failure] if run.failure else []),
     )
-    planned = tubes(run.reference.T_tool[frames, :3, 3], _THIN)
+    planned = tubes(run.reference.T_tool[frames, :3, 3], _PATH_RADIUS)
     shown = SceneMesh("tool/planned", planned, Color.AHEAD, lit=False, label="path of the tool as planned")
     assert moving.timeline is not None
     return replace(

@@ -8,11 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from regionik.simulation.noise import SLIP_TIME, Noise, PoseEstimate
+from regionik.simulation.noise import Noise, PoseEstimate
+from regionik.simulation.options import SIMULATION
 from regionik.simulation.physics import STEP, Overlap, Physics
 from regionik.simulation.reference import PERIOD, Reference, reference
 from regionik.simulation.run import Contact, SimulatedRun
-from regionik.simulation.tracking import LAG, Command, TrackingController
+from regionik.simulation.tracking import Command, TrackingController
 from regionik.timing.trajectory import Trajectory, trajectory
 from regionik.values import Plan
 from regionik.worlds.arrays import Array
@@ -22,10 +23,10 @@ from regionik.worlds.robot import Robot
 from regionik.worlds.scene import World
 from regionik.worlds.self_collision import BODY, base_name
 
-SERVO = 100.0  # natural frequency of the joints' servos [rad/s]
+OPTIONS = SIMULATION.robot
+
 SUBSTEPS = round(PERIOD / STEP)
-POSTURES = 50  # of the plan, for which the servos are made
-_SHARE = 1 - math.exp(-STEP / LAG)  # of the way to the commanded speed that is made in a step
+_SHARE = 1 - math.exp(-STEP / OPTIONS.base_lag)  # of the way to the commanded speed that is made in a step
 
 
 class BaseDrives:
@@ -57,7 +58,7 @@ class BaseDrives:
             self._steering += min(max(wanted - self._steering, -self._fastest), self._fastest)
             twist[2] = twist[0] * math.tan(self._steering) / self._wheelbase
         # MuJoCo goes on by the speed that a step ends with: that has to be its middle's.
-        gone = (before + twist) / 2 * self._slips[int(self._steps * STEP / SLIP_TIME)]
+        gone = (before + twist) / 2 * self._slips[int(self._steps * STEP / SIMULATION.noise.slip_time)]
         ahead, left, turn = gone.tolist()
         self._steps += 1
         middle = yaw + turn * STEP / 2
@@ -69,8 +70,8 @@ class SimulatedRobot:
     """A robot that carries out commands, one each `PERIOD`."""
 
     def __init__(self, world: World, way: Reference, slips: Array, tolerance: float) -> None:
-        rows = np.linspace(0, len(way.time) - 1, min(len(way.time), POSTURES)).astype(int)
-        self.physics = Physics(world, way.base[0], way.joints[rows], SERVO)
+        rows = np.linspace(0, len(way.time) - 1, min(len(way.time), OPTIONS.servo_postures)).astype(int)
+        self.physics = Physics(world, way.base[0], way.joints[rows], OPTIONS.servo_frequency)
         self.contacts: dict[tuple[str, str], Contact] = {}  # by the names of the two solids
         self._world, self._deepest = world, world.rules.contact_depth + tolerance
         self._drives = BaseDrives(world.robot, world.speeds or Speeds(), slips, way.curvature[0])
@@ -98,7 +99,8 @@ class SimulatedRobot:
         physics, travelled = self.physics, np.zeros(3)
         rate = (command.added - self._added) / PERIOD
         coupling = self._world.robot.chain.coupling
-        first = self._added + rate / SERVO  # half of its lag is made up for: with all of it, it overshoots
+        # Half of its lag is made up for: with all of it, it overshoots.
+        first = self._added + rate / OPTIONS.servo_frequency
         for j, setpoint in enumerate(setpoints):
             velocity = self._drives.step(command.twist, command.curvature, float(physics.position[2]))
             physics.step(velocity, setpoint + coupling @ (first + rate * (j * STEP)))

@@ -16,20 +16,15 @@ import numpy as np
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.solvers.serial_chain import chain_frames, chain_jacobian, serial_arm
 from regionik.simulation.noise import twist_step
+from regionik.simulation.options import SIMULATION
 from regionik.simulation.reference import PERIOD, Reference
 from regionik.worlds.arrays import Array
 from regionik.worlds.limits import Speeds
 from regionik.worlds.robot import Robot
 
-LAG = 0.1  # in which the base takes on a speed: the time constant of its drives [s]
-TAKEN_ON = 1 - math.exp(-PERIOD / LAG)  # share of a change of speed in one period
-SLOW = 1e-2  # speed at which a car's steering leaves the plan's [m/s]
-GAIN = 2.0  # at which the base is led back to its place [1/s]
-LEAD_BACK = 0.3  # way on which a base that rolls comes back to its path [m]
-FADE = 1.0  # before and after the tool is on its path, in which the arm begins and ends to hold it there [s]
-TURN_WEIGHT = 0.05  # length that counts as much as a radian of the tool's orientation [m]
-MAX_ADDED = 0.2  # of a joint's deviation from the plan, endless near singular postures [rad], [m]
-DAMPING = 0.015  # share of the arm's length that counts as much as a radian of its deviation from the plan
+OPTIONS = SIMULATION.controller
+
+TAKEN_ON = 1 - math.exp(-PERIOD / SIMULATION.robot.base_lag)  # share of a change of speed in one period
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,17 +65,17 @@ class TrackingController:
         off[:2] = _turned(off[:2], -pose[2])
         if not self.robot.drive.rolls:
             planned[:2] = _turned(planned[:2], off[2])
-            return self._limited(planned + GAIN * off)
+            return self._limited(planned + OPTIONS.base_gain * off)
         # The way back to the path is critically damped in the way that is driven, whatever the speed.
         ahead, turn = planned[0], planned[2]
-        back = ahead * off[1] / LEAD_BACK**2 + 2 * abs(ahead) * off[2] / LEAD_BACK
-        spin = GAIN * off[2] if self.robot.drive.turns_on_the_spot else 0.0
-        return self._limited(np.array([ahead + GAIN * off[0], 0.0, turn + back + spin]))
+        back = ahead * off[1] / OPTIONS.way_back**2 + 2 * abs(ahead) * off[2] / OPTIONS.way_back
+        spin = OPTIONS.base_gain * off[2] if self.robot.drive.turns_on_the_spot else 0.0
+        return self._limited(np.array([ahead + OPTIONS.base_gain * off[0], 0.0, turn + back + spin]))
 
     def _curvature(self, k: int, wanted: Array) -> float:
         """Curvature to steer a car by, of which a twist (3,) is wanted at the end of row k [1/m]."""
         planned, bend = self.plan.twist[k + 1], float(self.plan.curvature[k])
-        if abs(planned[0]) > SLOW:  # slower ones do not bring it back
+        if abs(planned[0]) > OPTIONS.min_steered_speed:  # slower ones do not bring it back
             bend += (wanted[2] - planned[2]) / planned[0]
         most = 1 / self.robot.turning_radius
         return min(max(bend, -most), most)
@@ -100,13 +95,14 @@ class TrackingController:
         off[2] = wrap(off[2])
         T_world_arm = self.robot.T_world_arm(plan.base[k] + self._taken_up[k] * off)
         wanted = np.linalg.solve(T_world_arm, plan.T_tool[k])
-        error = np.concatenate([wanted[:3, 3] - frames[-1, :3, 3], TURN_WEIGHT * _turn(frames[-1], wanted)])
-        J[3:] *= TURN_WEIGHT
+        turn = OPTIONS.turn_length * _turn(frames[-1], wanted)
+        error = np.concatenate([wanted[:3, 3] - frames[-1, :3, 3], turn])
+        J[3:] *= OPTIONS.turn_length
         away = joints - plan.joints[k]
         step = np.linalg.solve(J.T @ J + self._damping * np.eye(n), J.T @ error - self._damping * away)
         most = self._joint_velocity * PERIOD
-        lower = np.maximum(self.robot.chain.lower, plan.joints[k] - MAX_ADDED)
-        upper = np.minimum(self.robot.chain.upper, plan.joints[k] + MAX_ADDED)
+        lower = np.maximum(self.robot.chain.lower, plan.joints[k] - OPTIONS.max_added)
+        upper = np.minimum(self.robot.chain.upper, plan.joints[k] + OPTIONS.max_added)
         limited: Array = np.clip(joints + np.clip(step, -most, most), lower, upper)
         return limited
 
@@ -124,7 +120,7 @@ class TrackingController:
             return np.zeros(len(rows))
         after = np.searchsorted(on_path, rows).clip(max=len(on_path) - 1)
         away = np.abs(on_path[[after, np.maximum(after - 1, 0)]] - rows).min(axis=0)
-        taken_up: Array = np.clip(1 - away * PERIOD / FADE, 0.0, 1.0)
+        taken_up: Array = np.clip(1 - away * PERIOD / OPTIONS.fade_time, 0.0, 1.0)
         return taken_up
 
     @cached_property
@@ -132,7 +128,7 @@ class TrackingController:
         """Weight of the arm's deviation from the plan: longer arms turn less for the same way [m2]."""
         chain = self.robot.chain
         frames = [*(joint.T_parent_joint for joint in chain.joints[1:]), chain.T_last_tool]
-        return (DAMPING * sum(float(np.linalg.norm(T[:3, 3])) for T in frames)) ** 2
+        return (OPTIONS.damping * sum(float(np.linalg.norm(T[:3, 3])) for T in frames)) ** 2
 
     @cached_property
     def _joint_velocity(self) -> Array:

@@ -17,22 +17,13 @@ from scipy.linalg import solveh_banded
 from regionik.planners.search.motion_bounds import longest_levers
 from regionik.timing.inserted_states import graded, periods, with_states
 from regionik.timing.limits import MotionLimits, segments_on_path
+from regionik.timing.options import TIMING
 from regionik.timing.parametrization import path_of
 from regionik.values import Motion
 from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.robot import Robot
 
-RAMP = 0.06  # of accelerations, at least [s]
-PERIOD = 0.0125  # between states that are laid out, at most, where segments are short [s]
-SHORTEST = 0.001  # of a segment [s]
-ROUNDS = 30, 60  # of weighing states: at least, and at most
-AIM = 0.9  # part of the distance that is aimed at
-WEIGHTS = 1e-3, 1e9  # of a state
-EASING, STIFFENING = 0.5, 4.0  # least and largest share of the distance that counts
-POWER = 1.5  # of that share
-MIN_LEVER = 0.05  # of a joint [m]
-MIN_ROUNDED_SHARE = 0.1  # part of the distance below which a state stays where it is
-STRAIGHT = 0.15  # part of the distance by which the motion may leave lines between its states
+OPTIONS = TIMING.rounding
 
 
 def rounded(limits: MotionLimits, motion: Motion, room: Array, most: Array, kept: Mask) -> Motion:
@@ -58,10 +49,10 @@ def rounded(limits: MotionLimits, motion: Motion, room: Array, most: Array, kept
     change = np.diff(q, axis=0)
     fastest = limits.largest_squared_velocity(q[:-1] + change / 2, change, segments_on_path(motion))
     near = np.maximum(np.minimum(room[:-1], room[1:]), limits.blend)
-    slowest = limits.displacement(q[:-1], q[1:]) / near * RAMP  # slower is rounded no better
+    slowest = limits.displacement(q[:-1], q[1:]) / near * OPTIONS.min_ramp  # slower is rounded no better
     span = np.minimum(1 / np.sqrt(fastest), slowest)
-    span = np.where(moving, np.maximum(span, SHORTEST), 0.0)
-    inserted, between = graded(periods(span, PERIOD), np.ones(len(q), dtype=bool))
+    span = np.where(moving, np.maximum(span, OPTIONS.min_segment_time), 0.0)
+    inserted, between = graded(periods(span, OPTIONS.period), np.ones(len(q), dtype=bool))
     count = 1 + np.bincount(inserted, minlength=len(span))
     own, segment = np.concatenate([[0], np.cumsum(count)]), np.repeat(np.arange(len(count)), count)
     share = np.zeros(own[-1])
@@ -72,13 +63,13 @@ def rounded(limits: MotionLimits, motion: Motion, room: Array, most: Array, kept
     allowed = np.append(np.minimum(room[:-1], room[1:])[segment], 0.0)
     allowed[own] = np.minimum(room, most)
     held = np.zeros(before.shape, dtype=np.bool_)
-    held[own] = kept | (allowed[own] <= MIN_ROUNDED_SHARE * limits.blend)[:, None]
+    held[own] = kept | (allowed[own] <= TIMING.corners.min_rounded_share * limits.blend)[:, None]
     after = before.copy()
     for a, b in path.runs:
         rows = slice(int(own[a]), int(own[b]) + 1)
         after[rows] = _smoothed(limits, before[rows], time[rows], allowed[rows], held[rows])
     moved = after - before
-    some = _between(limits, after, way, own, STRAIGHT * limits.blend)
+    some = _between(limits, after, way, own, OPTIONS.straight_share * limits.blend)
     found = replace(motion, base=motion.base + moved[own, :3], joints=motion.joints + moved[own, 3:])
     return with_states(found, segment[some], after[some, :3], after[some, 3:])
 
@@ -113,11 +104,11 @@ def _smoothed(limits: MotionLimits, q: Array, time: Array, allowed: Array, held:
     least = np.array([s.base_acceleration, s.base_acceleration, s.turn_acceleration])
     pull = (np.concatenate([least, limits.joint_acceleration]) * _levers(limits.robot) / widest) ** 2
     lower, upper = np.minimum(chain.lower, q[:, 3:]), np.maximum(chain.upper, q[:, 3:])
-    form, best = _jerk_form(time) * max(limits.ramp, RAMP) ** 2, q
+    form, best = _jerk_form(time) * max(limits.ramp, OPTIONS.min_ramp) ** 2, q
     frames = limits.robot.frames(q[:, :3], q[:, 3:])
     weight = (widest / np.where(fixed, widest, allowed)) ** 2
-    for k in range(ROUNDS[1]):
-        weights = np.where(held, WEIGHTS[1], weight[:, None])
+    for k in range(OPTIONS.max_rounds):
+        weights = np.where(held, OPTIONS.max_weight, weight[:, None])
         try:
             found = _weighed(form, q, pull[:, None] * weights.T)
         except np.linalg.LinAlgError:  # states too unevenly spaced to be told apart: what is found stands
@@ -127,9 +118,10 @@ def _smoothed(limits: MotionLimits, q: Array, time: Array, allowed: Array, held:
         share = limits.displacement_from(q, frames, found) / np.where(fixed, 1.0, allowed)
         if share.max() <= 1:
             best = found
-            if k >= ROUNDS[0]:
+            if k >= OPTIONS.min_rounds:
                 break
-        weight = np.clip(weight * np.clip(share / AIM, EASING, STIFFENING) ** POWER, *WEIGHTS)
+        share = np.clip(share / OPTIONS.aimed_share, OPTIONS.min_share, OPTIONS.max_share)
+        weight = np.clip(weight * share**OPTIONS.exponent, OPTIONS.min_weight, OPTIONS.max_weight)
     return best
 
 
@@ -148,7 +140,7 @@ def _levers(robot: Robot) -> Array:
     levers, reach = longest_levers(chain, len(chain.joints) - 1, chain.T_last_tool[:3, 3])
     corners, mount = np.hypot(*robot.footprint.T).max(), np.hypot(*robot.mount[:2])
     joints = np.abs(chain.coupling).T @ levers
-    return np.maximum([1.0, 1.0, max(mount + reach, corners), *joints], MIN_LEVER)
+    return np.maximum([1.0, 1.0, max(mount + reach, corners), *joints], OPTIONS.min_lever)
 
 
 def _jerk_form(time: Array) -> Array:

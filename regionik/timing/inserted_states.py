@@ -9,19 +9,13 @@ import numpy as np
 
 from regionik.planners.geometry.rolling import without_slip
 from regionik.timing.limits import MotionLimits
+from regionik.timing.options import TIMING
 from regionik.timing.parametrization import fastest_rates, fastest_times, path_of
 from regionik.values import Motion
 from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.errors import InputError
 
-ROUNDS = 30  # of inserting states until the smooth path keeps to the plan
-COMPARED_SHARES = (0.25, 0.5, 0.75)  # of a segment, where the smooth path is compared with it
-PAST = 1e-5  # by which joints may pass their limits between states [rad], [m]
-DRAWN = 0.9  # share of the blend by which states are put beside segments
-PERIOD = 0.02  # of the fine timing that shows where states are needed [s]
-VELOCITY_ERROR = 0.002  # share of the squared path velocity by which it may be off the fine one
-MOST, HALVINGS = 16, 8  # even parts of a segment, and how often those at its ends are halved
-FEWER = 0.1  # share of even parts that are not made for each time that those at ends are halved
+OPTIONS = TIMING.insertion
 
 
 def refined(limits: MotionLimits, motion: Motion) -> Motion:
@@ -35,7 +29,7 @@ def refined(limits: MotionLimits, motion: Motion) -> Motion:
     motion = _subdivided(limits, motion, *evenly(alone))
     span = np.diff(fastest_times(limits, motion, tightenings=0))
     span[path_of(limits.robot, motion).lengths == 0] = 0.0  # a rest has a state at each end
-    segment, share = graded(periods(span, PERIOD), path_of(limits.robot, motion).rests)
+    segment, share = graded(periods(span, OPTIONS.period), path_of(limits.robot, motion).rests)
     count, fine = np.bincount(segment, minlength=len(span)), _subdivided(limits, motion, segment, share)
     position, rate = fastest_rates(limits, fine, tightenings=0)
     first = np.concatenate([[0], np.cumsum(count + 1)])  # where the motion's own states are
@@ -53,7 +47,7 @@ def _knots(x: Array, y: Array) -> list[int]:
     line = y[0] + (y[-1] - y[0]) * (x - x[0]) / max(x[-1] - x[0], np.finfo(float).tiny)
     off = np.abs(y - line) / np.maximum(y, line.max() * 1e-2 + np.finfo(float).tiny)
     k = int(np.argmax(off))
-    if off[k] <= VELOCITY_ERROR or not 0 < k < len(x) - 1:
+    if off[k] <= OPTIONS.max_velocity_error or not 0 < k < len(x) - 1:
         return [0, len(x) - 1]
     return [*_knots(x[: k + 1], y[: k + 1]), *(k + j for j in _knots(x[k:], y[k:])[1:])]
 
@@ -64,7 +58,7 @@ def blended(limits: MotionLimits, motion: Motion) -> Motion:
     They are on the smooth path where that is near enough, else as near to it; those of wheels are on arcs.
     """
     found, way = motion, np.arange(len(motion), dtype=np.float64)  # of states along the segments
-    for _ in range(ROUNDS):
+    for _ in range(OPTIONS.max_rounds):
         far = np.flatnonzero(_deviation(limits, motion, found, way) > limits.blend)
         if not len(far):
             return found
@@ -102,7 +96,7 @@ def _halfway(limits: MotionLimits, motion: Motion, segment: Index, straight: Arr
     base, joints = path_of(limits.robot, motion).states_at(segment, np.full(len(segment), 0.5))
     smooth = np.column_stack([base, _within_range(limits, joints)])
     off = limits.displacement(straight, smooth)
-    return straight + np.minimum(DRAWN * limits.blend / off, 1.0)[:, None] * (smooth - straight)
+    return straight + np.minimum(OPTIONS.drawn_share * limits.blend / off, 1.0)[:, None] * (smooth - straight)
 
 
 def _within_range(limits: MotionLimits, joints: Array) -> Array:
@@ -118,12 +112,12 @@ def _deviation(limits: MotionLimits, motion: Motion, fine: Motion, way: Array) -
     """
     off = np.zeros(len(fine) - 1)
     path, segment = path_of(limits.robot, fine), np.arange(len(off))
-    for share in COMPARED_SHARES:
+    for share in OPTIONS.compared_shares:
         q, _, _ = path.evaluate(path.position[:-1] + share * path.lengths, segment)
         straight = _along(limits, motion, way[:-1] + share * np.diff(way))
         off = np.maximum(off, limits.displacement(q, straight))
         past = np.abs(q[:, 3:] - _within_range(limits, q[:, 3:])).max(axis=1, initial=0.0)
-        off[past > PAST] = np.inf
+        off[past > 1e-5] = np.inf
     return off
 
 
@@ -151,15 +145,16 @@ def evenly(count: Index) -> tuple[Index, Array]:
     return np.repeat(np.arange(len(count)), count), np.concatenate([np.empty(0), *shares])
 
 
-def graded(parts: Index, ends: Mask, most: int | Index = MOST) -> tuple[Index, Array]:
+def graded(parts: Index, ends: Mask, most: int | Index = OPTIONS.max_parts) -> tuple[Index, Array]:
     """Segments and shares of states inserted for so many even parts of each (n - 1,), but not for many more.
 
     Beyond ``most`` parts there are no more, but those at ``ends`` (n,) are halved again and again, and fewer
     are between: there velocities change. So a motion that takes long has no more states than others.
     """
     even = np.minimum(parts, most)
-    halvings = np.clip(np.ceil(np.log2(np.maximum(parts / even, 1.0))), 0, HALVINGS).astype(np.int64)
-    even = np.ceil(even * (1 - FEWER * halvings)).astype(np.int64)
+    halvings = np.ceil(np.log2(np.maximum(parts / even, 1.0)))
+    halvings = np.clip(halvings, 0, OPTIONS.max_halvings).astype(np.int64)
+    even = np.ceil(even * (1 - OPTIONS.fewer_share * halvings)).astype(np.int64)
     shares = [np.empty(0)]
     for count, first, last in zip(even.tolist(), halvings * ends[:-1], halvings * ends[1:], strict=True):
         near, far = (0.5 ** np.arange(times, 0, -1) / count for times in (first, last))

@@ -24,22 +24,16 @@ from regionik.timing.inserted_states import (
     with_states,
 )
 from regionik.timing.limits import MotionLimits, segments_on_path, tool_velocity
+from regionik.timing.options import TIMING
 from regionik.timing.parametrization import fastest_rates, path_of, steering_pauses
 from regionik.timing.smooth_path import SmoothPath
 from regionik.timing.time_spline import time_spline
-from regionik.timing.timing_figures import MIN_SPEED_SHARE
 from regionik.values import Motion
 from regionik.worlds.arrays import Array, Index, Mask
 
-ROUNDS, PATIENCE = 12, 6  # of tightening limits: at most, and without gain
-EXCESS = 1e-3  # by which limits may be exceeded, before time is stretched
-STRETCHES, SPARE = 8, 1e-4  # of time where limits are still exceeded, and by how much more
-SLOWEST = 0.1  # least time over which such a stretch sets in, but for two ramps [s]
-PERIOD = 0.1  # between knots, at most, where motions between states are short [s]
-KNOTS = 4  # besides, on each segment of the path between states, of motions however slow
-HALVINGS = 6  # of the time between states, until the splines keep to the path
+OPTIONS = TIMING.jerk
+
 BISECTIONS = 50  # for the time at which a state is passed
-CHECKED_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the time of each piece, at which limits are checked
 
 
 def jerk_limited_motion(limits: MotionLimits, fine: Motion) -> Motion:
@@ -50,7 +44,7 @@ def jerk_limited_motion(limits: MotionLimits, fine: Motion) -> Motion:
     """
     path, factor = path_of(limits.robot, fine), np.ones(len(fine) - 1)
     best, least, found = fine, np.inf, 0
-    for k in range(ROUNDS):
+    for k in range(OPTIONS.max_rounds):
         position, rate = fastest_rates(limits, fine, 0, factor)
         timed, places = _resampled(limits, fine, _TimeLaw(path, rate, limits.ramp))
         excess = np.maximum(_excess(limits, timed), 1.0)
@@ -58,7 +52,7 @@ def jerk_limited_motion(limits: MotionLimits, fine: Motion) -> Motion:
         lost = float(slower.time[-1]) + _time_below(limits, slower)
         if lost < least:
             best, least, found = slower, lost, k
-        if excess.max(initial=1.0) <= 1 + EXCESS or k >= found + PATIENCE:
+        if excess.max(initial=1.0) <= 1 + TIMING.slowing.excess or k >= found + OPTIONS.max_futile_rounds:
             break
         factor *= _on_segments(position, places, excess)
     best = _within_limits(limits, best)
@@ -126,9 +120,9 @@ def _resampled(limits: MotionLimits, fine: Motion, law: _TimeLaw) -> tuple[Motio
     times, moves = law.times_of(rows), np.diff(path.position[rows]) > 0
     alone = moves & law.path.rests[rows[:-1]] & law.path.rests[rows[1:]]
     least = np.maximum(alone, np.diff(rows) > 1)
-    parts = np.where(moves, np.maximum(periods(np.diff(times), PERIOD), 1 + least), 1)
-    gap, share = graded(parts, np.ones(len(rows), dtype=bool), KNOTS * np.diff(rows))
-    for left in range(HALVINGS, -1, -1):
+    parts = np.where(moves, np.maximum(periods(np.diff(times), OPTIONS.period), 1 + least), 1)
+    gap, share = graded(parts, np.ones(len(rows), dtype=bool), OPTIONS.max_segment_knots * np.diff(rows))
+    for left in range(OPTIONS.max_halvings, -1, -1):
         between = times[gap] + share * np.diff(times)[gap]
         position = law.at(between)
         segment = np.searchsorted(path.position, position, side="right") - 1
@@ -160,7 +154,7 @@ def _strayed(limits: MotionLimits, timed: Motion, law: _TimeLaw) -> Array:
     """
     spline, off = time_spline(path_of(limits.robot, timed), timed.time), np.zeros(len(timed) - 1)
     segment = np.flatnonzero(spline.path.lengths > 0)
-    for share in CHECKED_SHARES[1:-1]:
+    for share in OPTIONS.checked_shares[1:-1]:
         times = timed.time[segment] + share * np.diff(timed.time)[segment]
         position = law.at(times)
         at = np.searchsorted(law.path.position, position, side="right") - 1
@@ -175,7 +169,7 @@ def _densely(limits: MotionLimits, timed: Motion) -> Motion:
     """The same motion with states inserted until its splines keep to the segments between all."""
     count = np.zeros(len(timed) - 1, dtype=np.int64)
     spline = time_spline(path_of(limits.robot, timed), timed.time)
-    for _ in range(HALVINGS):
+    for _ in range(OPTIONS.max_halvings):
         gap, share = evenly(count)
         between = timed.time[gap] + share * np.diff(timed.time)[gap]
         q = spline.evaluate(between).q
@@ -197,7 +191,7 @@ def _deviation(limits: MotionLimits, timed: Motion) -> Array:
     spline, off = time_spline(path, timed.time), np.zeros(len(timed) - 1)
     change = np.column_stack([np.diff(path.base, axis=0), np.diff(path.joints, axis=0)])[segment]
     start = np.column_stack([path.base, path.joints])[segment]
-    for share in CHECKED_SHARES[1:-1]:
+    for share in OPTIONS.checked_shares[1:-1]:
         times = timed.time[segment] + share * np.diff(timed.time)[segment]
         q = spline.evaluate(times).q
         part = ((q - start) * change).sum(1) / (change**2).sum(1)
@@ -213,7 +207,7 @@ def _excess(limits: MotionLimits, timed: Motion) -> Array:
     spline, excess = time_spline(path, timed.time), np.zeros(len(timed) - 1)
     knots, segment = spline.knots.time, spline.knots.segment[:-1]
     on_path, piece = segments_on_path(timed)[segment], np.arange(len(segment))
-    for share in CHECKED_SHARES:
+    for share in OPTIONS.checked_shares:
         times = knots[:-1] + share * np.diff(knots)
         q, velocity, acceleration, jerk = spline.evaluate(times, piece)
         np.maximum.at(excess, segment, limits.slowdown(q, velocity, acceleration, on_path, jerk) ** 2)
@@ -222,7 +216,7 @@ def _excess(limits: MotionLimits, timed: Motion) -> Array:
 
 def _within_limits(limits: MotionLimits, timed: Motion) -> Motion:
     """The same motion slower about segments that exceed a limit, the more the more they do."""
-    for _ in range(STRETCHES):
+    for _ in range(OPTIONS.max_stretches):
         factor = np.sqrt(_excess(limits, timed))
         if factor.max(initial=1.0) <= 1.0:
             break
@@ -235,9 +229,9 @@ def stretched(limits: MotionLimits, timed: Motion, factor: Array) -> Motion:
 
     The factor by which time passes slower is the largest about each instant, averaged twice.
     """
-    time, wide = timed.time, max(2 * limits.ramp, SLOWEST)
+    time, wide = timed.time, max(2 * limits.ramp, OPTIONS.min_stretch_time)
     slow = np.flatnonzero(factor > 1.0)
-    low, high, more = time[slow] - wide, time[slow + 1] + wide, factor[slow] * (1 + SPARE) - 1
+    low, high, more = time[slow] - wide, time[slow + 1] + wide, factor[slow] * (1 + TIMING.slowing.spare) - 1
     cuts = np.unique(np.concatenate([low, high]))
     first, end = np.searchsorted(cuts, low), np.searchsorted(cuts, high)
     height = np.zeros(len(cuts))  # from each cut on
@@ -268,7 +262,8 @@ def _time_below(limits: MotionLimits, timed: Motion) -> float:
     spline = time_spline(path_of(limits.robot, timed), timed.time)
     q, velocity, *_ = spline.evaluate(timed.time[:-1] + span / 2)
     speed = np.linalg.norm(tool_velocity(limits.robot, q, velocity), axis=1)
-    return float(span @ (segments_on_path(timed) & (speed < MIN_SPEED_SHARE * limits.speeds.tool_velocity)))
+    slow = speed < TIMING.figures.min_speed_share * limits.speeds.tool_velocity
+    return float(span @ (segments_on_path(timed) & slow))
 
 
 def _on_segments(position: Array, places: Array, values: Array) -> Array:

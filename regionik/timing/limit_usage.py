@@ -13,15 +13,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from regionik.timing.limits import ROOTS, MotionLimits, segments_on_path, tool_velocity
+from regionik.timing.options import TIMING
 from regionik.timing.trajectory import Trajectory, TrajectorySample, trajectory_within
 from regionik.values import Motion
 from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.errors import InputError
 
-LAST = 1 - 1e-6  # share of a piece: at its end the next one begins
-SHARES = np.append((1 - np.cos(np.pi * np.arange(12) / 12)) / 2, LAST)  # of each piece, that are looked at
-TOPS = 2  # of parabolas, one after the other
-PIECES = 4_000  # at a time
+OPTIONS = TIMING.figures
+
+# Of each piece, that are looked at: at its very end the next one begins.
+SHARES = np.append((1 - np.cos(np.pi * np.arange(12) / 12)) / 2, 1 - 1e-6)
 AT_REST = 1e-6  # tool speed below which the tool stays at a set-point [m/s]
 
 
@@ -59,7 +60,7 @@ class MotionPieces:
         y = np.stack(list(used.values()), axis=1)  # (k, limits, p)
         x = np.broadcast_to(looks[:, None], y.shape)
         x, y = _about_largest(x, y)
-        for _ in range(TOPS):
+        for _ in range(OPTIONS.max_parabolas):
             top = _top(x, y)
             again = self.usage(top).values()
             value = np.stack([one[k] for k, one in enumerate(again)])
@@ -81,7 +82,7 @@ def motion_pieces(limits: MotionLimits, motion: Motion) -> Iterator[MotionPieces
     span = np.diff(time)
     lasting = np.flatnonzero(span > 0)
     every = MotionPieces(limits, trajectory, time[:-1], span, segment, segments_on_path(motion)[segment])
-    for some in np.array_split(lasting, 1 + len(lasting) // PIECES):
+    for some in np.array_split(lasting, 1 + len(lasting) // OPTIONS.pieces_at_once):
         yield every.take(some)
 
 

@@ -11,16 +11,16 @@ import numpy as np
 
 from regionik.planners.timing.time_optimal import PathDerivatives, time_optimal_velocities
 from regionik.timing.limits import MotionLimits, segments_on_path
+from regionik.timing.options import TIMING
 from regionik.timing.smooth_path import STEERED, SmoothPath, smooth_path
 from regionik.values import Motion
 from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.robot import Robot
 
-TIGHTENINGS = 6  # of limits, where they are exceeded between states
-EXCESS = 1e-3  # by which they may be, before the whole motion is slowed
+OPTIONS = TIMING.slowing
+
 AT_REST = 1e-12  # squared path velocity at rest between runs; rounding in toppra does not bear 0
 MIN_USE = 1e-3  # of the steering, at a path velocity of 1
-STEERING_SHARE = 0.95  # of the limit of its rate that it takes, which may peak between the shares below
 LAST = 1 - 1e-9  # share of a segment: at its end the next one starts
 CHECKED_SHARES = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, LAST)  # of a segment, at which limits are checked
 LIMITED_SHARES = (0.0, 0.5, LAST)  # at which the parametrization keeps accelerations
@@ -32,7 +32,10 @@ def path_of(robot: Robot, motion: Motion) -> SmoothPath:
 
 
 def fastest_times(
-    limits: MotionLimits, motion: Motion, tightenings: int = TIGHTENINGS, tightened: Array | None = None
+    limits: MotionLimits,
+    motion: Motion,
+    tightenings: int = OPTIONS.max_tightenings,
+    tightened: Array | None = None,
 ) -> Array:
     """Times of a motion's states, (n,) [s]; see `fastest_rates`."""
     position, rate = fastest_rates(limits, motion, tightenings, tightened)
@@ -81,7 +84,7 @@ def fastest_rates(
         excess = part.excess(found)
         factor[todo] *= np.maximum(excess, 1.0)
         run = np.cumsum(part.at_rest[:-1])
-        todo = todo[np.isin(run, run[excess > 1 + EXCESS])]
+        todo = todo[np.isin(run, run[excess > 1 + OPTIONS.excess])]
         if not len(todo):
             break
     return path.position, rate
@@ -116,7 +119,7 @@ class _MovingSegments:
 
     def steered(self, shares: Sequence[float]) -> Array:
         """What a car's steering uses of its rate at a path velocity of 1, as `evaluate`, (k m,)."""
-        limit = STEERING_SHARE * self.limits.speeds.steering_velocity
+        limit = OPTIONS.steering_share * self.limits.speeds.steering_velocity
         return self.path.steering_rate(*self._places(shares)) / limit
 
     def _places(self, shares: Sequence[float]) -> tuple[Array, Index]:

@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from regionik.planners.timing.jerk_limited import JerkLimited, KinematicState, jerk_limited
+from regionik.timing.options import TIMING
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
 from regionik.worlds.limits import Speeds
 from regionik.worlds.robot import Robot
 
-RAMP = 0.25  # from zero to full acceleration, where no jerk is given [s]
 SLACK = 1e-9  # rounding allowed at joint limits [rad] or [m]
 
 
@@ -60,7 +60,7 @@ def point_to_point(
     chain = robot.chain
     velocity, acceleration = (speeds or Speeds()).joint_limits(chain)
     asked = (speeds or Speeds()).joint_jerk if jerk is None else jerk
-    jerks = acceleration / RAMP if asked is None else _each(asked, chain.dof, "jerk")
+    jerks = acceleration / TIMING.default_ramp if asked is None else _each(asked, chain.dof, "jerk")
     rest = np.zeros(chain.dof)
     at = frozen(start, (chain.dof,), "start"), _each(start_velocity, chain.dof, "start_velocity"), rest
     to = frozen(goal, (chain.dof,), "goal"), _each(goal_velocity, chain.dof, "goal_velocity"), rest

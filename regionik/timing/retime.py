@@ -10,13 +10,13 @@ import numpy as np
 
 from regionik.planners.progress import track
 from regionik.postures.arm import deviation
-from regionik.timing.corner_rounding import MIN_ROUNDED_SHARE, rounded
+from regionik.timing.corner_rounding import rounded
 from regionik.timing.inserted_states import blended, refined, strayed, with_rests
 from regionik.timing.jerk_limited_timing import jerk_limited_motion, stretched
 from regionik.timing.limit_usage import check_tool_speed, slowdowns
 from regionik.timing.limits import MotionLimits, segments_on_path
+from regionik.timing.options import TIMING
 from regionik.timing.parametrization import fastest_times, path_of
-from regionik.timing.smooth_path import CORNER, GENTLE
 from regionik.timing.timing_figures import timing_figures
 from regionik.values import Motion, Plan, Report
 from regionik.verification.verifier import verify
@@ -26,19 +26,7 @@ from regionik.worlds.errors import InputError
 from regionik.worlds.limits import Speeds
 from regionik.worlds.robot import Robot
 
-ROUNDED_CORNER = np.radians(60)  # where corners are rounded first, the robot stops at sharper ones
-TURN_SHARE = 0.25  # of the narrowest cone, by which the smooth path may turn the tool from the motion
-SPARE_CONE = 0.02  # of a set-point, without which its state stays where it is [rad]
-DENSE = 0.05  # part of the segments that the smooth path through dense states may leave before it is timed
-LIFTED = 0.03  # by which points may cut corners with the tool lifted, where nothing is in the way [m]
-NARROWER, NARROWED = 5.0, 8  # times less are corners cut where a rule was broken, in so many tries
-SLOWDOWNS, SPARE = 8, 1e-4  # of the motion, and by how much more
-NEGLIGIBLE = 0.002  # part by which the whole motion may as well be slower
-LOCAL = 4  # of these, the first, about what is too fast alone, each twice as much as the one before
-SLIGHT = 0.05  # share of a limit by which bounds may exceed it where the motion is slowed, not rested
-ALL = 1_000_000
-APART = 20  # states between two that break a rule for reasons of their own
-BESIDE = 0, 0, 1, 4, ALL, ALL  # states next to one that breaks a rule at which to rest too, try by try
+CORNERS, SLOWING, RULES = TIMING.corners, TIMING.slowing, TIMING.rules
 
 
 def retime(plan: Plan, speeds: Speeds | None = None, *, hold: bool = False) -> Plan:
@@ -86,7 +74,7 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, hold: bool = False) -> P
     plan = replace(plan, world=replace(plan.world, speeds=asked), stats=stats)
     # The narrowest cone of the task bounds how far the blend turns the tool.
     cone = min((target.cone for target in plan.world.task if target.direction is not None), default=np.inf)
-    limits = MotionLimits(plan.world.robot, asked, asked.blend / (TURN_SHARE * cone))
+    limits = MotionLimits(plan.world.robot, asked, asked.blend / (CORNERS.turn_share * cone))
     timed, report = _fastest(limits, plan)
     if not report.ok:
         raise InputError(
@@ -105,10 +93,10 @@ def _fastest(limits: MotionLimits, plan: Plan) -> tuple[Plan, Report]:
     """
     usual, found = min(limits.blend, Speeds.blend), list[tuple[Plan, Report]]()
     near, most = replace(limits, speeds=replace(limits.speeds, blend=usual)), _most(plan)
-    if not limits.robot.drive.rolls and strayed(limits, plan.motion) <= DENSE:
+    if not limits.robot.drive.rolls and strayed(limits, plan.motion) <= RULES.max_strayed_share:
         motion, _ = with_rests(plan.motion, _rests(limits, plan.motion, np.zeros(len(plan.motion))))
         found.append(_verified(limits, plan, _timed(limits, motion)))
-    asked = np.where(plan.motion.kind == "transit", max(limits.blend, LIFTED), limits.blend)
+    asked = np.where(plan.motion.kind == "transit", max(limits.blend, CORNERS.lifted_blend), limits.blend)
     rounder = not limits.robot.drive.rolls and (asked > usual).any()
     for room in (asked, np.full(len(asked), usual))[not rounder :]:
         timed, report, flows = _within(near, plan, room, most)
@@ -126,8 +114,8 @@ def _within(limits: MotionLimits, plan: Plan, allowed: Array, most: Array) -> tu
     """
     room, kept = allowed.copy(), _kept(plan)
     first = rests = _rests(limits, plan.motion, np.minimum(room, most))
-    widths = iter(BESIDE)
-    for k in track("timing", range(NARROWED + len(BESIDE))):
+    widths = iter(RULES.rested_beside)
+    for k in track("timing", range(RULES.max_narrowings + len(RULES.rested_beside))):
         motion, own = with_rests(plan.motion, rests)
         rolls = limits.robot.drive.rolls  # wheels keep to their arcs
         smooth = motion if rolls else rounded(limits, motion, room[own], most[own], kept[own])
@@ -139,20 +127,21 @@ def _within(limits: MotionLimits, plan: Plan, allowed: Array, most: Array) -> tu
         if not len(broken):
             break
         wide = broken[room[broken] > limits.blend]
-        room[wide] = np.maximum(room[wide] / NARROWER, limits.blend)
+        room[wide] = np.maximum(room[wide] / RULES.narrowing, limits.blend)
         if not len(wide):
-            rests = np.union1d(rests, own[near(next(widths, ALL))])
+            rests = np.union1d(rests, own[near(next(widths, RULES.rested_beside[-1]))])
     return timed, report, not (allowed[np.setdiff1d(rests, first)] > limits.blend).any()
 
 
 def _rests(limits: MotionLimits, motion: Motion, room: Array) -> Index:
     """States to rest at: corners, and both ends of a path on which the tool has a speed."""
     path = path_of(limits.robot, motion)
-    gentle = 0.0 if limits.speeds.limit_jerk else GENTLE
-    rests = path.corners(CORNER, gentle)
+    gentle = 0.0 if limits.speeds.limit_jerk else CORNERS.gentle_steering
+    rests = path.corners(CORNERS.rest_corner, gentle)
     if not limits.robot.drive.rolls:  # corners are rounded before the motion is timed
-        sharp = np.isin(rests, path.corners(ROUNDED_CORNER, gentle))
-        rests = rests[(sharp & (room[rests] < LIFTED)) | (room[rests] <= MIN_ROUNDED_SHARE * limits.blend)]
+        sharp = np.isin(rests, path.corners(CORNERS.rest_rounded_corner, gentle))
+        stays = room[rests] <= CORNERS.min_rounded_share * limits.blend
+        rests = rests[(sharp & (room[rests] < CORNERS.lifted_blend)) | stays]
     if limits.speeds.tool_velocity is None:
         return rests
     return np.union1d(rests, 1 + np.flatnonzero(np.diff(segments_on_path(motion))))
@@ -160,12 +149,13 @@ def _rests(limits: MotionLimits, motion: Motion, room: Array) -> Index:
 
 def _verified(limits: MotionLimits, plan: Plan, motion: Motion) -> tuple[Plan, Report]:
     """The plan with a timed motion, slower where by its bounds it is slightly too fast, and the report."""
-    for _ in range(SLOWDOWNS):
+    for _ in range(SLOWING.max_slowdowns):
         timed = _with_motion(plan, motion)
         report = verify(timed)
         factor = np.ones(max(len(motion) - 1, 1))
         for fast in report.violations:
-            if fast.kind in ("speeds", "jerk") and fast.state is not None and fast.amount <= SLIGHT:
+            slightly = fast.kind in ("speeds", "jerk") and fast.amount <= SLOWING.max_slowed_excess
+            if slightly and fast.state is not None:
                 factor[fast.state] = max(factor[fast.state], 1 + fast.amount)
         if factor.max() <= 1.0:
             break
@@ -177,7 +167,7 @@ def _slower(limits: MotionLimits, motion: Motion, factor: Array) -> Motion:
     """Motion slower by factors on segments (n - 1,): about them where jerk is limited, else as a whole."""
     if limits.speeds.limit_jerk:
         return stretched(limits, motion, factor)
-    return replace(motion, time=motion.time * factor.max() * (1 + SPARE))
+    return replace(motion, time=motion.time * factor.max() * (1 + SLOWING.spare))
 
 
 def _most(plan: Plan) -> Array:
@@ -186,7 +176,9 @@ def _most(plan: Plan) -> Array:
     for k, i in _listed(plan, motion):
         tool = plan.world.robot.tool(motion.base[k], motion.joints[k])
         near = plan.world.rules.tolerance - math.dist(tool[:3, 3], task[i].position)
-        free = task[i].direction is None or task[i].cone - deviation(task[i], tool[:3, :3]) > SPARE_CONE
+        free = task[i].direction is None
+        if not free:
+            free = task[i].cone - deviation(task[i], tool[:3, :3]) > CORNERS.min_spare_cone
         most[k] = max(near, 0.0) if free else 0.0
     return most
 
@@ -234,14 +226,15 @@ def _timed(limits: MotionLimits, motion: Motion) -> Motion:
     else:
         motion = replace(fine, time=fastest_times(limits, fine))
     tightened = np.ones(max(len(motion) - 1, 1))
-    for k in range(SLOWDOWNS):
+    for k in range(SLOWING.max_slowdowns):
         factor = slowdowns(limits, motion)
         if factor.max() <= 1.0:
             break
-        if k >= LOCAL or limits.speeds.limit_jerk or factor.max() <= 1 + NEGLIGIBLE:
+        little = factor.max() <= 1 + SLOWING.negligible
+        if k >= SLOWING.max_local_slowdowns or limits.speeds.limit_jerk or little:
             motion = _slower(limits, motion, factor)
         else:
-            tightened *= np.where(factor > 1.0, factor * (1 + SPARE), 1.0) ** 2 ** (k + 1)
+            tightened *= np.where(factor > 1.0, factor * (1 + SLOWING.spare), 1.0) ** 2 ** (k + 1)
             motion = replace(motion, time=fastest_times(limits, motion, tightened=tightened))
     return motion
 
@@ -250,7 +243,7 @@ def _worst(report: Report) -> list[int]:
     """States that break a rule, but for those near one that does by more: it may be for that one's sake."""
     found = list[int]()
     for one in sorted(report.violations, key=lambda one: -one.amount):
-        if one.state is not None and all(abs(one.state - state) > APART for state in found):
+        if one.state is not None and all(abs(one.state - state) > RULES.min_states_apart for state in found):
             found.append(one.state)
     return sorted(found)
 

@@ -13,16 +13,17 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import solve_banded
 
+from regionik.timing.options import TIMING
 from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.drives import BaseDrive, unwrapped
 
+OPTIONS = TIMING.corners
+
 SAME = 1e-9  # states that differ by less are the same [m], [rad]
 SLIP, SLIPPED = 1e-3, 1e-5  # that wheels may slip from state to state: as a share of the way, and besides [m]
-CORNER = np.radians(30)  # at sharper corners the robot stops, others are rounded
 STEERED = 1e-6  # angle of steering that a car need not stop for [rad]
-REST_MOTION = 1e-7  # of a way that a car rolls with its steering as it is, by rounding [m]
-GENTLE = 0.1  # change of it from segment to segment that a car makes as it rolls [rad]
-CREEP = 1e-6  # part of the path's way that a car hardly rolls
+MAX_REST_WAY = 1e-7  # of a way that a car rolls with its steering as it is, by rounding [m]
+MIN_ROLLED_SHARE = 1e-6  # part of the path's way that a car hardly rolls
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 
 
@@ -57,7 +58,7 @@ class SmoothPath:
         moving = np.concatenate([[False], self.lengths > 0, [False]])
         return ~(moving[:-1] & moving[1:])
 
-    def corners(self, sharp: float = CORNER, gentle: float = GENTLE) -> Index:
+    def corners(self, sharp: float = OPTIONS.rest_corner, gentle: float = OPTIONS.gentle_steering) -> Index:
         """States within runs where the robot must rest.
 
         At corners sharper than an angle [rad], and where a car has to stand to turn its steering: by more
@@ -232,7 +233,7 @@ class RollingPath(SmoothPath):
     def steering(self) -> Array:
         """See `SmoothPath.steering`."""
         rolled, turn = self._rolled, np.diff(self.base[:, 2])
-        stands = (self.lengths == 0) | (np.abs(rolled) <= REST_MOTION)
+        stands = (self.lengths == 0) | (np.abs(rolled) <= MAX_REST_WAY)
         angle = np.arctan(self.drive.turning_radius * turn / np.where(stands, 1.0, rolled))
         return np.where(stands, np.nan, angle)
 
@@ -241,7 +242,7 @@ class RollingPath(SmoothPath):
         radius, (_, rate, bend) = self.drive.turning_radius, super().evaluate(position, segment)
         (roll, turn), (gain, twist) = rate[:, :2].T, bend[:, :2].T
         square = roll**2 + (radius * turn) ** 2
-        rolls = (square > CREEP**2) & ~np.isnan(self.steering[segment])
+        rolls = (square > MIN_ROLLED_SHARE**2) & ~np.isnan(self.steering[segment])
         return radius * np.abs(twist * roll - turn * gain) / np.where(rolls, square, np.inf)
 
     @cached_property

@@ -11,16 +11,15 @@ import numpy as np
 from regionik.timing.limit_usage import SHARES as LOOKS
 from regionik.timing.limit_usage import largest_usage, motion_pieces
 from regionik.timing.limits import MotionLimits, segments_on_path, tool_velocity
+from regionik.timing.options import TIMING
 from regionik.timing.trajectory import TrajectorySample, trajectory_within
 from regionik.values import Motion
 from regionik.worlds.arrays import Array, Index, Mask
 
-MIN_SPEED_SHARE = 0.99  # share of the asked tool speed from which it counts as held
-MAX_PLACES = 20  # where it is not, that are reported
-BESIDE = 0.15  # before and after such a place, where it is looked for what keeps the tool back [s]
+OPTIONS = TIMING.figures
+
 SHARES = np.linspace(0.0, 1.0, 13)  # of this time, at which it is looked
 BISECTIONS = 30  # of the time between two instants, for when a speed begins or ceases to be held
-SAME = 1e-9  # set-points that are less apart are the same [m]
 
 
 def timing_figures(limits: MotionLimits, motion: Motion) -> dict[str, Any]:
@@ -48,13 +47,12 @@ def _tool_speeds(limits: MotionLimits, motion: Motion, demanded: float) -> tuple
         speed.append(_speed(limits, sample).reshape(len(LOOKS), -1).T.ravel())
         part.append(np.repeat(lifted[pieces.segment], len(LOOKS)))
     t, v, run = np.concatenate(time), np.concatenate(speed), np.concatenate(part)
-    slow = v < MIN_SPEED_SHARE * demanded
+    enough = OPTIONS.min_speed_share * demanded
+    slow = v < enough
     before = np.flatnonzero((np.diff(run) == 0) & (slow[1:] != slow[:-1]))
-    low, high = _crossings(limits, motion, MIN_SPEED_SHARE * demanded, t[before], t[before + 1], slow[before])
-    between, trajectory = (
-        np.column_stack([low, high]).ravel(),
-        trajectory_within(limits.robot, motion, limits.speeds),
-    )
+    low, high = _crossings(limits, motion, enough, t[before], t[before + 1], slow[before])
+    between = np.column_stack([low, high]).ravel()
+    trajectory = trajectory_within(limits.robot, motion, limits.speeds)
     at = np.repeat(before + 1, 2)
     t, run = np.insert(t, at, between), np.insert(run, at, run[at - 1])
     return t, np.insert(v, at, _speed(limits, trajectory.sample(between))), np.diff(run) == 0
@@ -91,13 +89,13 @@ class _ConstantSpeed:
 
     def figures(self) -> dict[str, Any]:
         """Shares of time at which the speed is held, and what keeps the tool from it where."""
-        held = self.speed >= MIN_SPEED_SHARE * self.demanded
+        held = self.speed >= OPTIONS.min_speed_share * self.demanded
         elsewhere = self._from_stops.min(axis=0) > self._braking
         slow, apart = np.concatenate([[False], ~held, [False]]), ~self.goes_on
         apart = np.concatenate([[True], apart, [True]])
         starts = np.flatnonzero(slow[1:] & (~slow[:-1] | apart))
         ends = np.flatnonzero(slow[:-1] & (~slow[1:] | apart)) - 1
-        longest = np.argsort(self.time[starts] - self.time[ends], kind="stable")[:MAX_PLACES]
+        longest = np.argsort(self.time[starts] - self.time[ends], kind="stable")[: OPTIONS.max_places]
         return {
             "asked": self.demanded,
             "held": self._share(held, np.ones_like(held), 0.0),
@@ -116,7 +114,7 @@ class _ConstantSpeed:
     def _places(self, starts: Index, ends: Index) -> list[dict[str, Any]]:
         """Where the tool is slower, from one instant to another: by what, and at what of its path."""
         trajectory = trajectory_within(self.limits.robot, self.motion, self.limits.speeds)
-        first, last = self.time[starts] - BESIDE, self.time[ends] + BESIDE
+        first, last = self.time[starts] - OPTIONS.time_beside, self.time[ends] + OPTIONS.time_beside
         times = np.clip(first + SHARES[:, None] * (last - first), 0.0, self.motion.time[-1])
         sample = trajectory.sample(times.ravel())
         factor = self.limits.slowdown(*sample.columns, np.zeros(times.size, dtype=np.bool_), sample.jerk)
@@ -180,9 +178,9 @@ class _ConstantSpeed:
         rows = np.flatnonzero(motion.kind == "setpoint")
         way = np.diff(self.limits.robot.tool(motion.base[rows], motion.joints[rows])[:, :3, 3], axis=0)
         length = np.linalg.norm(way, axis=1)
-        unit = way / np.maximum(length, SAME)[:, None]
+        unit = way / np.maximum(length, 1e-9)[:, None]
         angle = np.arccos(np.clip((unit[:-1] * unit[1:]).sum(1), -1.0, 1.0))
-        counts = (length[1:] > SAME) & (length[:-1] > SAME) & (lifted[rows[2:]] == lifted[rows[:-2]])
+        counts = (length[1:] > 1e-9) & (length[:-1] > 1e-9) & (lifted[rows[2:]] == lifted[rows[:-2]])
         some = 1 + np.flatnonzero(counts & (self._cut(angle) > self.limits.blend))
         return [(int(rows[k]), float(angle[k - 1])) for k in some]
 

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from regionik.timing.options import TIMING
 from regionik.timing.smooth_path import SmoothPath, smooth_path
 from regionik.timing.time_spline import TimeSpline, time_spline
 from regionik.values import Motion, Plan
@@ -18,7 +19,6 @@ from regionik.worlds.prepared import made_once
 from regionik.worlds.robot import Robot
 
 AT_REST = 1e-6  # path velocity at the end of a run, as a share of the largest
-MAX_ROWS = 1_000_000  # of a file
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,8 +264,8 @@ def _at_rate(plan: Plan, rate: float) -> PlanSamples:
         raise InputError(f"rate: expected a number above 0, got {rate:g}")
     moving, motion = trajectory(plan), plan.motion
     count = moving.duration * rate
-    if count >= MAX_ROWS:
-        most = MAX_ROWS / moving.duration
+    if count >= TIMING.max_rows:
+        most = TIMING.max_rows / moving.duration
         raise InputError(f"rate: expected at most {most:.6g} 1/s for this plan, got {rate:g}")
     # An end within rounding of a whole number of periods is not listed twice.
     times = np.append(np.arange(np.ceil(count - 1e-6)) / rate, moving.duration)

@@ -24,7 +24,6 @@ from regionik.planners.collision.distances import (
 from regionik.values import Violation
 from regionik.verification.contact import (
     SIGNS,
-    TOUCH,
     SweptSolid,
     ToolContact,
     is_allowed,
@@ -33,18 +32,16 @@ from regionik.verification.contact import (
     tool_contact,
 )
 from regionik.verification.motion import Indices, Mask, MotionSegments, chord_deviation
+from regionik.verification.options import VERIFICATION
 from regionik.verification.proofs import Finding, Intervals, IntervalVerdicts, StateNames, bisect, finding
+from regionik.verification.tolerances import TOUCH
 from regionik.worlds.arrays import Array
 from regionik.worlds.obstacles import Prism, Solid
 from regionik.worlds.polytopes import polytope
 from regionik.worlds.scene import World
 from regionik.worlds.self_collision import off_floor
 
-SHORTEST = 1e-4  # motion of a link over half an interval below which it is not bisected [m]
-MARGIN_RANGE = 0.05  # beyond the clearance, up to which distances at states are measured [m]
-MANY = 500  # solids, or corners of one, from which on what is far from the motion is not cut into pieces
-CELL = 1.0  # to which places on the floor are rounded up, at least this far beyond the arm [m]
-DEPTH_STEP = 1e-8  # to which the depth of boxes in meshes is found [m]
+PROOFS, SOLIDS = VERIFICATION.proofs, VERIFICATION.solids
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +104,7 @@ def verify_arm_clearance(world: World, segments: MotionSegments, names: StateNam
 def _obstacles(world: World, segments: MotionSegments) -> Obstacles:
     """The solids, or of many those that the arm may come near to or a tool may touch, large ones cut."""
     solids = world.arm_solids
-    if len(solids) < MANY and all(_corners(solid) < MANY for solid in solids):
+    if len(solids) < SOLIDS.min_many and all(_corners(solid) < SOLIDS.min_many for solid in solids):
         return obstacles_from(solids)
     low, high = _places(world, segments)
     bounds = np.array([solid.bounds[:, :2].ravel() for solid in solids])
@@ -120,7 +117,7 @@ def _obstacles(world: World, segments: MotionSegments) -> Obstacles:
 def _places(world: World, segments: MotionSegments) -> tuple[Array, Array]:
     """Boxes on the floor in which the arm moves, and in which its tool may touch, (n, 2) each [m]."""
     links = _LinkSolids(segments)
-    bulge = chord_deviation(links.acceleration, np.ones(1)).max(initial=MARGIN_RANGE)
+    bulge = chord_deviation(links.acceleration, np.ones(1)).max(initial=PROOFS.margin_range)
     within = links.radii.max() + world.arm_clearance + bulge
     hulls = links.place(segments.motion.base, segments.motion.joints)[0][..., :2]
     low, high = hulls.min((1, 2)) - within, hulls.max((1, 2)) + within
@@ -133,8 +130,9 @@ def _places(world: World, segments: MotionSegments) -> tuple[Array, Array]:
 
 def _cells_around(low: Array, high: Array) -> shapely.Geometry:
     """Union of boxes, each grown to whole cells with one more on every side."""
-    cells = np.unique(np.concatenate([np.floor(low / CELL) - 1, np.ceil(high / CELL) + 1], axis=1), axis=0)
-    return shapely.union_all(shapely.box(*(cells * CELL).T))
+    corners = np.floor(low / SOLIDS.cell) - 1, np.ceil(high / SOLIDS.cell) + 1
+    cells = np.unique(np.concatenate(corners, axis=1), axis=0)
+    return shapely.union_all(shapely.box(*(cells * SOLIDS.cell).T))
 
 
 def _corners(solid: Solid) -> int:
@@ -143,7 +141,7 @@ def _corners(solid: Solid) -> int:
 
 def _parts(solid: Solid, region: shapely.Geometry) -> list[Solid]:
     """The solid, or of a prism with many corners what lies in a region: cuts are a cell and more off."""
-    if not isinstance(solid, Prism) or _corners(solid) < MANY:
+    if not isinstance(solid, Prism) or _corners(solid) < SOLIDS.min_many:
         return [solid]
     parts = shapely.get_parts(shapely.intersection(solid.polygon, region))
     return [replace(solid, polygon=part) for part in parts if part.area > 0]
@@ -155,7 +153,7 @@ def _depth(piece: Piece, corners: Array) -> float:
     The distance of surfaces that cross is 0 for a graze as for a cut.
     """
     low, high = 0.0, _thickness(corners)
-    while high - low > DEPTH_STEP:
+    while high - low > SOLIDS.box_depth_step:
         inset = (low + high) / 2
         shrunk = shrunk_weights(corners, inset, corners.mean(0)) @ corners
         low, high = (low, inset) if hull_separation(piece, shrunk).distance > 0 else (inset, high)
@@ -218,7 +216,7 @@ class _ArmProof:
     def check(self) -> list[Finding]:
         motion = self.segments.motion
         hulls, tools = self.links.place(motion.base, motion.joints)
-        states = self._close_pairs(hulls, np.full(hulls.shape[:2], MARGIN_RANGE))
+        states = self._close_pairs(hulls, np.full(hulls.shape[:2], PROOFS.margin_range))
         own, tool = hulls[states.row, states.link], tools[states.row]
         distance, may_touch, allowed = self._measured(states, own, tool)
         bad = np.flatnonzero((distance < self.limit - TOUCH) & ~allowed)
@@ -230,10 +228,10 @@ class _ArmProof:
         unproven = bisect(len(pairs.row), lambda intervals: self._examine(pairs, intervals))
         found = [self._violation(key, self.names.state(key[0]), *near) for key, near in too_close.items()]
         found += self._violations_between(pairs, unproven)
-        free = min(MARGIN_RANGE, float(distance[~may_touch].min(initial=np.inf)) - self.limit)
+        free = min(PROOFS.margin_range, float(distance[~may_touch].min(initial=np.inf)) - self.limit)
         deep = np.inf
         if may_touch.any():
-            deep = min(MARGIN_RANGE, float(distance[may_touch].min()) + self.contact.depth)
+            deep = min(PROOFS.margin_range, float(distance[may_touch].min()) + self.contact.depth)
         margins = {"arm": free, "contact": deep}
         return [finding(kind, least, [v for v in found if v.kind == kind]) for kind, least in margins.items()]
 
@@ -313,7 +311,7 @@ class _ArmProof:
             if middle[m] and refuted[m]:
                 at_rest = self._swept(int(pairs.link[m]), hulls[m, 1:2], tools[m, 1:2])
                 refuted[m] = not is_allowed(self.contact, at_rest, piece)
-        return IntervalVerdicts(proven, refuted, moved + 100 * bulge < SHORTEST)
+        return IntervalVerdicts(proven, refuted, moved + 100 * bulge < PROOFS.min_motion)
 
     def _samples(self, pairs: _ClosePairs, intervals: Intervals) -> tuple[Array, Array]:
         """Corners and tool at both ends and the middle; an interval that pairs share is placed once."""

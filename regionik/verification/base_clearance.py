@@ -15,24 +15,16 @@ from numpy.typing import NDArray
 from regionik.planners.geometry.offsets import deepest_inside, farthest_outside
 from regionik.values import Violation
 from regionik.verification.motion import Indices, Mask, MotionSegments, chord_deviation
-from regionik.verification.proofs import (
-    MAX_VIOLATIONS,
-    Finding,
-    Intervals,
-    IntervalVerdicts,
-    StateNames,
-    bisect,
-    finding,
-)
+from regionik.verification.options import VERIFICATION
+from regionik.verification.proofs import Finding, Intervals, IntervalVerdicts, StateNames, bisect, finding
+from regionik.verification.tolerances import EXACT, OVERLAP, TURNING
 from regionik.worlds.arrays import Array
 from regionik.worlds.obstacles import Shadow
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import World
 
-EXACT = 1e-9  # where the area swept on a segment is known exactly [m]
-TURNING = 1e-6  # where the footprint turns [m]
-OVERLAP = 4e-6  # by which shapes overlap that do more than touch [m]
-SHORTEST = 1e-6  # motion of the footprint over half an interval below which it is not bisected [m]
+OPTIONS = VERIFICATION.proofs
+
 
 Shapes = NDArray[np.object_]
 
@@ -121,7 +113,8 @@ def verify_floor(world: World, segments: MotionSegments, names: StateNames) -> F
         proven = within & (exact[k] | (bulge <= TURNING) | (shapely.distance(hull, edge) >= bulge))
         middle = footprint_hulls(world.robot, segments.base_at(k, intervals.middle))
         refuted = np.where(exact[k], ~within, ~shapely.covers(grown[TURNING], middle))
-        return IntervalVerdicts(proven, refuted, sweep.moved(k, intervals.length) + 100 * bulge < SHORTEST)
+        short = sweep.moved(k, intervals.length) + 100 * bulge < OPTIONS.min_base_motion
+        return IntervalVerdicts(proven, refuted, short)
 
     failed = bisect(len(candidates), examine)
     segment, s = candidates[list(failed)], np.array(list(failed.values()))
@@ -142,9 +135,10 @@ def _distances_outside(shapes: Shapes, ground: shapely.Geometry) -> Array:
     points, owner = shapely.get_coordinates(shapes, return_index=True)
     out = np.zeros(len(shapes))
     np.maximum.at(out, owner, shapely.distance(shapely.points(points), ground))
-    some = [*range(min(len(out), MAX_VIOLATIONS))]
-    if len(out) > MAX_VIOLATIONS:
-        some.append(MAX_VIOLATIONS + int(np.argmax(out[MAX_VIOLATIONS:])))
+    most = OPTIONS.max_violations
+    some = [*range(min(len(out), most))]
+    if len(out) > most:
+        some.append(most + int(np.argmax(out[most:])))
     out[some] = [farthest_outside(shapes[k], ground) for k in some]
     return out
 
@@ -211,7 +205,7 @@ class _ClearanceProof:
         """Distances, of the first footprints that overlap a shadow by how deep they are in it, below 0."""
         found, cores = distance.copy(), self.cores[solid]
         over = np.flatnonzero((shapely.area(cores) > 0) & shapely.intersects(shapes, cores))
-        for k in over[:MAX_VIOLATIONS].tolist():
+        for k in over[: OPTIONS.max_violations].tolist():
             found[k] = -self.radii[solid[k]] - deepest_inside(shapes[k], cores[k])
         return found
 
@@ -222,7 +216,7 @@ class _ClearanceProof:
         segments = self.sweep.segments
         middle = footprint_hulls(segments.robot, segments.base_at(segment, intervals.middle))
         refuted = np.where(exact, ~proven, self._distances(middle, solid) < self.limit - TURNING)
-        short = self.sweep.moved(segment, intervals.length) + 100 * bulge < SHORTEST
+        short = self.sweep.moved(segment, intervals.length) + 100 * bulge < OPTIONS.min_base_motion
         return IntervalVerdicts(proven, refuted, short)
 
     def _distances(self, shapes: Shapes, solid: Indices) -> Array:

@@ -16,16 +16,15 @@ from regionik.planners.collision.convex_bodies import NONE, Piece
 from regionik.planners.collision.distances import Obstacles, box_distances
 from regionik.planners.collision.gjk import hull_distance
 from regionik.verification.motion import Indices, Mask
+from regionik.verification.options import VERIFICATION
+from regionik.verification.tolerances import TOUCH
 from regionik.worlds.arrays import Array
 from regionik.worlds.polytopes import polytope
 from regionik.worlds.scene import World
 
-TOUCH = 1e-6  # [m]
+OPTIONS = VERIFICATION.solids
+
 DEGENERATE = 1e-12  # length that counts as zero [m]
-DEPTH_STEP = 1e-6  # to which depths in meshes are found [m]
-DEEPEST = 1.0  # depth in a mesh that is reported [m]
-SPECK = 1e-3  # of the size of a hull that is shrunk, so that it stays a solid
-SPHERES = 33  # that cover a capsule
 SIGNS = np.array(
     [[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)]
 )  # corners of a LinkBox
@@ -87,7 +86,7 @@ def shrunk_weights(corners: Array, inset: float, tool: Array) -> Array:
     the mean of its corners, to a speck at most.
     """
     if len(corners) > len(SIGNS):
-        left = max(SPECK, 1.0 - inset / float(polytope(corners).depth(corners.mean(0))))
+        left = max(OPTIONS.min_shrunk_share, 1.0 - inset / float(polytope(corners).depth(corners.mean(0))))
         return left * np.eye(len(corners)) + (1.0 - left) / len(corners)
     sides = (corners[[4, 2, 1] if len(corners) == 8 else [1]] - corners[0]) / 2
     square = np.maximum((sides * sides).sum(1), DEGENERATE**2)
@@ -100,8 +99,8 @@ def shrunk_weights(corners: Array, inset: float, tool: Array) -> Array:
 
 def mesh_depth(contact: ToolContact, swept: SweptSolid, piece: Piece) -> float:
     """Depth to which a solid has sunk into a mesh, where all of it may touch [m]."""
-    low, high = 0.0, DEEPEST
-    while high - low > DEPTH_STEP:
+    low, high = 0.0, OPTIONS.max_depth
+    while high - low > OPTIONS.contact_depth_step:
         depth = (low + high) / 2
         allowed = is_allowed(replace(contact, reach=np.inf, clearance=0.0, depth=depth), swept, piece)
         low, high = (low, depth) if allowed else (depth, high)
@@ -174,7 +173,7 @@ def farthest_below_plane(corners: Array, radius: float, plane: tuple[Array, floa
         share = (above[i] / (above[i] - above[j]))[:, None]
         cut = np.concatenate([corners[above <= 0], corners[i] + share * (corners[j] - corners[i])])
         return float(np.linalg.norm(cut - tool, axis=1).max(initial=0.0))
-    centers = np.linspace(corners[0], corners[1], SPHERES)
+    centers = np.linspace(corners[0], corners[1], OPTIONS.capsule_spheres)
     r = radius + float(np.linalg.norm(centers[1] - centers[0])) / 2
     room, off = np.clip(height - centers @ normal, None, r), centers - tool
     up, size = off @ normal, np.linalg.norm(off, axis=1)

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from regionik.values import Plan, PlannedArea, Violation
 from regionik.verification.motion import MotionSegments
 from regionik.verification.proofs import Finding, StateNames, finding
+from regionik.verification.tolerances import ROUNDING
 from regionik.worlds.arrays import Array
 from regionik.worlds.limits import Speeds
 
-ROUNDING = 1e-6  # by which a field may differ [m], [s], [m2], or as a share of what is computed
 GRID = 1e-10  # of coordinates on which an overlay that looks wrong is computed again [m]
 
 Geometries = NDArray[np.object_]

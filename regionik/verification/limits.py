@@ -14,14 +14,12 @@ from numpy.typing import ArrayLike
 from regionik.values import Violation
 from regionik.verification.motion import MotionSegments, wrap_angle
 from regionik.verification.proofs import Finding, StateNames, finding
+from regionik.verification.tolerances import EXACT, HEADING_TOLERANCE
 from regionik.worlds.arms import has_pivot, pivot_index
 from regionik.worlds.arrays import Array
 from regionik.worlds.limits import Criteria
 from regionik.worlds.robot import GRAVITY, Robot
 from regionik.worlds.scene import World
-
-EXACT = 1e-9  # [m] or [rad]; in criteria [m3], [N m], [N], or a share of a joint's range
-HEADING_TOLERANCE = 1e-6  # [rad]
 
 
 def verify_joint_limits(segments: MotionSegments, names: StateNames) -> Finding:

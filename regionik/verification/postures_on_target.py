@@ -9,16 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from regionik.verification.options import VERIFICATION
 from regionik.verification.tool_path import tool_deviations
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target, World
 
-Mask = NDArray[np.bool_]
+OPTIONS = VERIFICATION.postures
 
-ITERATIONS = 40  # of damped least squares
-DAMPING = 1e-3
-MAX_STEP = 0.3  # of a joint [rad] or [m]
-CLOSE = 0.05  # share of the tolerance at which iterations end, in metres as in radians
+Mask = NDArray[np.bool_]
 
 
 def postures_on_target(
@@ -29,12 +27,12 @@ def postures_on_target(
     Each is led from its joints (n, dof), within their limits, with the base at its pose (n, 3). Where the
     target is met the excess (n,) is at most 0 [m] or [rad].
     """
-    chain, close = world.robot.chain, CLOSE * world.rules.tolerance
+    chain, close = world.robot.chain, OPTIONS.close_share * world.rules.tolerance
     goals, left = _Goals.of(targets, close), np.arange(len(joints))
     q = np.clip(joints, chain.lower, chain.upper)
     # Six joints and more turn the tool the shortest way at first, then by its angle alone, as fewer do.
-    whole = ITERATIONS // 2 if chain.dof >= 6 else 0
-    for n in range(ITERATIONS):
+    whole = OPTIONS.iterations // 2 if chain.dof >= 6 else 0
+    for n in range(OPTIONS.iterations):
         residual, J = _residual_and_jacobian(world, goals.only(left), poses[left], q[left])
         J = J if n < whole else _angle_alone(residual, J)
         open_ = np.abs(residual).max(axis=1) >= close
@@ -48,7 +46,7 @@ def postures_on_target(
                 break
             J = np.where(blocked[:, None, :], 0.0, J)
             step = _damped_step(J, residual)
-        q[left] = np.clip(here + np.clip(step, -MAX_STEP, MAX_STEP), chain.lower, chain.upper)
+        q[left] = np.clip(here + np.clip(step, -OPTIONS.max_step, OPTIONS.max_step), chain.lower, chain.upper)
     return q, _excess(world, targets, poses, q)
 
 
@@ -84,7 +82,7 @@ class _Goals(NamedTuple):
 def _damped_step(J: Array, residual: Array) -> Array:
     """Damped least squares J^T (J J^T + d^2 I)^-1 r, (n, dof)."""
     transposed = J.transpose(0, 2, 1)
-    A = J @ transposed + DAMPING**2 * np.eye(J.shape[1])
+    A = J @ transposed + OPTIONS.damping**2 * np.eye(J.shape[1])
     return (transposed @ np.linalg.solve(A, residual[..., None]))[..., 0]
 
 

@@ -9,10 +9,10 @@ import numpy as np
 
 from regionik.values import Motion, Violation
 from regionik.verification.motion import Indices, Mask
+from regionik.verification.options import VERIFICATION
 from regionik.worlds.arrays import Array
 
-CHUNK = 8192  # intervals examined together, so that memory stays small
-MAX_VIOLATIONS = 20  # of a kind that are reported one by one
+OPTIONS = VERIFICATION.proofs
 
 
 class Intervals(NamedTuple):
@@ -59,7 +59,8 @@ def bisect(count: int, examine: Callable[[Intervals], IntervalVerdicts]) -> dict
     given_up: dict[int, float] = {}
     intervals = Intervals(np.arange(count), np.zeros(count), np.ones(count))
     while len(intervals.item):
-        blocks = [intervals.take(slice(k, k + CHUNK)) for k in range(0, len(intervals.item), CHUNK)]
+        starts = range(0, len(intervals.item), OPTIONS.intervals_at_once)
+        blocks = [intervals.take(slice(k, k + OPTIONS.intervals_at_once)) for k in starts]
         columns = zip(*(examine(block) for block in blocks), strict=True)
         verdicts = IntervalVerdicts(*(np.concatenate(column) for column in columns))
         failed = verdicts.refuted & ~verdicts.proven
@@ -85,11 +86,12 @@ def finding(kind: str, margin: float, violations: Iterable[Violation]) -> Findin
     """Finding with its violations in the order of the motion; those past the first 20 become one."""
     found = sorted(violations, key=lambda v: -1 if v.state is None else v.state)
     least = min([margin, *(-v.amount for v in found)])
-    rest = found[MAX_VIOLATIONS:]
+    rest = found[OPTIONS.max_violations :]
     if rest:
         worst = max(rest, key=lambda v: v.amount)
         text = f"{len(rest)} more violations of this kind ({kind}); the worst of them: {worst.text}"
-        found = [*found[:MAX_VIOLATIONS], Violation(kind, worst.state, worst.setpoint, worst.amount, text)]
+        more = Violation(kind, worst.state, worst.setpoint, worst.amount, text)
+        found = [*found[: OPTIONS.max_violations], more]
     return Finding(kind, least, tuple(found))
 
 

@@ -21,16 +21,15 @@ from regionik.planners.collision.gjk import hull_distance
 from regionik.planners.progress import track
 from regionik.values import Violation
 from regionik.verification.motion import Indices, MotionSegments, PointBounds, chord_deviation
+from regionik.verification.options import VERIFICATION
 from regionik.verification.proofs import Finding, Intervals, IntervalVerdicts, StateNames, bisect, finding
+from regionik.verification.tolerances import TOUCH
 from regionik.worlds.arrays import Array
 from regionik.worlds.obstacles import Prism
 from regionik.worlds.robot import Robot
 from regionik.worlds.self_collision import base_body, self_collision_pairs
 
-TOUCH = 1e-6  # [m]
-SHORTEST = 1e-4  # motion of a link over half an interval below which it is not bisected [m]
-MARGIN_RANGE = 0.05  # up to which distances at states are measured for the margin [m]
-BLOCK = 1_000_000  # corners times segments that are bounded at once
+OPTIONS = VERIFICATION.proofs
 
 
 def verify_self_collision(segments: MotionSegments, names: StateNames) -> Finding:
@@ -126,9 +125,9 @@ class _PairProof:
     upper: _Body
 
     def check(self) -> tuple[float, list[Violation]]:
-        """Least distance up to `MARGIN_RANGE`, and the violations."""
+        """Least distance up to a few centimetres, and the violations."""
         near = self._sphere_distances()
-        state = np.flatnonzero(near < MARGIN_RANGE)
+        state = np.flatnonzero(near < OPTIONS.margin_range)
         distance = self._signed_distances(self._poses(self.segments.motion.joints[state])).distance
         hits = {k: d for k, d in zip(state.tolist(), distance.tolist(), strict=True) if d < -TOUCH}
         near[state] = distance
@@ -140,13 +139,13 @@ class _PairProof:
             k, T = int(segment[item]), self._poses_at(segment[item : item + 1], np.array([s]))
             found = float(self._signed_distances(T).distance[0])
             violations.append(self._violation(k, self.names.segment(k), found))
-        return min(MARGIN_RANGE, float(distance.min(initial=np.inf))), violations
+        return min(OPTIONS.margin_range, float(distance.min(initial=np.inf))), violations
 
     @cached_property
     def _bounds(self) -> PointBounds:
         """Bounds for any point of the upper body in the lower one's frame: the largest of its corners'."""
         corners = self.upper.hull.corners
-        count = min(len(corners), 1 + len(corners) * len(self.segments) // BLOCK)
+        count = min(len(corners), 1 + len(corners) * len(self.segments) // OPTIONS.corners_at_once)
         bounds = [
             self.segments.relative_bounds(self.lower.link, self.upper.link, some)
             for some in np.array_split(corners, count)
@@ -180,7 +179,7 @@ class _PairProof:
         swept = gap_along(self.lower.hull, corners.reshape(len(segment), -1, 3), found.normal)
         gap = swept - self.lower.hull.radius - self.upper.hull.radius
         proven = np.maximum(gap, found.distance - moved) >= bulge - TOUCH
-        return IntervalVerdicts(proven, found.distance < -TOUCH, moved + 100 * bulge < SHORTEST)
+        return IntervalVerdicts(proven, found.distance < -TOUCH, moved + 100 * bulge < OPTIONS.min_motion)
 
     def _violation(self, state: int, where: str, distance: float) -> Violation:
         one, other = self.upper.name, self.lower.name

@@ -17,8 +17,6 @@ from regionik.values import Violation
 from regionik.verification.motion import Indices, MotionSegments
 from regionik.verification.proofs import Finding, StateNames, finding
 from regionik.verification.timed_segments import (
-    SLIP,
-    SLIPPED,
     CoursePolynomials,
     TimedSegments,
     bernstein_parts,
@@ -26,16 +24,14 @@ from regionik.verification.timed_segments import (
     substitution,
     timed_segments,
 )
+from regionik.verification.tolerances import BEYOND, OVER, SLIP, SLIPPED, STEERED
 from regionik.worlds.arrays import Array
 from regionik.worlds.limits import Speeds
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import World
 
-OVER = 2e-3  # share of a limit by which bounds may be beyond it
-BEYOND = 10.0  # times `Speeds.blend` to which bounds may come: they add up what all joints are off
-STEERED = 1e-5  # angle that a car's steering need not be turned for [rad]
-ZERO = 1e-9  # of derivatives at an end of a segment, as a share of the largest
-MOST = 1e9  # share of a limit where nothing bounds it
+ZERO_SHARE = 1e-9  # of derivatives at an end of a segment, as a share of the largest
+MAX_SHARE = 1e9  # share of a limit where nothing bounds it
 
 
 def verify_speeds(world: World, segments: MotionSegments, names: StateNames) -> Iterator[Finding]:
@@ -233,7 +229,7 @@ def _steering_shares(
         begun, ended = np.arctan(g[:, 0] / f[:, 0]), np.arctan(g.sum(axis=1) / f.sum(axis=1))
         turned = np.abs(begun[1:] - ended[:-1])
         rate = np.where(turned > STEERED, turned / (time[k[1:]] - time[k[:-1] + 1]), 0.0)
-    yield "the steering", np.minimum(rate / limit, MOST), k[1:]
+    yield "the steering", np.minimum(rate / limit, MAX_SHARE), k[1:]
 
 
 def _largest_share(used: Array, limit: Array) -> Array:
@@ -245,7 +241,7 @@ def _largest_share(used: Array, limit: Array) -> Array:
     over, most = _parts(beyond).max(axis=2), _parts(most)
     with np.errstate(divide="ignore", invalid="ignore"):
         square = 1 + over / np.where(over > 0, np.maximum(most.min(axis=2), 0.0), most.max(axis=2))
-    found: Array = np.sqrt(np.clip(np.nan_to_num(square, nan=0.0), 0.0, MOST**2).max(axis=0))
+    found: Array = np.sqrt(np.clip(np.nan_to_num(square, nan=0.0), 0.0, MAX_SHARE**2).max(axis=0))
     return found
 
 
@@ -258,7 +254,7 @@ def _without_common_zeros(ways: Array) -> Array:
     """Derivatives, (2, m, 3), of cubics (2, m, 4), less factors of zeros at an end that both have."""
     found: Array = ways[..., 1:] * [1, 2, 3]
     for _ in range(2):  # at the start, then, seen from there, at the end
-        zero = (np.abs(found[..., 0]) <= ZERO * np.abs(found).sum(axis=2).max(axis=0)).all(axis=0)
+        zero = (np.abs(found[..., 0]) <= ZERO_SHARE * np.abs(found).sum(axis=2).max(axis=0)).all(axis=0)
         shifted = np.concatenate([found[..., 1:], np.zeros_like(found[..., :1])], axis=2)
         found = np.where(zero[:, None], shifted, found) @ substitution(3, 1.0, -1.0).T
     return found

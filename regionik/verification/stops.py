@@ -14,22 +14,17 @@ from regionik.planners.geometry.offsets import farthest_outside, radius_that_hol
 from regionik.values import Plan, Stop, Violation
 from regionik.verification.base_clearance import base_shadows, footprint_hulls
 from regionik.verification.motion import wrap_angle
+from regionik.verification.options import VERIFICATION
 from regionik.verification.postures_on_target import postures_on_target
 from regionik.verification.proofs import Finding, StateNames, finding
+from regionik.verification.tolerances import EXACT, TOUCH
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target, World
 
-EXACT = 1e-9  # [m] or [rad]
-TOUCH = 1e-6  # by which a footprint may pass the floor's edge or a clearance [m]
-RIM_POINTS = 8  # places on the rim of a circle where the arm is tried
-_ANGLES = 2 * np.pi * np.arange(RIM_POINTS) / RIM_POINTS
-RIM = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES), np.zeros(RIM_POINTS)])  # of a radius of 1
-RIM_STEPS = 4  # on the way out to the rim, each posture the start of the next
-RESTARTS = 32  # random postures tried where the one led on fails
-FOOTPRINTS = 512  # parkings after which the room of the base is looked at
-PARKED_ARMS = 256  # targets tried after parkings, in all, but after no fewer parkings than
-FEWEST = 64
-CHANCE = 3e-5  # of fewer good parkings than were counted, below which a promise does not hold
+OPTIONS = VERIFICATION.stops
+
+_ANGLES = 2 * np.pi * np.arange(OPTIONS.rim_points) / OPTIONS.rim_points
+RIM = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES), np.zeros(OPTIONS.rim_points)])  # of a radius of 1
 
 
 def verify_stops(plan: Plan, names: StateNames) -> Finding:
@@ -142,16 +137,17 @@ def _unlikely(plan: Plan, n: int) -> Iterator[Violation]:
         text += f"the rules ask for {accuracy.probability:g}"
         yield Violation("stops", None, stop.first, short, text)
     rng, C = np.random.default_rng(0), np.array(accuracy.covariance)
-    poses = rng.multivariate_normal(stop.base, C, FOOTPRINTS, check_valid="ignore")
+    poses = rng.multivariate_normal(stop.base, C, OPTIONS.max_parkings, check_valid="ignore")
     fits = _rooms(plan.world, poses) >= -TOUCH
-    some = np.arange(np.clip(PARKED_ARMS // len(stop.setpoints), FEWEST, FOOTPRINTS))
+    most = OPTIONS.max_parked_arms // len(stop.setpoints)
+    some = np.arange(np.clip(most, OPTIONS.min_parkings, OPTIONS.max_parkings))
     reached = some[fits[some]]
     reached = reached[_reachable_poses(plan, stop, poses[reached])]
     for good, tried, what in (
-        (int(fits.sum()), FOOTPRINTS, "the base has room"),
+        (int(fits.sum()), OPTIONS.max_parkings, "the base has room"),
         (len(reached), len(some), "it is good"),
     ):
-        if bdtr(good, tried, stop.probability) < CHANCE:
+        if bdtr(good, tried, stop.probability) < OPTIONS.min_chance:
             text = f"{who} promises to be good after parking with {stop.probability:.4f}: "
             text += f"{what} after {good} of {tried} parkings"
             yield Violation("stops", None, stop.first, stop.probability - good / tried, text)
@@ -171,15 +167,15 @@ def _reachable_poses(plan: Plan, stop: Stop, poses: Array) -> NDArray[np.bool_]:
 def _worst_on_rim(plan: Plan, stop: Stop) -> tuple[int, float]:
     """The set-point missed farthest on the rim of the circle, and by how much beyond its tolerance."""
     task = [plan.world.task[i] for i in stop.setpoints]
-    base = np.tile(stop.base, (len(task), RIM_POINTS, 1))
-    joints = np.repeat([plan.setpoints[i].joints for i in stop.setpoints], RIM_POINTS, axis=0)
-    targets = [target for target in task for _ in range(RIM_POINTS)]
-    for share in np.arange(1, RIM_STEPS + 1) / RIM_STEPS:
+    base = np.tile(stop.base, (len(task), OPTIONS.rim_points, 1))
+    joints = np.repeat([plan.setpoints[i].joints for i in stop.setpoints], OPTIONS.rim_points, axis=0)
+    targets = [target for target in task for _ in range(OPTIONS.rim_points)]
+    for share in np.arange(1, OPTIONS.rim_steps + 1) / OPTIONS.rim_steps:
         poses = (base + share * (RIM * stop.tolerance)).reshape(-1, 3)
         joints, excess = postures_on_target(plan.world, targets, poses, joints)
     excess = _restarted(plan.world, targets, poses, excess)
     worst = int(np.argmax(excess))
-    return stop.setpoints[worst // RIM_POINTS], float(excess[worst])
+    return stop.setpoints[worst // OPTIONS.rim_points], float(excess[worst])
 
 
 def within_reachable_circles(plan: Plan) -> Plan:
@@ -204,7 +200,7 @@ def _restarted(world: World, targets: Sequence[Target], poses: Array, excess: Ar
     rng, chain = np.random.default_rng(0), world.robot.chain
     low, high = np.maximum(chain.lower, -np.pi), np.minimum(chain.upper, np.pi)
     best = np.where(excess > 0, np.inf, excess)
-    for _ in range(RESTARTS):
+    for _ in range(OPTIONS.max_restarts):
         left = np.flatnonzero(best > 0)
         if not len(left):
             break

@@ -11,10 +11,10 @@ import numpy as np
 from regionik.values import Configuration, Plan, Violation
 from regionik.verification.motion import wrap_angle
 from regionik.verification.proofs import StateNames
+from regionik.verification.tolerances import EXACT
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Start
 
-EXACT = 1e-9  # [m] or [rad]
 SKIPPED_FOR = ("unreachable", "undecided", "no-posture", "ladder-broken")  # verdicts on a set-point left out
 KINDS = ("setpoint", "step", "transit")
 

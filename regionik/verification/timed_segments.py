@@ -20,13 +20,14 @@ from scipy.interpolate import BSpline, make_interp_spline
 from scipy.special import comb
 
 from regionik.verification.motion import Indices, Mask, MotionSegments
+from regionik.verification.options import VERIFICATION
+from regionik.verification.tolerances import EXACT
 from regionik.worlds.arrays import Array
 from regionik.worlds.limits import Speeds
 
-SAME = 1e-9  # states that differ by less are the same [m], [rad]
-PARTS = 16  # of a piece, each with bounds of its own
-STANDS = 1e-7  # of a way that a car rolls with its steering as it is, by rounding [m]
-SLIP, SLIPPED = 1e-3, 1e-5  # that wheels may slip from state to state: as a share of the way, and besides [m]
+OPTIONS = VERIFICATION.proofs
+
+MAX_REST_WAY = 1e-7  # of a way that a car rolls with its steering as it is, by rounding [m]
 AT_REST = 1e-5  # path velocity at an end of a run, as a share of the largest
 NODES, WEIGHTS = np.array(leggauss(24)) / 2 + [[0.5], [0.0]]  # of a mean from 0 to 1
 
@@ -60,7 +61,7 @@ class TimedSegments:
     def lengths(self) -> Array:
         """Lengths on the smooth path, in metres and radians alike, (segments,)."""
         far = np.linalg.norm(self.change, axis=1)
-        return np.where(far > SAME, far, 0.0)
+        return np.where(far > EXACT, far, 0.0)
 
     @cached_property
     def moving(self) -> Indices:
@@ -114,7 +115,7 @@ class TimedSegments:
 
         These are way rolled and heading, (2, m, 4), and the square of the share's rate, (m, 2) [1/s2].
         """
-        rolls = np.abs(self.segments.rolled[self.moving]) > STANDS
+        rolls = np.abs(self.segments.rolled[self.moving]) > MAX_REST_WAY
         k, ways = self.moving[rolls], self._through(self.change[:, :2])[rolls]
         start, end = ((np.maximum(rate[k], 0.0) / self.lengths[k]) ** 2 for rate in self._rates)
         return k, np.moveaxis(ways, 2, 0), np.column_stack([start, end - start])
@@ -175,7 +176,7 @@ class SplinedSegments(TimedSegments):
     def rolling(self) -> tuple[Indices, Array, Array]:
         """See `TimedSegments`: a car rests wherever its curvature changes, so it is constant on a segment."""
         one = self.segments
-        k = np.flatnonzero((self.lengths > 0) & (np.abs(one.rolled) > STANDS))
+        k = np.flatnonzero((self.lengths > 0) & (np.abs(one.rolled) > MAX_REST_WAY))
         ways = np.zeros((2, len(k), 4))
         ways[:, :, 1] = one.rolled[k], one.turn[k]
         return k, ways, np.zeros((len(k), 2))
@@ -267,8 +268,8 @@ def bernstein_parts(polynomials: Array) -> Iterator[Array]:
     """Bernstein coefficients of polynomials (m, n, ...) on each part of the interval from 0 to 1, so many."""
     i, n = np.indices((polynomials.shape[1], polynomials.shape[1]))
     scale = comb(i, n) / comb(len(i) - 1, n)
-    for part in range(PARTS):
-        by_power = scale @ substitution(len(i), part / PARTS, 1 / PARTS)
+    for part in range(OPTIONS.speed_parts):
+        by_power = scale @ substitution(len(i), part / OPTIONS.speed_parts, 1 / OPTIONS.speed_parts)
         yield np.einsum("in,mn...->mi...", by_power, polynomials)
 
 

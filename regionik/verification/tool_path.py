@@ -16,13 +16,13 @@ import numpy as np
 
 from regionik.values import Motion, Violation
 from regionik.verification.motion import Indices, Mask, MotionSegments, chord_deviation
+from regionik.verification.options import VERIFICATION
 from regionik.verification.proofs import Finding, Intervals, IntervalVerdicts, StateNames, bisect, finding
+from regionik.verification.tolerances import BETWEEN, EXACT
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target, World
 
-EXACT = 1e-9  # at states [m] or [rad]
-BETWEEN = 1e-6  # between states [m] or [rad]
-SHORTEST = 1e-4  # motion of the tool over half an interval below which it is not bisected [m] or [rad]
+OPTIONS = VERIFICATION.proofs
 
 
 def verify_setpoints(world: World, segments: MotionSegments, names: StateNames) -> Finding:
@@ -110,7 +110,7 @@ def verify_path(world: World, segments: MotionSegments, names: StateNames) -> Fi
         return IntervalVerdicts(
             worst + bulge <= limit + BETWEEN,
             np.maximum(worst, deviation(middle, k)) > limit + BETWEEN,
-            moved + 100 * bulge < SHORTEST,
+            moved + 100 * bulge < OPTIONS.min_motion,
         )
 
     for item, s in bisect(len(segment), examine).items():
@@ -266,7 +266,7 @@ class _SphereMotion:
         by_middle = np.where(moved < np.pi / 2, centre + moved, np.inf)
         proven = (chord < 1) & (np.minimum(by_ends, by_middle) + bulge <= cone + slack)
         return IntervalVerdicts(
-            proven | (cone >= widest), centre > cone + slack, moved + 100 * chord < SHORTEST
+            proven | (cone >= widest), centre > cone + slack, moved + 100 * chord < OPTIONS.min_motion
         )
 
 

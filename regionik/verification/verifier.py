@@ -29,6 +29,7 @@ from regionik.verification.self_collision import verify_self_collision
 from regionik.verification.speeds import verify_speeds
 from regionik.verification.stops import verify_execution, verify_stops
 from regionik.verification.structure import inconsistencies, malformations
+from regionik.verification.tolerances import EXACT
 from regionik.verification.tool_path import (
     verify_direction,
     verify_orientation,
@@ -40,7 +41,6 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import Target, World
 
-HEADING_TOLERANCE = 1e-9  # of an answer, where the rules fix the heading [rad]
 ARM_KINDS = ("arm", "self")  # checks that hold for answers only where the rules ask for avoidance
 PATH_KINDS = ("path",)  # checks that do not: their tools are held to ``tolerance``, on no path
 
@@ -167,7 +167,7 @@ def _wrong_heading(world: World, base: Array) -> Iterator[Violation]:
     if world.rules.heading == "fixed":
         yaw = 0.0 if world.start is None else float(world.start.base[2])
         off = abs(float(wrap_angle(base[2] - yaw)))
-        if off > HEADING_TOLERANCE:
+        if off > EXACT:
             yield Violation("heading", None, None, off, f"the heading is {off:.4f} rad off the fixed one")
 
 

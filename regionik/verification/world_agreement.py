@@ -10,11 +10,11 @@ import numpy as np
 from regionik.values import Plan, Violation
 from regionik.verification.derived_fields import is_order
 from regionik.verification.proofs import Finding, finding
+from regionik.verification.tolerances import EXACT
 from regionik.worlds.documents.world_file import world_to_document
 from regionik.worlds.readers.text import clip
 from regionik.worlds.scene import Target, World
 
-SAME = 1e-9  # by which numbers may differ, as where another machine rounds otherwise
 PARTS = ("robot", "floor", "obstacles", "start", "rules")
 PASSED_OVER = ("visuals", "skip_unreachable")  # what is only drawn; what was left out is told by itself
 _MISSING = object()
@@ -66,7 +66,7 @@ def _are_named(values: Any) -> bool:
 
 def _same(ours: Any, theirs: Any) -> bool:
     numbers = all(isinstance(one, int | float) and not isinstance(one, bool) for one in (ours, theirs))
-    return abs(ours - theirs) <= SAME if numbers else bool(ours == theirs)
+    return abs(ours - theirs) <= EXACT if numbers else bool(ours == theirs)
 
 
 def _said(value: Any) -> str:
@@ -84,7 +84,7 @@ def _different_tasks(plan: Plan, world: World) -> Iterator[str]:
         asked = theirs[i]
         for what in ("position", "direction", "orientation", "cone"):
             one, other = getattr(target, what), getattr(asked, what)
-            if (one is None) != (other is None) or (one is not None and np.abs(one - other).max() > SAME):
+            if (one is None) != (other is None) or (one is not None and np.abs(one - other).max() > EXACT):
                 said = (
                     clip(None if value is None else np.round(value, 9).tolist()) for value in (one, other)
                 )

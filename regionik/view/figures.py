@@ -32,6 +32,7 @@ from regionik.view.floor_view import (
     stops_floor,
     window,
 )
+from regionik.view.options import VIEW
 from regionik.view.picture import Color, count_noun
 from regionik.view.timeline import PlanCurves, plan_curves
 from regionik.view.world_picture import TURNING_WORDS
@@ -39,10 +40,9 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import World
 
+OPTIONS = VIEW.curves
+
 SUFFIXES = (".svg", ".png")
-LIMIT_OPACITY, LIFTED_OPACITY = 0.45, 0.13  # opacity beyond limits, and of intervals with the tool lifted
-MIN_CURVE_ROOM = 0.01  # so that rounding is not drawn as motion [m] or [rad], and a second
-_LEFT, _RIGHT, _ROW = 4.2, 7.2, 1.9  # widths of a column of joints and of the floor, height of curves [in]
 _HEAD: dict[str, Any] = {"fontsize": 13, "fontweight": "bold"}
 _STYLE = {
     "axes.axisbelow": True, "axes.edgecolor": "#5f6b76", "axes.grid": True, "axes.labelsize": 9,
@@ -80,7 +80,7 @@ def plot_stops(world: World, stops: Sequence[Stop], path: str | os.PathLike[str]
 
     def made() -> Figure:
         floor = stops_floor(world, stops)
-        figure = Figure(figsize=(_RIGHT, _floor_height(floor) + 0.7))
+        figure = Figure(figsize=(OPTIONS.floor_width, _floor_height(floor) + 0.7))
         facts = f"{count_noun(len(world.task), 'set-point')}, {count_noun(len(stops), 'stop')}"
         figure.suptitle(f"{world.name}: {facts}", **_HEAD)
         _floor(figure.add_subplot(), floor)
@@ -103,7 +103,7 @@ def plot_floor(what: Plan | World | Area | Answer, axes: Axes | None = None) -> 
     -------
     matplotlib Axes
     """
-    drawn = axes or Figure(figsize=(_RIGHT, _RIGHT)).add_subplot()
+    drawn = axes or Figure(figsize=(OPTIONS.floor_width, OPTIONS.floor_width)).add_subplot()
     if isinstance(what, Answer):
         _answers(drawn, what)
     else:
@@ -115,10 +115,10 @@ def floor_image(what: Plan | World | Area | Answer) -> str:
     """Return the floor as SVG, for pages."""
 
     def made() -> Figure:
-        figure = Figure(figsize=(_RIGHT, _RIGHT))
+        figure = Figure(figsize=(OPTIONS.floor_width, OPTIONS.floor_width))
         axes = plot_floor(what, figure.add_subplot())
         shape = float(np.clip(np.ptp(axes.get_ylim()) / np.ptp(axes.get_xlim()), 0.2, 1.2))
-        figure.set_figheight((_RIGHT - 0.8) * shape + 1.6)  # and room for the legend
+        figure.set_figheight((OPTIONS.floor_width - 0.8) * shape + 1.6)  # and room for the legend
         return figure
 
     return _render(made, ".svg").decode("utf-8")
@@ -163,8 +163,8 @@ def _field_figure(field: Field) -> Figure:
     rows, columns = np.nonzero(field.values)
     points = np.column_stack([field.x[columns], field.y[rows]])
     low, high = window(floor, [points - half, points + half, task, shapely.get_coordinates(floor)])
-    deep = (_RIGHT - 1.2) * float(np.clip((high[1] - low[1]) / (high[0] - low[0]), 0.2, 2.0))
-    figure = Figure(figsize=(_RIGHT, deep + 1.8))
+    deep = (OPTIONS.floor_width - 1.2) * float(np.clip((high[1] - low[1]) / (high[0] - low[0]), 0.2, 2.0))
+    figure = Figure(figsize=(OPTIONS.floor_width, deep + 1.8))
     ax = figure.add_subplot()
     key: list[Patch | Line2D] = []
     _area(ax, floor, facecolor=_hex(Color.FLOOR), zorder=0)
@@ -207,19 +207,20 @@ def _field_values(ax: Axes, field: Field) -> list[Patch]:
 def _figure(plan: Plan) -> Figure:
     curves, floor, dof = plan_curves(plan), floor_view(plan), plan.world.robot.chain.dof
     panels, high = 2 if curves.timed else 1, _floor_height(floor)
-    figure = Figure(figsize=(_LEFT * panels + _RIGHT, max(1.3 * dof, high + _ROW * panels) + 0.7))
+    wide = OPTIONS.joints_width * panels + OPTIONS.floor_width
+    figure = Figure(figsize=(wide, max(1.3 * dof, high + OPTIONS.row_height * panels) + 0.7))
     facts = [count_noun(len(plan.setpoints), "set-point"), count_noun(plan.lift_offs, "lift-off")]
     untimed = f"{count_noun(len(plan.motion), 'state')}, not timed"
     facts.append(f"{curves.states[-1]:.1f} s" if curves.timed else untimed)
     figure.suptitle(f"{plan.world.name}: {', '.join(facts)}", **_HEAD)
-    sides = figure.add_gridspec(1, 2, width_ratios=[_LEFT * panels, _RIGHT])
+    sides = figure.add_gridspec(1, 2, width_ratios=[OPTIONS.joints_width * panels, OPTIONS.floor_width])
     _joints(figure, sides[0], plan, curves)
     ticks = Line2D([], [], color=_hex(Color.AHEAD), marker="|", markersize=7, ls="", label="set-points")
-    beyond = Patch(facecolor=_hex(Color.SOLID), alpha=LIMIT_OPACITY, label="beyond the limits")
-    lifted = Patch(facecolor=_hex(Color.LIFTED), alpha=LIFTED_OPACITY, label="tool lifted")
+    beyond = Patch(facecolor=_hex(Color.SOLID), alpha=OPTIONS.limit_opacity, label="beyond the limits")
+    lifted = Patch(facecolor=_hex(Color.LIFTED), alpha=OPTIONS.lifted_opacity, label="tool lifted")
     handles = [ticks, beyond, *([lifted] if len(curves.lifted) else [])]
     figure.legend(handles=handles, loc="outside lower left", ncols=3)
-    grid = sides[1].subgridspec(1 + panels, 1, height_ratios=[high, *[_ROW] * panels])
+    grid = sides[1].subgridspec(1 + panels, 1, height_ratios=[high, *[OPTIONS.row_height] * panels])
     _floor(figure.add_subplot(grid[0]), floor)
     if curves.timed:
         _speeds(figure.add_subplot(grid[1]), curves)
@@ -230,7 +231,7 @@ def _figure(plan: Plan) -> Figure:
 def _floor_height(floor: FloorView) -> float:
     """Height of a panel of the floor, with its legend [in]."""
     width, height = (floor.high - floor.low).tolist()
-    return (_RIGHT - 0.8) * float(np.clip(height / width, 0.3, 1.0)) + 1.2
+    return (OPTIONS.floor_width - 0.8) * float(np.clip(height / width, 0.3, 1.0)) + 1.2
 
 
 def _fix_layout(figure: Figure) -> None:
@@ -263,11 +264,11 @@ def _curve(ax: Axes, curves: PlanCurves, values: Array, limits: tuple[float, flo
     """A joint's curve; beyond its limits the panel is shaded."""
     ends = [limit for limit in limits if np.isfinite(limit)]
     low, high = min([*values, *ends]), max([*values, *ends])
-    pad = max(0.08 * (high - low), MIN_CURVE_ROOM)
+    pad = max(0.08 * (high - low), OPTIONS.min_room)
     ax.set_ylim(low - pad, high + pad)
     for limit, beyond in zip(limits, (low - pad, high + pad), strict=True):
         if np.isfinite(limit):
-            ax.axhspan(limit, beyond, facecolor=_hex(Color.SOLID), alpha=LIMIT_OPACITY, linewidth=0)
+            ax.axhspan(limit, beyond, facecolor=_hex(Color.SOLID), alpha=OPTIONS.limit_opacity, linewidth=0)
     width = 0.6 + 0.6 * _crowding(1500, curves.states)
     ax.plot(curves.along, values, color=_hex(Color.AXIS_PATH), linewidth=width)
     ax.yaxis.set_major_locator(MaxNLocator(4))
@@ -277,7 +278,7 @@ def _shared_axis(ax: Axes, curves: PlanCurves, last: bool) -> None:
     """Draw what all curves share: the abscissa, set-points as ticks, lifted intervals shaded."""
     ax.set_xlim(curves.states[0], max(curves.states[-1], curves.states[0] + 1e-3))
     for start, end in curves.lifted.tolist():
-        ax.axvspan(start, end, facecolor=_hex(Color.LIFTED), alpha=LIFTED_OPACITY, linewidth=0)
+        ax.axvspan(start, end, facecolor=_hex(Color.LIFTED), alpha=OPTIONS.lifted_opacity, linewidth=0)
     ticks: dict[str, Any] = {"transform": ax.get_xaxis_transform(), "color": _hex(Color.AHEAD), "zorder": 3}
     ax.vlines(curves.setpoints, 0.0, 0.06, linewidth=_crowding(100, curves.setpoints), **ticks)
     if last:

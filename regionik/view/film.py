@@ -25,10 +25,12 @@ from PIL import Image
 
 from regionik.planners.progress import track
 from regionik.storage.files import write_atomic
+from regionik.view.options import VIEW
 from regionik.worlds.errors import EngineError, InputError
 
+OPTIONS = VIEW.animation
+
 PROGRAMS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-ANSWER_TIMEOUT = 120.0  # for one answer [s]
 _FLAGS = (
     "--headless", "--no-sandbox", "--remote-debugging-pipe", "--use-angle=swiftshader", "--no-first-run",
     "--enable-unsafe-swiftshader", "--disable-gpu-sandbox", "--disable-background-networking",
@@ -101,10 +103,10 @@ class BrowserPage:
         size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
         self.send("Emulation.setDeviceMetricsOverride", **size)
         self.send("Page.navigate", url=page.resolve().as_uri())
-        end = time.monotonic() + ANSWER_TIMEOUT
+        end = time.monotonic() + OPTIONS.browser_timeout
         while self.evaluate("document.readyState + location.protocol") != "completefile:":
             if time.monotonic() > end:
-                raise EngineError(f"Chromium did not load {page} within {ANSWER_TIMEOUT:g} s")
+                raise EngineError(f"Chromium did not load {page} within {OPTIONS.browser_timeout:g} s")
             time.sleep(0.05)
 
     def send(self, method: str, **parameters: Any) -> dict[str, Any]:
@@ -126,7 +128,7 @@ class BrowserPage:
 
     def _read(self) -> dict[str, Any]:
         while b"\0" not in self._unread:
-            ready, _, _ = select.select([self._from], [], [], ANSWER_TIMEOUT)
+            ready, _, _ = select.select([self._from], [], [], OPTIONS.browser_timeout)
             data = os.read(self._from, 1 << 16) if ready else b""
             if not data:
                 raise EngineError("Chromium does not answer" if not ready else "Chromium ended")
@@ -152,14 +154,12 @@ def _complaint(details: dict[str, Any]) -> str:
 
 
 FILMS = (".gif", ".mp4")
-FRAME_RATE, MAX_DURATION = 10, 15.0  # frames a second, length of a film [s]
-FRAME_SIZE = (960, 600)  # [pixels]
 
 
 def film(page: str, path: str | os.PathLike[str]) -> None:
     """Write a film of a plan's page (`regionik.view.page.html_page`), an animated GIF or an MP4.
 
-    Motions longer than `MAX_DURATION` are shown faster. Both need Chromium, an MP4 needs ffmpeg too. The file
+    Motions longer than 15 s are shown faster. Both need Chromium, an MP4 needs ffmpeg too. The file
     is written whole or not at all.
     """
     suffix = Path(path).suffix.lower()
@@ -170,7 +170,7 @@ def film(page: str, path: str | os.PathLike[str]) -> None:
     with tempfile.TemporaryDirectory(prefix="regionik") as folder:
         shown = Path(folder, "plan.html")
         shown.write_text(page, "utf-8")
-        with opened(shown, *FRAME_SIZE) as browser:
+        with opened(shown, *OPTIONS.film_size) as browser:
             frames = list(_frames(browser))
         write_atomic(path, _gif(frames) if suffix == ".gif" else _mp4(frames, Path(folder, "film.mp4")))
 
@@ -179,7 +179,7 @@ def _frames(browser: BrowserPage) -> Iterator[bytes]:
     """Shoot the page at even times, each frame a PNG."""
     browser.evaluate("film()")
     end = float(browser.evaluate("end"))
-    count = max(2, round(FRAME_RATE * min(end, MAX_DURATION)))
+    count = max(2, round(OPTIONS.film_rate * min(end, OPTIONS.max_film_duration)))
     for moment in track("film", np.linspace(0.0, end, count).tolist()):
         browser.evaluate(
             f"seek({moment}); new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
@@ -197,7 +197,7 @@ def _gif(frames: list[bytes]) -> bytes:
         "GIF",
         save_all=True,
         append_images=drawn[1:],
-        duration=1000 // FRAME_RATE,
+        duration=1000 // OPTIONS.film_rate,
         loop=0,
         optimize=False,
     )
@@ -205,7 +205,18 @@ def _gif(frames: list[bytes]) -> bytes:
 
 
 def _mp4(frames: list[bytes], scratch: Path) -> bytes:
-    command = ["ffmpeg", "-y", "-f", "image2pipe", "-framerate", str(FRAME_RATE), "-c:v", "png", "-i", "-"]
+    command = [
+        "ffmpeg",
+        "-y",
+        "-f",
+        "image2pipe",
+        "-framerate",
+        str(OPTIONS.film_rate),
+        "-c:v",
+        "png",
+        "-i",
+        "-",
+    ]
     command += ["-pix_fmt", "yuv420p", "-movflags", "+faststart", str(scratch)]
     done = subprocess.run(command, input=b"".join(frames), capture_output=True, check=False)
     if done.returncode:

@@ -17,11 +17,11 @@ from regionik.regions import Area
 from regionik.scene import scene_of
 from regionik.values import Plan, Stop
 from regionik.verification.base_clearance import footprint_hulls
+from regionik.view.options import VIEW
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 
-# Floor areas are drawn to this [m], before one is cut from another, so that no gap shows between them.
-DETAIL = 0.002
+OPTIONS = VIEW.floor
 
 
 class ShownFloor(NamedTuple):
@@ -32,7 +32,7 @@ class ShownFloor(NamedTuple):
     rejected: BaseGeometry  # they have none at any heading, for solids or the floor's edge
 
 
-def shown_floor(world: World, detail: float = DETAIL) -> ShownFloor:
+def shown_floor(world: World, detail: float = OPTIONS.detail) -> ShownFloor:
     """The floor in the parts that pictures show, as fine as ``detail`` [m].
 
     Of what lifts carry that counts which is in the way at each of their heights. No place in the part that is
@@ -76,8 +76,8 @@ def used_areas(plan: Plan) -> list[BaseGeometry]:
     rolls, found = plan.world.robot.drive.rolls, []
     for area, place in zip(plan.areas, places, strict=False):
         parts = shapely.get_parts(area.admissible)
-        held = parts[shapely.dwithin(parts, place, DETAIL)]
-        holds = shapely.dwithin(area.pruned, place, DETAIL) and not rolls
+        held = parts[shapely.dwithin(parts, place, OPTIONS.detail)]
+        holds = shapely.dwithin(area.pruned, place, OPTIONS.detail) and not rolls
         found.append(area.pruned if holds else shapely.union_all([area.pruned, *held]))
     return found
 
@@ -104,18 +104,11 @@ def parking_circles(world: World, stops: Sequence[Stop]) -> BaseGeometry:
     return MultiPolygon([at.buffer(stop.tolerance) for at, stop in zip(places, stops, strict=True)])
 
 
-def drawn_union(areas: Sequence[BaseGeometry], detail: float = DETAIL) -> BaseGeometry:
+def drawn_union(areas: Sequence[BaseGeometry], detail: float = OPTIONS.detail) -> BaseGeometry:
     """The union of many areas, as fine as it is drawn."""
     union = shapely.union_all([area.simplify(detail) for area in areas])
     # Overlapping rings leave thousands of holes: simplify and repair is far faster than to stay valid.
     return shapely.make_valid(union.simplify(detail, preserve_topology=False))
-
-
-SHOWN_POSES = 8  # at which the base is shown
-WINDOW_MARGIN, WINDOW_SHARE = 0.3, 0.15  # shown around all there is: this [m] and this share of its size
-FLOOR_EDGE = 0.1  # shown beyond the floor [m]
-RESOLUTION = 2000  # details across a picture
-ABOVE_ALL = 100.0  # above every solid [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +146,7 @@ def floor_view(what: Plan | World | Area) -> FloorView:
 def _plan_floor(plan: Plan) -> FloorView:
     world, motion = plan.world, plan.motion
     at = np.flatnonzero(motion.kind == "setpoint")
-    shown = motion.base[at[np.unique(np.linspace(0, len(at) - 1, SHOWN_POSES).round().astype(int))]]
+    shown = motion.base[at[np.unique(np.linspace(0, len(at) - 1, OPTIONS.shown_poses).round().astype(int))]]
     return _floor_view(
         world,
         np.array([stop.base for stop in plan.stops]) if plan.stops else shown,
@@ -197,7 +190,7 @@ def _floor_view(
     corners = shapely.bounds([area for area in areas if not area.is_empty])
     shapes = map(shapely.get_coordinates, (outlines, circles))
     low, high = window(floor, [corners.reshape(-1, 2), axis_path, tool_path, setpoints, *shapes])
-    detail = max(DETAIL, float((high - low).max()) / RESOLUTION)
+    detail = max(OPTIONS.detail, float((high - low).max()) / OPTIONS.max_details)
     parts = shown_floor(world, detail)
     admissible, strong = drawn_union(areas, detail), drawn_union(used[0], detail)
     return FloorView(
@@ -241,7 +234,7 @@ def _heading_strokes(base: Array, outlines: BaseGeometry) -> Array:
 
 def seen_from_above(world: World) -> BaseGeometry:
     """Solids as seen from above."""
-    shadows = [solid.shadow(ABOVE_ALL) for solid in world.solids]
+    shadows = [solid.shadow(OPTIONS.above_all) for solid in world.solids]
     areas = [shadow.shape() for shadow in shadows if shadow is not None]
     return shapely.union_all(areas) if areas else Polygon()
 
@@ -251,9 +244,9 @@ def window(floor: Polygon, lines: list[Array]) -> tuple[Array, Array]:
     points = np.vstack(lines)
     points = points if len(points) else np.reshape(floor.bounds, (2, 2))
     low, high = points.min(axis=0), points.max(axis=0)
-    margin = WINDOW_MARGIN + WINDOW_SHARE * (high - low).max()
+    margin = OPTIONS.margin + OPTIONS.margin_share * (high - low).max()
     bounds = np.array(floor.bounds)
     return (
-        np.maximum(low - margin, np.minimum(low, bounds[:2]) - FLOOR_EDGE),
-        np.minimum(high + margin, np.maximum(high, bounds[2:]) + FLOOR_EDGE),
+        np.maximum(low - margin, np.minimum(low, bounds[:2]) - OPTIONS.floor_edge),
+        np.minimum(high + margin, np.maximum(high, bounds[2:]) + OPTIONS.floor_edge),
     )

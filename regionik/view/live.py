@@ -19,7 +19,7 @@ from regionik.pruning import Pruned, whole_path
 from regionik.regions import path_areas
 from regionik.scene import scene_of
 from regionik.view import triangle_meshes
-from regionik.view.floor_view import DETAIL
+from regionik.view.options import VIEW
 from regionik.view.picture import Color, Picture, SceneMesh, count_noun
 from regionik.view.viewer import delete_node, draw_meshes, draw_message, set_scene
 from regionik.view.world_picture import (
@@ -34,7 +34,7 @@ from regionik.worlds.errors import Explanation, InputError, NoPlanFound
 from regionik.worlds.obstacles import Shadow, Solid
 from regionik.worlds.scene import Floor, World
 
-POLL_INTERVAL = 0.05  # [s]
+OPTIONS = VIEW.animation
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +133,7 @@ def file_changes(path: Path) -> Iterator[None]:
 
 def _changes_since(path: Path, last: tuple[int, int, int] | None) -> Iterator[None]:
     while True:
-        time.sleep(POLL_INTERVAL)
+        time.sleep(OPTIONS.poll_interval)
         now = _stamp(path)
         if now is not None and now != last:
             last = now
@@ -235,16 +235,17 @@ def _obstacle_meshes(solid: Solid, k: int, taken: tuple[tuple[Shadow, float], ..
     mesh = scene_obstacle(f"obstacles/{k}", solid)
     if not taken:
         return (mesh,)
-    rejected = shapely.union_all([grow(shadow, by, inner=False) for shadow, by in taken]).simplify(DETAIL)
+    grown = [grow(shadow, by, inner=False) for shadow, by in taken]
+    rejected = shapely.union_all(grown).simplify(VIEW.floor.detail)
     label = "rejected: too close to a solid"
     return mesh, floor_layer(f"floor/rejected/{k}", rejected, Color.REJECTION, 2, label)
 
 
 def _area_meshes(areas: LiveAreas) -> list[SceneMesh]:
-    every = shapely.union_all(areas.areas.inner).simplify(DETAIL)
+    every = shapely.union_all(areas.areas.inner).simplify(VIEW.floor.detail)
     if areas.pruned is None:
         return [floor_layer("areas/pale", every, Color.PALE, 3, "admissible for some set-point")]
-    strong = shapely.union_all(areas.pruned.ladder.component[areas.pruned.keep]).simplify(DETAIL)
+    strong = shapely.union_all(areas.pruned.ladder.component[areas.pruned.keep]).simplify(VIEW.floor.detail)
     rolls = areas.world.robot.drive.rolls
     whole = "areas for the whole path" + (", if it drove every way" if rolls else "")
     rest = "admissible for some set-point" if rolls else "admissible, but a dead end"

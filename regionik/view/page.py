@@ -19,6 +19,7 @@ from regionik.storage.files import write_atomic
 from regionik.timing.trajectory import is_timed
 from regionik.values import Answer, Plan
 from regionik.view.figures import floor_image
+from regionik.view.options import VIEW
 from regionik.view.picture import Picture
 from regionik.view.timeline import timeline_document
 from regionik.view.viewer import packed_commands, picture_of, viewer_script
@@ -102,13 +103,10 @@ def served(page: str) -> Iterator[str]:
         server.server_close()
 
 
-_LINES = 5
-
-
 def as_html(value: Plan | World | Area | Answer) -> str:
     """Return a picture of the floor and a few lines as HTML."""
     picture = floor_image(value)
-    lines = "\n".join(facts(value)[:_LINES])
+    lines = "\n".join(facts(value)[: VIEW.max_html_facts])
     return f"<div>{picture[picture.index('<svg') :]}<pre>{escape(lines)}</pre></div>"
 
 

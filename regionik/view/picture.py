@@ -8,18 +8,17 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from regionik.view.options import VIEW
 from regionik.view.triangle_meshes import TriangleMesh, shadow_polygon
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
+
+OPTIONS = VIEW.camera
 
 if TYPE_CHECKING:
     from regionik.view.timeline import Timeline
 
 TrackKind = Literal["position", "turn", "color", "faces"]
-VIEW_ANGLE = np.radians(42.0)  # from bottom to top of the window
-_ASPECT = 1.45  # narrower than common windows, which leaves room for the legend
-_MARGIN = 0.8  # about set-points and base [m]
-_MIN_HIDING_HEIGHT = 0.3  # obstacles below this height hide little [m]
 # From the south first, as on a drawing with north up; others, and steeper ones, only where they see more.
 _AZIMUTHS = np.radians([-100.0, -60.0, -140.0, 80.0, 120.0, 40.0, 0.0, 180.0])
 _ELEVATIONS = np.radians([48.0, 62.0, 76.0])
@@ -139,8 +138,8 @@ def _ground_of_interest(world: World, spots: Array) -> tuple[Array, Array]:
     if not len(spots):
         return np.array([x_low, y_low]), np.array([x_high, y_high])
     first, last = spots.min(axis=0), spots.max(axis=0)
-    low = np.minimum(np.maximum(first - _MARGIN, [x_low, y_low]), first)
-    high = np.maximum(np.minimum(last + _MARGIN, [x_high, y_high]), last)
+    low = np.minimum(np.maximum(first - OPTIONS.margin, [x_low, y_low]), first)
+    high = np.maximum(np.minimum(last + OPTIONS.margin, [x_high, y_high]), last)
     return low, high
 
 
@@ -153,8 +152,8 @@ def _toward(azimuth: float, elevation: float) -> Array:
 def _distance(corners: Array, back: Array) -> float:
     """Distance of the eye from the centre to see all corners (n, 3), given relative to it [m]."""
     right, up, _ = camera_axes(back)
-    tall = np.tan(VIEW_ANGLE / 2)
-    need = np.maximum(np.abs(corners @ up) / tall, np.abs(corners @ right) / (tall * _ASPECT))
+    tall = np.tan(OPTIONS.view_angle / 2)
+    need = np.maximum(np.abs(corners @ up) / tall, np.abs(corners @ right) / (tall * OPTIONS.aspect))
     return max(1.0, float((need + corners @ back).max()) * 1.04)
 
 
@@ -168,7 +167,8 @@ def camera_axes(back: Array) -> tuple[Array, Array, Array]:
 def _boxes(world: World) -> Array:
     """Bounding boxes (n, 2, 3) of obstacles [m]; map cells hide the same from everywhere."""
     boxes = []
-    for solid in (obstacle for obstacle in world.obstacles if obstacle.z_range[1] > _MIN_HIDING_HEIGHT):
+    tall = (one for one in world.obstacles if one.z_range[1] > OPTIONS.min_hiding_height)
+    for solid in tall:
         x_low, y_low, x_high, y_high = shadow_polygon(solid).bounds
         boxes.append([[x_low, y_low, solid.z_range[0]], [x_high, y_high, solid.z_range[1]]])
     return np.array(boxes).reshape(-1, 2, 3)

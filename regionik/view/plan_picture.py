@@ -13,12 +13,12 @@ from shapely.geometry.base import BaseGeometry
 from regionik.explain.several import left_out
 from regionik.timing.trajectory import is_timed, trajectory
 from regionik.values import Plan
-from regionik.view.floor_view import DETAIL, area_words, axis_path, drawn_union, parking_circles, used_areas
+from regionik.view.floor_view import area_words, axis_path, drawn_union, parking_circles, used_areas
+from regionik.view.options import VIEW
 from regionik.view.picture import Color, KeyframeTrack, Picture, SceneMesh, camera_for, count_noun
 from regionik.view.timeline import timeline
-from regionik.view.triangle_meshes import TUBE_SIDES, TriangleMesh, floor_mesh, merge, spheres, tubes
+from regionik.view.triangle_meshes import TriangleMesh, floor_mesh, merge, spheres, tubes
 from regionik.view.world_picture import (
-    MARK_RADIUS,
     TOOL,
     floor_layer,
     floor_radius,
@@ -31,12 +31,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.drives import unwrapped
 from regionik.worlds.robot import Robot
 
-SHOWN_SPEED = 0.25  # of base or tool, whichever moves farther [m/s]
-MIN_DURATION, MAX_DURATION = 10.0, 60.0  # [s]
-END_PAUSE = 1.5  # at the end, before the animation starts again [s]
-MAX_FRAMES, FRAME_RATE = 2000, 15  # at most in all, and a second of a timed plan besides its states
-_TURN_RADIUS = 0.2  # a turn counts as the motion of a point at this distance from the axis [m]
-_MIN_STEP = 0.002  # [m], so that no two states have the same time
+OPTIONS = VIEW.animation
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,11 +46,11 @@ class KeyFrames:
 
     @property
     def duration(self) -> float:
-        return float(self.times[-1]) + END_PAUSE
+        return float(self.times[-1]) + OPTIONS.end_pause
 
 
 def key_frames(plan: Plan, clock: Array) -> KeyFrames:
-    """Return at most about `MAX_FRAMES` key frames, all set-points among them.
+    """Return at most about 2,000 key frames, all set-points among them.
 
     States are shown at the times of a ``clock`` (n,) [s], see `display_times`. A timed plan goes between them
     as `regionik.trajectory` does.
@@ -64,7 +59,7 @@ def key_frames(plan: Plan, clock: Array) -> KeyFrames:
     if is_timed(motion):
         kept = motion.time[_selected(motion.kind == "setpoint")]
         end = float(motion.time[-1])
-        even = np.linspace(0.0, end, int(np.clip(FRAME_RATE * end, 2, MAX_FRAMES)))
+        even = np.linspace(0.0, end, int(np.clip(OPTIONS.frame_rate * end, 2, OPTIONS.max_frames)))
         times = np.union1d(kept, even) if end > 0 else kept[:1]
         sample = trajectory(plan).sample(times)
         lifted = (motion.kind == "transit")[np.searchsorted(motion.time, times)]
@@ -104,19 +99,19 @@ def _interpolated(index: Array, column: Array) -> Array:
 
 
 def _even_times(base: Array, joints: Array, tools: Array) -> Array:
-    """Times (n,) at which base, tool or a joint moves at `SHOWN_SPEED`, whichever moves farther [s]."""
+    """Times (n,) at which base, tool or a joint moves at the speed shown, whichever moves farther [s]."""
     driven, moved = (np.linalg.norm(np.diff(p, axis=0), axis=1) for p in (base[:, :2], tools))
     turned = np.abs(np.diff(np.column_stack([base[:, 2], joints]), axis=0)).max(axis=1)
-    moves = np.maximum(np.maximum(driven, moved), _TURN_RADIUS * turned)
-    times = np.concatenate([[0.0], np.cumsum(np.maximum(moves, _MIN_STEP))]) / SHOWN_SPEED
+    moves = np.maximum(np.maximum(driven, moved), OPTIONS.turn_radius * turned)
+    times = np.concatenate([[0.0], np.cumsum(np.maximum(moves, OPTIONS.min_step))]) / OPTIONS.shown_speed
     total = times[-1]
-    return times * (np.clip(total, MIN_DURATION, MAX_DURATION) / total if total > 0 else 1.0)
+    return times * (np.clip(total, OPTIONS.min_duration, OPTIONS.max_duration) / total if total > 0 else 1.0)
 
 
 def _selected(at_setpoint: NDArray[np.bool_]) -> NDArray[np.intp]:
     """Indices of the states that become key frames."""
     n = len(at_setpoint)
-    others = n if n <= MAX_FRAMES else max(2, MAX_FRAMES - int(at_setpoint.sum()))
+    others = n if n <= OPTIONS.max_frames else max(2, OPTIONS.max_frames - int(at_setpoint.sum()))
     spread = np.linspace(0, n - 1, others).round().astype(np.intp)
     return np.union1d(spread, np.flatnonzero(at_setpoint))
 
@@ -163,7 +158,7 @@ def _areas(
     """Unions of what is used and of what is not, the area of the next set-point, and the axis' path."""
     used, (strong_words, pale_words) = used_areas(plan), area_words(plan)
     strong = drawn_union(used)
-    single = [floor_mesh(area.simplify(DETAIL)) for area in used]
+    single = [floor_mesh(area.simplify(VIEW.floor.detail)) for area in used]
     path = axis_path(plan)
     line = LineString(np.vstack([path, path[-1:]])).buffer(0.007)
     bodies = [
@@ -192,14 +187,14 @@ def _parking_meshes(plan: Plan) -> list[SceneMesh]:
 def _left_out(plan: Plan) -> Iterator[SceneMesh]:
     """Marks of the set-points that are left out, each named by its reason."""
     for one in plan.skipped:
-        mark = spheres(one.target.position[None], 1.6 * MARK_RADIUS)
+        mark = spheres(one.target.position[None], 1.6 * VIEW.scene.mark_radius)
         path = f"task/left out {one.setpoint}"
         yield SceneMesh(path, mark, Color.MISSING, label="set-points left out", name=one.reason)
 
 
 def _passed_setpoints(plan: Plan, frames: KeyFrames) -> tuple[list[SceneMesh], list[KeyframeTrack]]:
     """Green marks, a little larger than those ahead, which they cover one by one."""
-    marks = spheres(np.array([t.position for t in plan.world.task]), 1.15 * MARK_RADIUS)
+    marks = spheres(np.array([t.position for t in plan.world.task]), 1.15 * VIEW.scene.mark_radius)
     times = np.concatenate([[0.0], frames.passed])
     counts = len(marks.faces) // len(plan.world.task) * np.arange(len(times))
     track = KeyframeTrack("task/passed", "faces", times, _from_first(counts))
@@ -219,8 +214,8 @@ def _tool_trace(plan: Plan, frames: KeyFrames) -> tuple[list[SceneMesh], list[Ke
         ("tool/trace", ~lifted, Color.PASSED, "path of the tool"),
         ("tool/lifted", lifted, Color.LIFTED, "tool lifted"),
     ):
-        faces = whole.faces[np.repeat(rows, 2 * TUBE_SIDES)]
-        counts = 2 * TUBE_SIDES * np.concatenate([[0], np.cumsum(rows)])
+        faces = whole.faces[np.repeat(rows, 2 * VIEW.scene.tube_sides)]
+        counts = 2 * VIEW.scene.tube_sides * np.concatenate([[0], np.cumsum(rows)])
         if rows.any():
             mesh = TriangleMesh(whole.vertices, faces)
             bodies.append(SceneMesh(path, mesh, color, lit=False, label=label))

@@ -17,10 +17,13 @@ from regionik.timing.limits import tool_velocity
 from regionik.timing.trajectory import TrajectorySample, is_timed, trajectory
 from regionik.values import Motion, Plan
 from regionik.verification.base_clearance import base_shadows, footprint_hulls
+from regionik.view.options import VIEW
 from regionik.worlds.arrays import Array
 from regionik.worlds.drives import unwrapped
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import World
+
+OPTIONS = VIEW.curves
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,12 +73,6 @@ def _base_clearance(world: World, base: Array) -> Array:
     return clearance
 
 
-SAMPLES = 600  # of a motion, at even times
-CURVE_SAMPLES = 1000  # of a timed plan, at even times besides its states
-STRIDE = 2  # of samples, from one at which distances are measured to the next
-_DIGITS = 5
-
-
 @dataclass(frozen=True, eq=False)
 class Timeline:
     """Curves of a motion over the time in which it is shown."""
@@ -97,8 +94,8 @@ def timeline(plan: Plan, clock: Array) -> Timeline:
     """Return the curves of a plan whose states are shown at the times of a ``clock`` (n,) [s]."""
     motion, robot = plan.motion, plan.world.robot
     at = clock[motion.kind == "setpoint"]
-    grid = np.linspace(clock[0], clock[-1], SAMPLES) if clock[-1] > clock[0] else clock[:1]
-    times, measured = np.union1d(grid, at), np.union1d(grid[::STRIDE], at)
+    grid = np.linspace(clock[0], clock[-1], OPTIONS.samples) if clock[-1] > clock[0] else clock[:1]
+    times, measured = np.union1d(grid, at), np.union1d(grid[:: OPTIONS.distance_stride], at)
     speeds: dict[str, Array] = {}
     if is_timed(motion):
         sample = trajectory(plan).sample(times)
@@ -164,7 +161,7 @@ def timeline_document(curves: Timeline) -> dict[str, Any]:
 
 
 def _numbers(values: Array) -> list[float | None]:
-    return [round(value, _DIGITS) + 0.0 if np.isfinite(value) else None for value in values.tolist()]
+    return [round(value, OPTIONS.digits) + 0.0 if np.isfinite(value) else None for value in values.tolist()]
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,7 +185,7 @@ def plan_curves(plan: Plan) -> PlanCurves:
     states = motion.time if timed else np.arange(1.0, len(motion) + 1)
     along, joints, velocities, speeds = states, motion.joints, motion.joints[:0], dict[str, Array]()
     if timed:
-        along = np.union1d(states, np.linspace(0.0, states[-1], CURVE_SAMPLES))
+        along = np.union1d(states, np.linspace(0.0, states[-1], OPTIONS.timed_samples))
         sample = trajectory(plan).sample(along)
         joints, velocities = sample.joints, sample.joint_velocity
         speeds = _tool_and_base_speeds(plan.world.robot, sample)

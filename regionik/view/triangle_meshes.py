@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
+from regionik.view.options import VIEW
 from regionik.worlds.arrays import Array, transform_points
 from regionik.worlds.links import LinkBox, LinkCapsule, LinkHull, LinkSolid
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
 
-_FACETS = 24  # facets round a circle
-TUBE_SIDES = 5
+OPTIONS = VIEW.scene
+
 # Two triangles a side, counter-clockwise seen from outside; corners as `LinkBox.corners` has them.
 _BOX_SIDES = [
     *([0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5]),  # x
@@ -95,19 +96,19 @@ def tubes(points: Array, radius: float) -> TriangleMesh:
     length = np.linalg.norm(along, axis=1, keepdims=True)
     along = np.where(length > 0, along / np.where(length > 0, length, 1.0), [1.0, 0.0, 0.0])
     u, v = _perpendicular(along)
-    angle = 2 * np.pi * np.arange(TUBE_SIDES) / TUBE_SIDES
+    angle = 2 * np.pi * np.arange(OPTIONS.tube_sides) / OPTIONS.tube_sides
     ring = radius * (np.cos(angle)[:, None, None] * u + np.sin(angle)[:, None, None] * v)
     overlap = 0.5 * radius * along  # neighbours overlap, so that bends show no gap
     vertices = np.concatenate([a - overlap + ring, b + overlap + ring]).transpose(1, 0, 2).reshape(-1, 3)
-    k = np.arange(TUBE_SIDES)
-    after = (k + 1) % TUBE_SIDES
+    k = np.arange(OPTIONS.tube_sides)
+    after = (k + 1) % OPTIONS.tube_sides
     one = np.concatenate(
         [
-            np.column_stack([k, after, after + TUBE_SIDES]),
-            np.column_stack([k, after + TUBE_SIDES, k + TUBE_SIDES]),
+            np.column_stack([k, after, after + OPTIONS.tube_sides]),
+            np.column_stack([k, after + OPTIONS.tube_sides, k + OPTIONS.tube_sides]),
         ]
     )
-    faces = one[None] + 2 * TUBE_SIDES * np.arange(len(a))[:, None, None]
+    faces = one[None] + 2 * OPTIONS.tube_sides * np.arange(len(a))[:, None, None]
     return TriangleMesh(vertices, faces.reshape(-1, 3).astype(np.uint32))
 
 
@@ -174,7 +175,7 @@ def link_mesh(body: LinkSolid) -> TriangleMesh:
 def shadow_polygon(body: Solid) -> BaseGeometry:
     """The shadow of a whole obstacle on the floor, circles as polygons."""
     shadow = body.shadow()
-    return Polygon() if shadow is None else shadow.shape(quad_segs=_FACETS // 4)
+    return Polygon() if shadow is None else shadow.shape(quad_segs=OPTIONS.facets // 4)
 
 
 def _from_corners(corners: Array) -> TriangleMesh:
@@ -192,7 +193,7 @@ def _perpendicular(along: Array) -> tuple[Array, Array]:
     return (u, v) if len(along) != 1 else (u[0], v[0])
 
 
-def _revolve(r: Array, z: Array, around: int = _FACETS) -> TriangleMesh:
+def _revolve(r: Array, z: Array, around: int = OPTIONS.facets) -> TriangleMesh:
     """The surface of revolution of a profile (n,) about the z axis."""
     angle = 2 * np.pi * np.arange(around) / around
     vertices = np.stack(

@@ -22,15 +22,8 @@ from PIL import Image, ImageDraw, ImageFont
 
 from regionik.values import Plan
 from regionik.view import triangle_meshes
-from regionik.view.picture import (
-    VIEW_ANGLE,
-    Camera,
-    KeyframeTrack,
-    LegendEntry,
-    Picture,
-    SceneMesh,
-    camera_axes,
-)
+from regionik.view.options import VIEW
+from regionik.view.picture import Camera, KeyframeTrack, LegendEntry, Picture, SceneMesh, camera_axes
 from regionik.view.plan_picture import picture_of_plan
 from regionik.view.world_picture import picture_of_world
 from regionik.worlds.arrays import Array
@@ -38,8 +31,9 @@ from regionik.worlds.chain import translation
 from regionik.worlds.errors import EngineError
 from regionik.worlds.scene import World
 
+OPTIONS = VIEW.board
+
 _ROOT = "/meshcat"
-_BOARD_WIDTH = 1.6  # of the message board, in half heights of the view
 _FOREVER = 1_000_000  # repetitions of the animation
 _STEPS = 2300  # three.js: a value jumps at its key
 # Property, type of its values, whether it jumps. Values of type string are handed on as they are, which is
@@ -50,10 +44,6 @@ _THREE = {
     "color": (".material.color", "color", True),
     "faces": (".geometry[drawRange]", "string", True),
 }
-_FONT_SIZE, _LINE_HEIGHT, _PADDING = 30, 40, 14  # [pixels]
-_LINE, _MAX_LINES = 74, 5  # letters in a line, lines
-_KEYS, _KEY_SIZE = 3, 24  # entries of a legend in a row, height of their letters [pixels]
-_INK, _PAPER = (31, 41, 55), (250, 249, 245)
 _DEFAULT_VIEW_ANGLE = np.radians(75.0)  # of MeshCat's camera
 # The server exits with this process: its stdin closes, however the parent ends.
 _EXIT_WITH_PARENT = """
@@ -172,8 +162,8 @@ def draw_message(visualizer: Any, text: str, camera: Camera, legend: Sequence[Le
     offset = camera.eye - camera.center
     distance = float(np.linalg.norm(offset))
     right, up, back = camera_axes(offset / distance)
-    width = 0.5 * distance * np.tan(VIEW_ANGLE / 2) * _BOARD_WIDTH
-    middle = camera.center + 0.5 * offset + (0.94 * width / _BOARD_WIDTH - width / aspect / 2) * up
+    width = 0.5 * distance * np.tan(VIEW.camera.view_angle / 2) * OPTIONS.width
+    middle = camera.center + 0.5 * offset + (0.94 * width / OPTIONS.width - width / aspect / 2) * up
     T = np.eye(4)
     T[:3, 0], T[:3, 1], T[:3, 2], T[:3, 3] = right, up, back, middle
     board = geometry.Box([width, width / aspect, 1e-4])
@@ -190,22 +180,24 @@ def text_image(text: str, legend: Sequence[LegendEntry] = ()) -> tuple[bytes, fl
     >>> png[1:4], aspect > 10
     (b'PNG', True)
     """
-    lines = textwrap.wrap(text, _LINE, max_lines=_MAX_LINES, placeholder=" ...") or [""]
-    font = ImageFont.load_default(_FONT_SIZE)
-    width = 2 * _PADDING + int(max(font.getlength("n" * _LINE) * 0.95, *map(font.getlength, lines)))
-    small = ImageFont.load_default(_KEY_SIZE)
+    lines = textwrap.wrap(text, OPTIONS.line, max_lines=OPTIONS.max_lines, placeholder=" ...") or [""]
+    font = ImageFont.load_default(OPTIONS.font_size)
+    widest = max(font.getlength("n" * OPTIONS.line) * 0.95, *map(font.getlength, lines))
+    width = 2 * OPTIONS.padding + int(widest)
+    small = ImageFont.load_default(OPTIONS.key_size)
     longest = max((small.getlength(entry.label) for entry in legend), default=0.0)
-    keys = max(1, min(_KEYS, int((width - _PADDING) // (longest + 50))))  # in a row
+    keys = max(1, min(OPTIONS.keys_in_row, int((width - OPTIONS.padding) // (longest + 50))))  # in a row
     rows = len(lines) + -(-len(legend) // keys)
-    image = Image.new("RGB", (width, 2 * _PADDING + _LINE_HEIGHT * rows), _PAPER)
+    image = Image.new("RGB", (width, 2 * OPTIONS.padding + OPTIONS.line_height * rows), OPTIONS.paper)
     pen = ImageDraw.Draw(image)
     for k, line in enumerate(lines):
-        pen.text((_PADDING, _PADDING + k * _LINE_HEIGHT), line, font=font, fill=_INK)
+        y = OPTIONS.padding + k * OPTIONS.line_height
+        pen.text((OPTIONS.padding, y), line, font=font, fill=OPTIONS.ink)
     for k, entry in enumerate(legend):
-        x = _PADDING + k % keys * (width // keys)
-        y = _PADDING + (len(lines) + k // keys) * _LINE_HEIGHT
+        x = OPTIONS.padding + k % keys * (width // keys)
+        y = OPTIONS.padding + (len(lines) + k // keys) * OPTIONS.line_height
         pen.rectangle((x, y + 8, x + 24, y + 32), fill=f"#{entry.color:06x}")
-        pen.text((x + 34, y + 4), entry.label, font=small, fill=_INK)
+        pen.text((x + 34, y + 4), entry.label, font=small, fill=OPTIONS.ink)
     data = io.BytesIO()
     image.save(data, "PNG")
     return data.getvalue(), image.width / image.height
@@ -277,7 +269,8 @@ def _lights_and_camera(picture: Picture) -> Iterator[_Command]:
     camera = "/Cameras/default/rotated/<object>"
     # MeshCat's camera lives in a frame whose y axis points up.
     yield _property(camera, "position", [float(offset[0]), float(offset[2]), float(-offset[1])])
-    yield _property(camera, "zoom", float(np.tan(_DEFAULT_VIEW_ANGLE / 2) / np.tan(VIEW_ANGLE / 2)))
+    zoom = float(np.tan(_DEFAULT_VIEW_ANGLE / 2) / np.tan(VIEW.camera.view_angle / 2))
+    yield _property(camera, "zoom", zoom)
 
 
 def _sun(extent: float) -> dict[str, Any]:

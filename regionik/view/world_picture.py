@@ -17,7 +17,8 @@ from regionik.postures.poses import pose_of
 from regionik.regions import known_area, reach_of
 from regionik.scene import scene_of
 from regionik.view import triangle_meshes
-from regionik.view.floor_view import DETAIL, rejected_words, shown_floor
+from regionik.view.floor_view import rejected_words, shown_floor
+from regionik.view.options import VIEW
 from regionik.view.picture import Camera, Color, Picture, SceneMesh, camera_for, count_noun
 from regionik.view.timeline import bodies_around
 from regionik.worlds.arrays import Array
@@ -28,18 +29,12 @@ from regionik.worlds.obstacles import Solid
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Target, World
 
-MARK_RADIUS = 0.014  # of set-points [m]
+OPTIONS = VIEW.scene
+
 TOOL = "tool/tip"
 TURNING_WORDS = "room at some headings only"
 _CAUSE_WORDS = "in the way; the set-point"
 GHOST_WORDS = "robot, where it may stand: the world gives no start"
-_GHOST_OPACITY = 0.35  # opacity of a robot that stands nowhere in particular
-_PLACES, _STEP = 48, 0.3  # places that are tried, and their least distance from the first set-point [m]
-_MAX_OPAQUE_HEIGHT = 0.6  # obstacles above this height are drawn translucent [m]
-_SHAFT = 0.008  # radius of arrows [m]
-_WHEEL = 0.05  # radius of wheels at most [m]
-_POINT_RADII = (0.03, 0.16)  # of the body of a base that is a point [m]
-_MIN_SEEN_SHARE = 0.7  # of the footprint, from which visual surfaces show the whole base
 
 
 def picture_of_world(world: World) -> Picture:
@@ -89,7 +84,7 @@ def shown_start(world: World, area: BaseGeometry | None = None) -> tuple[Array, 
         return world.start.base, world.start.joints
     robot = world.robot
     edge = _free_places(world) if area is None else shapely.get_coordinates(shapely.boundary(area))
-    bases = [pose_of(robot, spot, 0.0) for spot in edge[:: 1 + len(edge) // _PLACES]]
+    bases = [pose_of(robot, spot, 0.0) for spot in edge[:: 1 + len(edge) // OPTIONS.start_places]]
     if not bases:
         return None
     bodies = bodies_around(world)
@@ -104,8 +99,9 @@ def _free_places(world: World) -> Array:
     if not world.task:
         middle: Array = shapely.get_coordinates(shapely.point_on_surface(free))
         return middle
-    step = max(_STEP, 0.6 * float(np.linalg.norm(world.robot.chain.link_vectors, axis=1).sum()))
-    angles = np.radians(np.arange(0.0, 360.0, 360.0 / _PLACES))
+    length = float(np.linalg.norm(world.robot.chain.link_vectors, axis=1).sum())
+    step = max(OPTIONS.min_start_distance, 0.6 * length)
+    angles = np.radians(np.arange(0.0, 360.0, 360.0 / OPTIONS.start_places))
     ring = world.task[0].position[:2] + step * np.column_stack([np.cos(angles), np.sin(angles)])
     places: Array = ring[shapely.contains_xy(free, *ring.T)]
     return places if len(places) else shapely.get_coordinates(free)
@@ -137,7 +133,7 @@ def robot_meshes(
     poses[f"{last}/tool"] = robot.chain.T_last_tool
     tip = triangle_meshes.capsule(np.zeros(3), np.zeros(3), tool_radius(robot))
     bodies.append(SceneMesh(f"{last}/{TOOL}", tip, Color.PASSED, name="tool point"))
-    label, opacity = (GHOST_WORDS, _GHOST_OPACITY) if ghost else ("robot", 1.0)
+    label, opacity = (GHOST_WORDS, OPTIONS.ghost_opacity) if ghost else ("robot", 1.0)
     return [replace(body, label=label, opacity=opacity) for body in bodies], poses
 
 
@@ -165,7 +161,7 @@ def tool_radius(robot: Robot) -> float:
     last = max((solid.link for solid in robot.solids), default=0)
     solids = [solid for solid in robot.solids if solid.link == last]
     half = [s.radius or float(np.ptp(s.corners, axis=0).min()) / 2 for s in solids]
-    return 1.25 * max([MARK_RADIUS, *half])
+    return 1.25 * max([OPTIONS.mark_radius, *half])
 
 
 def floor_radius(world: World, camera: Camera) -> float:
@@ -186,9 +182,9 @@ def _base_meshes(robot: Robot, room: float) -> list[SceneMesh]:
     outline, top = shapely.convex_hull(shapely.MultiPoint(robot.footprint)), robot.body_height
     name = "base"
     if len(robot.footprint) == 1:
-        outline, top = outline.buffer(float(np.clip(room, *_POINT_RADII))), 0.7 * top
+        outline, top = outline.buffer(float(np.clip(room, *OPTIONS.point_base_radii))), 0.7 * top
         name = "base, a point in the model"
-    wheel = min(_WHEEL, top / 3)
+    wheel = min(OPTIONS.max_wheel_radius, top / 3)
     x_low, y_low, x_high, y_high = outline.bounds
     front, size = x_high, 0.25 * min(x_high - x_low, y_high - y_low)
     middle = (y_low + y_high) / 2
@@ -211,7 +207,7 @@ def _is_seen_whole(robot: Robot) -> bool:
         return False
     outline = shapely.convex_hull(shapely.MultiPoint(robot.footprint))
     seen = shapely.convex_hull(shapely.MultiPoint(np.concatenate(corners)))
-    return bool((seen & outline).area >= _MIN_SEEN_SHARE * outline.area)
+    return bool((seen & outline).area >= OPTIONS.min_seen_share * outline.area)
 
 
 def _wheels(outline: Polygon, radius: float) -> Iterator[triangle_meshes.TriangleMesh]:
@@ -241,7 +237,12 @@ def map_meshes(floor: Floor) -> list[SceneMesh]:
 
 def _grey(path: str, mesh: triangle_meshes.TriangleMesh, top: float, name: str) -> SceneMesh:
     return SceneMesh(
-        path, mesh, Color.SOLID, 1.0 if top <= _MAX_OPAQUE_HEIGHT else 0.5, label="obstacles", name=name
+        path,
+        mesh,
+        Color.SOLID,
+        1.0 if top <= OPTIONS.max_opaque_height else 0.5,
+        label="obstacles",
+        name=name,
     )
 
 
@@ -257,7 +258,7 @@ def task_meshes(world: World, missing: NDArray[np.bool_] | None = None) -> list[
     bodies = [SceneMesh("task/path", path, Color.PATH, lit=False, label="tool path asked for")]
     for node, rows, color, size, label in marks:
         if rows.any():
-            mesh = triangle_meshes.spheres(points[rows], size * MARK_RADIUS)
+            mesh = triangle_meshes.spheres(points[rows], size * OPTIONS.mark_radius)
             numbers = tuple(np.flatnonzero(rows).tolist())
             bodies.append(SceneMesh(node, mesh, color, label=label, name="set-point", numbers=numbers))
     return bodies
@@ -290,38 +291,39 @@ def picture_of_explanation(world: World, explanation: Explanation, target: Targe
 def _areas(world: World, explanation: Explanation, i: int) -> Iterator[SceneMesh]:
     """Reach and area before, and the area after the smallest repair."""
     scene, target = scene_of(world), world.task[i]
-    area = known_area(scene, target).simplify(DETAIL)
-    reach = reach_of(scene, target).simplify(DETAIL)
+    area = known_area(scene, target).simplify(VIEW.floor.detail)
+    reach = reach_of(scene, target).simplify(VIEW.floor.detail)
     yield floor_layer("why/reach", reach, Color.PALE, 3, "reach, were nothing in the way")
     yield floor_layer("why/before", area, Color.STRONG, 4, "area as it is")
     if explanation.repairs:
         mended = repaired(scene, explanation.repairs[0], i)
         after = known_area(mended, mended.task[i])
         # The area after a smallest repair is next to nothing: a rim makes it visible.
-        shown = after.buffer(0.01).simplify(DETAIL)
+        shown = after.buffer(0.01).simplify(VIEW.floor.detail)
         yield floor_layer("why/after", shown, Color.CURRENT, 5, "area after the first repair")
 
 
 def _changes(world: World, explanation: Explanation, i: int) -> Iterator[SceneMesh]:
     """The set-point, and targets and obstacles where repairs move them, with arrows."""
     position = world.task[i].position
-    mark = triangle_meshes.spheres(position[None], 1.8 * MARK_RADIUS)
+    mark = triangle_meshes.spheres(position[None], 1.8 * OPTIONS.mark_radius)
     yield SceneMesh("why/target", mark, Color.CAUSE, label=_CAUSE_WORDS, name=f"set-point {i + 1}")
     for k, repair in enumerate(explanation.repairs):
         if repair.kind == "move-target":
             start, move = position, np.array(repair.vector)
-            mesh, opacity = triangle_meshes.spheres((start + move)[None], 1.5 * MARK_RADIUS), 1.0
+            mesh, opacity = triangle_meshes.spheres((start + move)[None], 1.5 * OPTIONS.mark_radius), 1.0
         elif repair.kind == "move-obstacle":
             before, after = (
                 next(solid for solid in one.obstacles if solid.name == repair.name)
                 for one in (world, repaired(scene_of(world), repair).world)
             )
             center = triangle_meshes.shadow_polygon(before).centroid
-            start = np.array([center.x, center.y, before.z_range[1] + 3 * _SHAFT])  # above the obstacle
+            above = before.z_range[1] + 3 * OPTIONS.shaft_radius
+            start = np.array([center.x, center.y, above])
             move = np.array([*repair.vector, 0.0])
             mesh, opacity = triangle_meshes.obstacle_mesh(after), 0.35
         else:
             continue
-        arrow = triangle_meshes.arrow(start, start + move, _SHAFT)
+        arrow = triangle_meshes.arrow(start, start + move, OPTIONS.shaft_radius)
         for path, part, seen in ((f"why/move {k}", arrow, 1.0), (f"why/moved {k}", mesh, opacity)):
             yield SceneMesh(path, part, Color.REPAIR, seen, label="what a repair moves", name=repair.text)

@@ -17,6 +17,9 @@ from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import rot_x, rot_y, rot_z, translation
 from regionik.worlds.links import LinkBox, LinkCapsule, LinkHull, LinkSolid
+from regionik.worlds.urdf.options import URDF
+
+OPTIONS = URDF.bounding
 
 
 @dataclass(frozen=True)
@@ -39,8 +42,6 @@ class _BoundingOptions:
 
 
 _BOUNDS = _BoundingOptions()
-MAX_EXCESS = 1e-3  # by which a solid may stand out of what it bounds, if few corners do [m]
-MAX_CORNERS = 48  # of a hull, as collision checks take each of them
 
 
 def convex_hull(points: Array) -> Array:
@@ -136,7 +137,7 @@ def bounding_solid(link: int, name: str, points: Array) -> LinkSolid:
     found = [_least_solid(link, name, points, *box(points)) for box in (oriented_box, fast_oriented_box)]
     least = min(found, key=volume)
     hull = _hull(points)
-    if hull is None or _excess(least, hull) <= MAX_EXCESS:
+    if hull is None or _excess(least, hull) <= OPTIONS.max_excess:
         return least
     tight = LinkHull(link, name, _few_corners(hull, oriented_box(points)[0][:3, :3]))
     return tight if _excess(tight, hull) < _excess(least, hull) else least
@@ -152,7 +153,7 @@ def _few_corners(hull: ConvexHull, axes: Array) -> Array:
     """Return the corners of a polytope around a hull whose faces are some of the hull's, and of a box's.
 
     Of the hull's faces those are taken, one at a time, beyond which the polytope stands out most, until that
-    is `MAX_EXCESS`, or the corners are `MAX_CORNERS`.
+    is ``max_excess`` of the options, or the corners are ``max_corners``.
     """
     normals, offsets = hull.equations[:, :3], -hull.equations[:, 3]
     points, middle = hull.points[hull.vertices], hull.points[hull.vertices].mean(0)
@@ -161,11 +162,11 @@ def _few_corners(hull: ConvexHull, axes: Array) -> Array:
     while True:
         beyond = corners @ normals.T - offsets
         worst = int(beyond.max(0).argmax())
-        if beyond.max() <= MAX_EXCESS:
+        if beyond.max() <= OPTIONS.max_excess:
             return corners
         chosen = np.vstack([chosen, normals[worst]])
         finer = _bounded_by(chosen, points, middle)
-        if len(finer) > MAX_CORNERS:
+        if len(finer) > OPTIONS.max_corners:
             return corners
         corners = finer
 

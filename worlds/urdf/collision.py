@@ -35,6 +35,7 @@ from regionik.worlds.urdf.decomposition import CollisionPart, clip_triangles, de
 from regionik.worlds.urdf.elements import CollisionShape, Inertial, UrdfModel
 from regionik.worlds.urdf.kinematic_tree import PlacedLink
 from regionik.worlds.urdf.meshes import MeshFiles
+from regionik.worlds.urdf.options import URDF
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,6 @@ class _BaseOptions:
 
 
 _BASE = _BaseOptions()
-HUGE_MESH, HUGE_MESH_SHARE = 3.0, 5.0  # sizes of meshes that are told: at least [m], and of the arm's length
 _UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -124,7 +124,8 @@ def collision_model(
 def _huge(sizes: dict[str, float], chain: Chain) -> tuple[str, ...]:
     """Return a note on links whose meshes are far larger than the arm is long."""
     arm = float(np.linalg.norm(chain.link_vectors, axis=1).sum())
-    huge = [(name, size) for name, size in sizes.items() if size > max(HUGE_MESH, HUGE_MESH_SHARE * arm)]
+    least = max(URDF.doubts.huge_mesh, URDF.doubts.huge_mesh_share * arm)
+    huge = [(name, size) for name, size in sizes.items() if size > least]
     if not huge:
         return ()
     told = join_names((f"link {name} is {size:.3g} m in size" for name, size in huge), 8)
@@ -283,11 +284,6 @@ def _ring(hull: Polygon) -> Array:
     return corners
 
 
-# The solid box of a mass and inertia is smaller than the link, which is hollow, or heavy in its middle. Made
-# wider so, it holds 88 in a hundred of 350 links of published robots.
-INERTIA_SCALE, INERTIA_MARGIN = 1.5, 0.05  # times, and then to each side, if it is not smaller itself [m]
-
-
 def _arm_stand_in(chain: Chain, owner: int) -> LinkCapsule:
     """Return a capsule from a joint of the arm to the next one, or to the tool."""
     name, end = f"{chain.joints[owner].name} stand-in", chain.link_vectors[owner]
@@ -315,7 +311,8 @@ def _inertia_box(inertial: Inertial) -> Array:
     moments, axes = np.linalg.eigh(inertial.tensor)
     spread = np.clip(moments.sum() - 2 * moments, 0.0, None) / (2 * inertial.mass)  # variance along each axis
     half = np.sqrt(3 * spread)
-    corners = (INERTIA_SCALE * half + min(INERTIA_MARGIN, float(half.max()))) * CUBE_CORNERS
+    more = min(URDF.bounding.inertia_margin, float(half.max()))
+    corners = (URDF.bounding.inertia_scale * half + more) * CUBE_CORNERS
     return transform_points(inertial.T_link_inertial, corners @ axes.T)
 
 

@@ -24,10 +24,10 @@ from regionik.worlds.urdf.bounding import (
     oriented_box,
     rough_volume,
 )
+from regionik.worlds.urdf.options import URDF
 
-MAX_SOLIDS = 20  # solids of a robot, as collision checks take each of them
-MIN_SAVED_SHARE = 0.08  # of a part's volume, that each further piece must save
-_MAX_SAMPLED = 1000  # triangles of a mesh when places to cut are compared
+OPTIONS = URDF.bounding
+
 _CUTS = np.linspace(0, 1, 7)[1:-1]  # places tried along each side of the bounding box
 
 
@@ -58,7 +58,7 @@ def mesh_part(link: int, name: str, triangles: Array, sources: frozenset[str] = 
     return CollisionPart(link, name, convex_hull(triangles.reshape(-1, 3)), triangles, sources=sources)
 
 
-def decompose(parts: Iterable[CollisionPart], most: int = MAX_SOLIDS) -> tuple[CollisionPart, ...]:
+def decompose(parts: Iterable[CollisionPart], most: int = OPTIONS.max_solids) -> tuple[CollisionPart, ...]:
     """Return the parts to bound: all that are given, cut where that pays, merged beyond ``most``."""
     return tuple(_cut(_merged(_distinct(parts), most), most))
 
@@ -84,7 +84,11 @@ def _cut(parts: list[CollisionPart], most: int) -> list[CollisionPart]:
             for j, way in enumerate(ways)
             if 0 < len(way) - len(chosen[k]) <= spare
         }
-        enough = {key: saved for key, saved in worth.items() if saved > MIN_SAVED_SHARE * parts[key[0]].rough}
+        enough = {
+            key: saved
+            for key, saved in worth.items()
+            if saved > OPTIONS.min_saved_share * parts[key[0]].rough
+        }
         if not enough:
             break
         k, j = max(enough, key=lambda key: (enough[key], -key[0], -key[1]))
@@ -114,7 +118,7 @@ def _cuttings(part: CollisionPart) -> list[list[CollisionPart]]:
 
 def _halves(part: CollisionPart, turn: Array) -> list[CollisionPart]:
     """Return both sides of the plane that leaves the smallest boxes, among planes square to box axes."""
-    some = part.triangles[:: 1 + len(part.triangles) // _MAX_SAMPLED]
+    some = part.triangles[:: 1 + len(part.triangles) // OPTIONS.max_sampled]
     least, cut = np.inf, (turn[:, 0], np.inf)
     for axes in (turn, fast_oriented_box(part.points)[0][:3, :3]):
         for normal, offset in _planes(part.points, axes):

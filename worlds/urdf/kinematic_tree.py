@@ -17,8 +17,10 @@ from regionik.worlds.joints import Joint, Mimic
 from regionik.worlds.links import BASE, LinkMass
 from regionik.worlds.readers.text import join_names
 from regionik.worlds.urdf.elements import UrdfJoint, UrdfModel
+from regionik.worlds.urdf.options import URDF
 
-MIN_ENDLESS_TRAVEL = 200.0  # travel of a slide that is a base's, or of a turn [m] or [rad]
+OPTIONS = URDF.doubts
+
 _LEVEL = 1e-6
 
 _KINDS: dict[str, Literal["revolute", "prismatic"]] = {
@@ -224,12 +226,12 @@ def _virtual_joints(path: tuple[UrdfJoint, ...]) -> int:
             continue
         rise = abs(float((turn @ joint.axis)[2]) / float(np.linalg.norm(joint.axis)))
         room = (joint.upper or 0.0) - (joint.lower or 0.0)
-        endless = joint.kind == "prismatic" and rise < _LEVEL and room >= MIN_ENDLESS_TRAVEL
+        endless = joint.kind == "prismatic" and rise < _LEVEL and room >= OPTIONS.min_endless_travel
         free = joint.kind in ("planar", "floating") and not _moving_count(path[count:k])
         if endless or free:
             count, slides = k + 1, slides + 1
         elif joint.kind in ("revolute", "continuous") and rise > 1 - _LEVEL:
-            count = k + 1 if slides > 1 and room >= MIN_ENDLESS_TRAVEL else count
+            count = k + 1 if slides > 1 and room >= OPTIONS.min_endless_travel else count
         else:
             break
     return count

@@ -53,6 +53,7 @@ from regionik.worlds.urdf.kinematic_tree import (
     place_links,
 )
 from regionik.worlds.urdf.meshes import MeshFiles
+from regionik.worlds.urdf.options import URDF
 from regionik.worlds.urdf.srdf import (
     NO_SEMANTICS,
     SemanticModel,
@@ -62,12 +63,9 @@ from regionik.worlds.urdf.srdf import (
     srdf_beside,
 )
 
+OPTIONS = URDF.seen
+
 _UPRIGHT = 1e-9
-MIN_TOLD_DEPTH = 1e-3  # of the tool point in its own link, from which on it is told [m]
-MAX_TRIANGLES = 12_000  # of what is seen of a robot, coarse enough for a page
-MAX_MESH_TRIANGLES = 500_000  # triangles of one that is read
-GREY = 0x8A939C  # where a file gives no colour
-_FACETS = 20  # round a circle
 
 
 def load_robot(
@@ -306,7 +304,7 @@ def _notes(placement: LinkPlacement, measured: bool, path: KinematicPath) -> lis
 
 def _tip_notes(robot: Robot) -> list[str]:
     depth, name = robot.tip_depth
-    if depth < MIN_TOLD_DEPTH:
+    if depth < URDF.doubts.min_tool_depth:
         return []
     return [
         f"the tool point lies {depth:.4f} m inside {name}: it sinks that deep into what the tool touches, "
@@ -350,7 +348,7 @@ def _visual_surfaces(
     for link in links:
         for shape, color in model.visuals[link.name]:
             for one in _surfaces(shape, meshes):
-                paint = color if color is not None else GREY if one.color is None else one.color
+                paint = color if color is not None else OPTIONS.grey if one.color is None else one.color
                 placed = transform_points(link.T_owner_link @ shape.T_link_shape, one.triangles)
                 pieces.setdefault((link.owner, paint), []).append(placed)
                 seen.add(link.name)
@@ -363,7 +361,7 @@ def _visual_surfaces(
     for part in parts:
         if part.sources & seen:
             shown[part.link] = (*shown.get(part.link, ()), part.solid.name)
-    coarse = coarsened(tuple(surfaces), MAX_TRIANGLES)
+    coarse = coarsened(tuple(surfaces), OPTIONS.max_triangles)
     return tuple(replace(one, stands_for=shown.pop(one.link, ())) for one in coarse)
 
 
@@ -373,7 +371,7 @@ def _surfaces(shape: CollisionShape, meshes: MeshFiles) -> Iterator[Surface]:
         yield Surface(hull_triangles(_corners(shape)), None)
         return
     with suppress(InputError):
-        yield from (one for one in meshes.colored(shape) if len(one.triangles) <= MAX_MESH_TRIANGLES)
+        yield from (one for one in meshes.colored(shape) if len(one.triangles) <= OPTIONS.max_mesh_triangles)
 
 
 def _corners(shape: CollisionShape) -> Array:
@@ -381,13 +379,13 @@ def _corners(shape: CollisionShape) -> Array:
     if shape.kind == "box":
         box: Array = CUBE_CORNERS * np.array(shape.size) / 2
         return box
-    angle = 2 * np.pi * np.arange(_FACETS) / _FACETS
-    ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(_FACETS)])
+    angle = 2 * np.pi * np.arange(OPTIONS.facets) / OPTIONS.facets
+    ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(OPTIONS.facets)])
     up = np.array([0.0, 0.0, 1.0])
     if shape.kind == "cylinder":
         radius, length = shape.size
         return np.concatenate([radius * ring + end * length / 2 * up for end in (-1, 1)])
-    heights = np.linspace(-1, 1, _FACETS // 2 + 1)
+    heights = np.linspace(-1, 1, OPTIONS.facets // 2 + 1)
     sphere = [np.sqrt(1 - z * z) * ring + z * up for z in np.sin(heights * np.pi / 2).tolist()]
     ball = np.unique(shape.size[0] * np.concatenate(sphere), axis=0)
     if shape.kind == "sphere":

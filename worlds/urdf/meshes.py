@@ -15,10 +15,12 @@ from regionik.worlds.readers.meshes import COLLADA, Surface, read_geometries, re
 from regionik.worlds.readers.text import MAX_NUMBER
 from regionik.worlds.urdf.bounding import convex_hull, hull_triangles, outer_hull
 from regionik.worlds.urdf.elements import CollisionShape
+from regionik.worlds.urdf.options import URDF
+
+OPTIONS = URDF.bounding
 
 _SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9+.-]*):/?/?")
 _PACKAGE = "package"
-_MAX_TRIANGLES = 20_000  # triangles, or points, above which a hull replaces the surface
 _TOO_LARGE = f"expected finite numbers of at most {MAX_NUMBER:g} in size"
 
 
@@ -114,10 +116,10 @@ def _read(path: Path) -> Array | str:
     points = np.concatenate([points for points, _ in pieces])
     if not np.isfinite(points).all() or np.abs(points).max() > MAX_NUMBER:
         return _TOO_LARGE
-    if sum(0 if faces is None else len(faces) for _, faces in pieces) > _MAX_TRIANGLES:
+    if sum(0 if faces is None else len(faces) for _, faces in pieces) > OPTIONS.max_surface:
         return _hull(points)
     return np.concatenate([_hull(some) if faces is None else some[faces] for some, faces in pieces])
 
 
 def _hull(points: Array) -> Array:
-    return hull_triangles(convex_hull(points) if len(points) <= _MAX_TRIANGLES else outer_hull(points))
+    return hull_triangles(convex_hull(points) if len(points) <= OPTIONS.max_surface else outer_hull(points))

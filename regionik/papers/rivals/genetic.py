@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from regionik.papers.options import PAPERS
 from regionik.papers.rivals.method import ArmMethod, SearchResult, arm_length, position_error
 from regionik.planners.solvers.damped_least_squares import DIRECTION, POSITION, Aim
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
 
-POPULATION, TOURNAMENT, GENERATIONS = 50, 5, 500  # paper 004, Table 1, configuration 2
-MUTATION, ELITE = 0.3, 2  # the 1 % without elitism of the paper ends three times as far off
+OPTIONS = PAPERS.genetic
 
 
 class Genetic(ArmMethod):
@@ -43,8 +43,8 @@ class Genetic(ArmMethod):
         chain: Chain,
         tolerance: float = 1e-3,
         angle_tolerance: float = 1e-3,
-        mutation: float = MUTATION,
-        elite: int = ELITE,
+        mutation: float = OPTIONS.mutation,
+        elite: int = OPTIONS.elite,
         seed: int = 0,
     ) -> None:
         super().__init__(chain, tolerance, angle_tolerance)
@@ -59,22 +59,22 @@ class Genetic(ArmMethod):
     def search(self, aim: Aim, joints: Array) -> SearchResult:
         """Return the best of all generations; a generation counts as an iteration."""
         lower, upper = self._bounds(aim, joints)
-        first = np.random.default_rng(self._seed).uniform(lower, upper, (POPULATION, self.chain.dof))
+        first = np.random.default_rng(self._seed).uniform(lower, upper, (OPTIONS.population, self.chain.dof))
         first[0] = np.clip(joints, lower, upper)
         search = self._algorithm(
-            num_generations=GENERATIONS,
-            num_parents_mating=POPULATION,
+            num_generations=OPTIONS.generations,
+            num_parents_mating=OPTIONS.population,
             initial_population=first,
             gene_space=[{"low": a, "high": b} for a, b in zip(lower, upper, strict=True)],
             parent_selection_type="tournament",
-            K_tournament=TOURNAMENT,
+            K_tournament=OPTIONS.tournament,
             crossover_type="single_point",
             mutation_type="random",
             mutation_probability=self._mutation,
             keep_elitism=self._elite,
             keep_parents=0,
             fitness_func=lambda _, genes, __: -self._misses(aim, np.atleast_2d(genes)),
-            fitness_batch_size=POPULATION,
+            fitness_batch_size=OPTIONS.population,
             stop_criteria=f"reach_{-self.tolerance}",
             random_seed=self._seed,
             suppress_warnings=True,

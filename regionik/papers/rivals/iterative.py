@@ -13,7 +13,8 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from regionik.papers.rivals.method import RESTARTS, ArmMethod, SearchResult, arm_length
+from regionik.papers.options import PAPERS
+from regionik.papers.rivals.method import ArmMethod, SearchResult, arm_length
 from regionik.planners.geometry.vectors import Vector, cross, dot, minus, plus, rotated, squared, turned
 from regionik.planners.kernels import compiled
 from regionik.planners.solvers.damped_least_squares import (
@@ -30,7 +31,8 @@ from regionik.planners.solvers.serial_chain import SerialArm, chain_frames, chai
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, spread_postures
 
-MAX_ITERATIONS = 300  # from each start
+OPTIONS = PAPERS.comparison
+
 TRACE = 1e-12  # of the squared reach, in place of a decision on the rank of the pseudo-inverse
 HALVINGS = 12  # of a step that does not help, before it is given up
 STALLED = 1e-6  # share of the rest by which a sweep of CCD must at least improve
@@ -66,8 +68,8 @@ class IterativeMethod(ArmMethod):
         chain: Chain,
         tolerance: float = 1e-3,
         angle_tolerance: float = 1e-3,
-        max_iterations: int = MAX_ITERATIONS,
-        restarts: int = RESTARTS,
+        max_iterations: int = OPTIONS.max_iterations,
+        restarts: int = OPTIONS.restarts,
     ) -> None:
         super().__init__(chain, tolerance, angle_tolerance)
         self.arm, reach = serial_arm(chain), arm_length(chain)

@@ -7,6 +7,7 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
+from regionik.papers.options import PAPERS
 from regionik.planners.solvers.damped_least_squares import Aim
 from regionik.planners.solvers.multistart_ik import ArmSolver
 from regionik.planners.solvers.rigid_bodies import span
@@ -15,7 +16,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
 
-RESTARTS = 10  # other postures to start from, the same for all methods that start again
+OPTIONS = PAPERS.comparison
 
 
 class SearchResult(NamedTuple):
@@ -56,7 +57,7 @@ class Fabrik(ArmMethod):
         tolerance: float = 1e-3,
         angle_tolerance: float = 1e-3,
         max_iterations: int = 300,
-        restarts: int = RESTARTS,
+        restarts: int = OPTIONS.restarts,
     ) -> None:
         super().__init__(chain, tolerance, angle_tolerance)
         self._solver = ArmSolver(chain, tolerance, angle_tolerance, max_iterations, restarts, self.polishing)

@@ -6,6 +6,7 @@ import warnings
 
 import numpy as np
 
+from regionik.papers.options import PAPERS
 from regionik.papers.rivals.iterative import DampedLeastSquares
 from regionik.papers.rivals.method import ArmMethod, SearchResult, arm_length, position_error
 from regionik.planners.solvers.damped_least_squares import POSITION, Aim
@@ -14,12 +15,10 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, spread_postures
 from regionik.worlds.errors import InputError
 
-HIDDEN = (50, 50)  # one layer of a hundred, as in paper 004, has about 1.5 times the error
-SAMPLES, EPOCHS = 800, 4000
+OPTIONS = PAPERS.network
+
 EXACT = 1e-9  # tolerance of the training postures [m]
-BEST_SHARE = 0.25  # of the samples that count as learnt, where fewer are met within tolerance
 VERTICAL = 1e-9  # tolerance of a vertical pivot [m]
-SLICE = 0.05  # of the arm's length: samples within it are at one height
 
 
 class Network(ArmMethod):
@@ -52,8 +51,8 @@ class Network(ArmMethod):
         self,
         chain: Chain,
         tolerance: float = 1e-3,
-        samples: int = SAMPLES,
-        epochs: int = EPOCHS,
+        samples: int = OPTIONS.samples,
+        epochs: int = OPTIONS.epochs,
         seed: int = 0,
     ) -> None:
         super().__init__(chain, tolerance, 1e-3)
@@ -69,7 +68,7 @@ class Network(ArmMethod):
         positions, postures = training_set(chain, samples, seed)
         self._position_scale, self._posture_scale = _scale(positions), _scale(postures)
         self._network = MLPRegressor(
-            hidden_layer_sizes=HIDDEN,
+            hidden_layer_sizes=OPTIONS.hidden,
             activation="tanh",
             solver="lbfgs",
             alpha=0.0,
@@ -84,7 +83,7 @@ class Network(ArmMethod):
             inputs = _standardized(positions, self._position_scale)
             self._network.fit(inputs, _standardized(postures, self._posture_scale))
         off = np.linalg.norm(chain.forward(self._predict(positions))[:, :3, 3] - positions, axis=1)
-        self.learnt = positions[off <= max(self.tolerance, float(np.quantile(off, BEST_SHARE)))]
+        self.learnt = positions[off <= max(self.tolerance, float(np.quantile(off, OPTIONS.min_learnt_share)))]
 
     def search(self, aim: Aim, joints: Array) -> SearchResult:
         """Predict once, clipped to the limits."""
@@ -109,7 +108,7 @@ class Network(ArmMethod):
         """Nearest on the floor of the positions learnt at about this height, (3,) [m]."""
         heading, local = self._at_heading_zero(position)
         off = np.abs(self.learnt[:, 2] - local[2])
-        near = self.learnt[off <= max(SLICE * arm_length(self.chain), float(off.min()))]
+        near = self.learnt[off <= max(OPTIONS.height_share * arm_length(self.chain), float(off.min()))]
         x, y, z = near[np.argmin(np.linalg.norm((near - local)[:, :2], axis=1))]
         c, s = np.cos(heading), np.sin(heading)
         return np.array([c * x - s * y, s * x + c * y, z])

@@ -1,0 +1,55 @@
+"""Numbers that tune what is told of the reach of targets: how much is searched, and how finely.
+
+None of them decides what is true: with less a target is left undecided, with more it takes longer.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class SearchOptions:
+    """Searches of all postures of an arm at one target, from any base."""
+
+    max_cells: int = 200_000  # of postures
+    min_cells: int = 64  # of any such search: those that it may begin with
+    known_cell: float = 0.05  # of distance and height, in which one posture is kept to begin with [m]
+    targets_at_once: int = 500  # that a worker is given
+
+
+@dataclass(frozen=True)
+class RefinementOptions:
+    """Bisection of headings and tilts, where areas over wide spans of them leave a target undecided."""
+
+    max_cells: int = 240
+    first_cells: int = 8  # that a full turn is cut in, where it does not do as a whole
+    min_cell_width: float = 1e-4  # narrower ones are not bisected [rad]
+    min_disc: float = 1e-4  # in what a cell leaves open: smaller ones are not bisected [m]
+    narrow_cell: float = 0.02  # from which on finer polygons for discs are worth their time [rad]
+    disc_sides: int = 48
+    narrow_disc_sides: int = 384
+    max_rotated_share: float = 1.05  # of the circle round a footprint, by polygons round its rotations
+    max_tries: int = 16  # inner areas that are searched for a configuration
+
+
+@dataclass(frozen=True)
+class FieldOptions:
+    """Fields and slices of reach: grids of the floor."""
+
+    max_cells: int = 40_000_000  # a matter of memory
+    headings: int = 8  # of the best place, where the base has room to turn
+    block: int = 8  # cells across, whose distance from a piece of floor is asked at once
+    targets_at_once: int = 2000  # whose areas are made
+
+
+@dataclass(frozen=True)
+class ReachabilityOptions:
+    """All of them, by what they tune."""
+
+    search: SearchOptions = SearchOptions()
+    refinement: RefinementOptions = RefinementOptions()
+    field: FieldOptions = FieldOptions()
+
+
+REACHABILITY = ReachabilityOptions()
