@@ -24,8 +24,9 @@ from regionik.view.options import VIEW
 from regionik.view.page import html_page, served, to_html
 from regionik.view.plan_picture import picture_of_plan
 from regionik.view.timeline import clearances
+from regionik.view.viewer import picture_of
 from regionik.view.world_picture import picture_of_world, shown_start
-from regionik.worlds.errors import InputError
+from regionik.worlds.errors import EngineError, InputError
 from regionik.worlds.links import LinkBox
 from regionik.worlds.scene import World
 from tests.maths import Array, pose
@@ -323,6 +324,54 @@ def test_a_film_is_a_moving_picture(tmp_path: Path) -> None:
         assert image.size == VIEW.animation.film_size
     with pytest.raises(InputError, match=r"expected a file name ending in \.gif, \.mp4"):
         film.film(html_page(brief), tmp_path / "plan.avi")
+
+
+@pytest.fixture
+def without_webgl(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Put a Chromium on the path that draws nothing in three dimensions."""
+    program = tmp_path / "bin" / "chromium"
+    program.parent.mkdir()
+    program.write_text(f'#!/bin/sh\nexec "{chromium()}" --disable-3d-apis "$@"\n')
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{program.parent}{os.pathsep}{os.environ['PATH']}")
+
+
+@needs_browser
+@pytest.mark.usefixtures("without_webgl")
+def test_a_page_without_webgl_says_so_and_tells_the_rest(tmp_path: Path) -> None:
+    plan = timed(synthetic_plan(l_shape()))
+    for what in (plan, plan.world):
+        to_html(what, tmp_path / "page.html")
+        with opened(tmp_path / "page.html") as browser:
+            settle(browser)
+            assert browser.complaints == []
+            said = browser.evaluate("document.body.innerText")
+            assert "This browser has no WebGL, so the scene is not drawn" in said
+            assert all(label in said for _, label, _ in picture_of(what).legend)
+            assert not browser.evaluate("document.querySelector('#layers input').checkVisibility()")
+            if what is plan:
+                assert "the time bar, the figures and the curves work" in said
+                browser.evaluate("jump(11)")
+                assert told(browser)["at set-point"] == "12 of 40"
+                x, y, width, height = place(browser, "document.getElementById('bar')")
+                drag(browser, (x + width / 2, y + height / 2))
+                end = float(plan.motion.time[-1])
+                assert number(told(browser)["time"]) == pytest.approx(end / 2, abs=2 * end / width)
+
+
+@needs_browser
+def test_a_page_with_webgl_does_not_speak_of_it(tmp_path: Path) -> None:
+    to_html(l_shape(), tmp_path / "page.html")
+    with opened(tmp_path / "page.html") as browser:
+        assert "WebGL" not in browser.evaluate("document.body.innerText")
+
+
+@needs_browser
+@pytest.mark.usefixtures("without_webgl")
+def test_without_webgl_a_film_is_one_line(tmp_path: Path) -> None:
+    with pytest.raises(EngineError, match="Chromium has no WebGL here, which a film is drawn with"):
+        film.film(html_page(timed(synthetic_plan(l_shape()))), tmp_path / "plan.gif")
+    assert not (tmp_path / "plan.gif").exists()
 
 
 def test_without_a_browser_a_film_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -177,6 +177,8 @@ def film(page: str, path: str | os.PathLike[str]) -> None:
 
 def _frames(browser: BrowserPage) -> Iterator[bytes]:
     """Shoot the page at even times, each frame a PNG."""
+    if browser.evaluate("document.body.classList.contains('undrawn')"):
+        raise EngineError("Chromium has no WebGL here, which a film is drawn with")
     browser.evaluate("film()")
     end = float(browser.evaluate("end"))
     count = max(2, round(OPTIONS.film_rate * min(end, OPTIONS.max_film_duration)))

@@ -4,11 +4,25 @@
 
 const $ = (id) => document.getElementById(id);
 const stage = $("stage"), pane = $("meshcat-pane"), tip = $("tip");
-const viewer = new MeshCat.Viewer(pane);
+const motion = page.motion, still = motion === null;
+
+// Without WebGL nothing is drawn and the page says so; whatever is written on it works on.
+function viewerIn(element) {
+  try {
+    return new MeshCat.Viewer(element);
+  } catch {
+    document.body.classList.add("undrawn");
+    $("undrawn").textContent = "This browser has no WebGL, so the scene is not drawn. "
+      + (still ? "The words beside it are" : "The words beside it, the time bar, the figures and the curves work")
+      + " as ever. To see it, turn on hardware acceleration in the browser's settings, or open the page in another one.";
+    return new MeshCat.Viewer(element, true, { domElement: element, setPixelRatio() {}, setSize() {}, render() {} });
+  }
+}
+
+const viewer = viewerIn(pane);
 for (const command of commands) viewer.handle_command_bytearray(Uint8Array.from(atob(command), (c) => c.charCodeAt(0)));
 
 const COLORS = ["#1b3f8b", "#d1495b", "#12a347", "#e08a00", "#7b4fc9", "#00838f", "#8a5a2b", "#5f6b76", "#c2185b", "#6b8e00"];
-const motion = page.motion, still = motion === null;
 
 // --- the scene: nodes by path, layers, names
 
