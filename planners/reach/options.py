@@ -15,7 +15,7 @@ class LevelOptions:
 
     batch: int = 24  # postures that walks start from
     max_batches: int = 6  # the last of which is one that adds nothing
-    min_news: float = 1e-4  # of distances, that a batch adds for another to follow [m]
+    min_gain: float = 1e-4  # of distances, that a batch adds for another to follow [m]
     max_sectors: int = 6  # walks whose azimuths are told
     min_sector_change: float = 1.0  # of azimuth between them, where they reach the same distances [rad]
     max_boxes: int = 20_000  # for an outer bound, a few microseconds each
@@ -51,7 +51,7 @@ class PoseOptions:
 
 
 @dataclass(frozen=True)
-class ProofOptions:
+class SquareOptions:
     """Squares of places about a pose, each with a posture that is proven to hold all over it."""
 
     min_half_share: float = 0.005  # of the arm's length: half the side of squares that are not quartered
@@ -65,7 +65,7 @@ class ReachOptions:
 
     level: LevelOptions = LevelOptions()
     pose: PoseOptions = PoseOptions()
-    proof: ProofOptions = ProofOptions()
+    squares: SquareOptions = SquareOptions()
 
 
 REACH = ReachOptions()

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from regionik.cli import interrupts
+from regionik.cli.exit_codes import ExitCode
 from regionik.planners.progress import listening
 from regionik.storage.files import json_values
 from regionik.verification.options import VERIFICATION
@@ -32,7 +33,6 @@ if TYPE_CHECKING:
     from regionik.values import Plan, Report, Skipped
     from regionik.worlds.scene import World
 
-DONE, NO = 0, 1  # exit codes
 PROGRESS_DELAY = 1.0  # shorter work shows no progress bar [s]
 WORTH_WARMING = 1.5e8  # expressions that kernels evaluate as plain Python in some five seconds
 _MAX_LISTED = 20  # violations listed
@@ -266,7 +266,7 @@ def explain_no_plan(as_json: bool, progress: DelayedProgress) -> Iterator[None]:
         print_explanation(no.explanation, progress)
         if as_json:
             print_json(explanation_document(no.explanation))
-        raise typer.Exit(NO) from None
+        raise typer.Exit(ExitCode.NO) from None
 
 
 def print_explanation(explanation: Explanation, progress: DelayedProgress) -> None:

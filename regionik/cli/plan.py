@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from regionik.cli.console import (
-    NO,
     PAGES,
     AsJson,
     DelayedProgress,
@@ -35,7 +34,8 @@ from regionik.cli.console import (
     report_summary,
     skipping,
 )
-from regionik.cli.interrupts import INTERRUPTED, exit_code
+from regionik.cli.exit_codes import ExitCode
+from regionik.cli.interrupts import exit_code
 from regionik.worlds.errors import InputError
 
 if TYPE_CHECKING:
@@ -155,7 +155,7 @@ def verify_plan(
     if as_json:
         print_json(report_document(report, found))
     if not report.ok:
-        raise typer.Exit(NO)
+        raise typer.Exit(ExitCode.NO)
 
 
 def retime_plan(
@@ -329,7 +329,7 @@ def _until_interrupted() -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        if exit_code() != INTERRUPTED:
+        if exit_code() != ExitCode.INTERRUPTED:
             raise
 
 

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated, cast, get_args
 import typer
 
 from regionik.cli.console import (
-    NO,
     PAGES,
     AsJson,
     DelayedProgress,
@@ -30,6 +29,7 @@ from regionik.cli.console import (
     skipped_lines,
     skipping,
 )
+from regionik.cli.exit_codes import ExitCode
 from regionik.storage.files import json_values
 from regionik.worlds.errors import InputError
 
@@ -98,7 +98,7 @@ def reach_targets(
     there = "" if base is None else f" from {_pose_text(base)}"
     print_message(f"{loaded.name}: {count} of {total} targets are reachable{there}")
     if count < total:
-        raise typer.Exit(NO)
+        raise typer.Exit(ExitCode.NO)
 
 
 def workers_for(targets: int) -> int:
@@ -380,4 +380,4 @@ def explain_world(
         print_message(f"{loaded.name}: nothing stands in the way")
         return
     print_explanation(found, progress)
-    raise typer.Exit(NO)
+    raise typer.Exit(ExitCode.NO)
