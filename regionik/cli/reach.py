@@ -30,6 +30,7 @@ from regionik.cli.console import (
     skipping,
 )
 from regionik.cli.exit_codes import ExitCode
+from regionik.cli.options import COMMANDS
 from regionik.storage.files import json_values
 from regionik.worlds.errors import InputError
 
@@ -39,7 +40,6 @@ if TYPE_CHECKING:
     from regionik.values import Answer, Stop
     from regionik.worlds.scene import StopCriterion, Target, World
 
-TARGETS_PER_WORKER = 1000  # targets, for which a worker is worth its start
 TARGET = "X Y Z [DX DY DZ]"
 FIELD_SUFFIXES = (".npz", ".tif", ".tiff", ".png", ".svg")
 STOP_CRITERIA = "tolerance, clearance, manipulability, effort, distance, probability"
@@ -105,7 +105,7 @@ def workers_for(targets: int) -> int:
     """Number of workers that so many targets are worth."""
     from regionik.executors import cores
 
-    return max(1, min(cores(), targets // TARGETS_PER_WORKER))
+    return max(1, min(cores(), targets // COMMANDS.targets_per_worker))
 
 
 def _lines(table: Path) -> int:
