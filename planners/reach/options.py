@@ -42,7 +42,7 @@ class PoseOptions:
     small_share: float = 0.25  # of the grid filled, below which the reach counts as small
     thin_share: float = 0.25  # of whole cells among the postures found, below which it counts as thin
     halvings: int = 3  # of an edge at the rim, the last of them by a closed form where there is one
-    tolerance: float = 1e-4  # of the tool's place, far below those that rules ask for [m]
+    tolerance: float = 1e-4  # of the tool's place [m]
     angle_share: float = 0.1  # of the cone, which a posture may miss it by
     max_heading_miss: float = 0.5  # of samples about the vertical, where the heading is kept [rad]
     bearings_around: int = 48  # of a set that is the same at all bearings
