@@ -13,6 +13,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,6 +22,7 @@ import pytest
 from regionik import __version__
 from regionik.cli import console
 from regionik.cli.app import run as run_command
+from regionik.cli.options import COMMANDS
 from regionik.storage.plan_document import stored_figures
 from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
 from regionik.worlds.errors import EngineError
@@ -582,7 +584,7 @@ def test_progress_shows_late_and_only_on_a_terminal(
 ) -> None:
     screen = _Terminal() if terminal else io.StringIO()
     monkeypatch.setattr(sys, "stderr", screen)
-    monkeypatch.setattr(console, "PROGRESS_DELAY", patience)
+    monkeypatch.setattr(console, "COMMANDS", replace(COMMANDS, progress_delay=patience))
     monkeypatch.setenv("TERM", "xterm")
     with console.DelayedProgress() as progress:
         if progress._timer is not None and shows:

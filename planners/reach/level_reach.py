@@ -152,10 +152,10 @@ def _walked(chain: Chain, rise: float) -> tuple[Intervals, Array]:
         count = walk_both_ways(meridian, rise, starts, tool, more)
         passed = np.concatenate([passed, more[:count]])
         before, length = length, sum(high - low for low, high in merged(passed[:, :2].tolist()))
-        if len(passed) and length - before < OPTIONS.min_news:
+        if len(passed) and length - before < OPTIONS.min_gain:
             break
     found = merged(passed[:, :2].tolist())
-    return tuple(ring for ring in found if ring[1] - ring[0] > OPTIONS.min_news), passed
+    return tuple(ring for ring in found if ring[1] - ring[0] > OPTIONS.min_gain), passed
 
 
 def inner_sectors(chain: Chain, rise: float) -> tuple[tuple[float, float, float, float], ...]:
@@ -166,7 +166,7 @@ def inner_sectors(chain: Chain, rise: float) -> tuple[tuple[float, float, float,
     one at every distance of a row.
     """
     walks = _walked(chain, rise)[1][:, 2:]
-    walks = walks[walks[:, 1] - walks[:, 0] > OPTIONS.min_news]
+    walks = walks[walks[:, 1] - walks[:, 0] > OPTIONS.min_gain]
     worth = (walks[:, 1] ** 2 - walks[:, 0] ** 2) * (2 * np.pi - (walks[:, 3] - walks[:, 2]))
     walks = walks[np.argsort(-worth, kind="stable")]
     chosen: list[tuple[float, float, float, float]] = []
@@ -175,7 +175,7 @@ def inner_sectors(chain: Chain, rise: float) -> tuple[tuple[float, float, float,
         chosen.append((float(low), float(high), float(right), float(left)))
         apart = walks[:, 2:].sum(axis=1) / 2 - best[2:].sum() / 2
         off = np.abs(nearest_turn(apart))
-        wider = (walks[:, 0] < low - OPTIONS.min_news) | (walks[:, 1] > high + OPTIONS.min_news)
+        wider = (walks[:, 0] < low - OPTIONS.min_gain) | (walks[:, 1] > high + OPTIONS.min_gain)
         walks = walks[wider | (off > OPTIONS.min_sector_change)]
     return tuple(chosen)
 

@@ -15,7 +15,7 @@ class LevelOptions:
 
     batch: int = 24  # postures that walks start from
     max_batches: int = 6  # the last of which is one that adds nothing
-    min_news: float = 1e-4  # of distances, that a batch adds for another to follow [m]
+    min_gain: float = 1e-4  # of distances, that a batch adds for another to follow [m]
     max_sectors: int = 6  # walks whose azimuths are told
     min_sector_change: float = 1.0  # of azimuth between them, where they reach the same distances [rad]
     max_boxes: int = 20_000  # for an outer bound, a few microseconds each
@@ -42,7 +42,7 @@ class PoseOptions:
     small_share: float = 0.25  # of the grid filled, below which the reach counts as small
     thin_share: float = 0.25  # of whole cells among the postures found, below which it counts as thin
     halvings: int = 3  # of an edge at the rim, the last of them by a closed form where there is one
-    tolerance: float = 1e-4  # of the tool's place, far below those that rules ask for [m]
+    tolerance: float = 1e-4  # of the tool's place [m]
     angle_share: float = 0.1  # of the cone, which a posture may miss it by
     max_heading_miss: float = 0.5  # of samples about the vertical, where the heading is kept [rad]
     bearings_around: int = 48  # of a set that is the same at all bearings
@@ -51,7 +51,7 @@ class PoseOptions:
 
 
 @dataclass(frozen=True)
-class ProofOptions:
+class SquareOptions:
     """Squares of places about a pose, each with a posture that is proven to hold all over it."""
 
     min_half_share: float = 0.005  # of the arm's length: half the side of squares that are not quartered
@@ -65,7 +65,7 @@ class ReachOptions:
 
     level: LevelOptions = LevelOptions()
     pose: PoseOptions = PoseOptions()
-    proof: ProofOptions = ProofOptions()
+    squares: SquareOptions = SquareOptions()
 
 
 REACH = ReachOptions()

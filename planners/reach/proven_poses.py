@@ -31,7 +31,7 @@ from regionik.worlds.arms import pivot_index
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 
-OPTIONS = REACH.proof
+OPTIONS = REACH.squares
 
 STEPS_PER_METRE = 2.0**20  # steps a metre of the sides of squares
 MAX_SOLVER_STEPS = 12  # of damped least squares

@@ -1,7 +1,7 @@
 """Numbers that tune areas: how finely headings, arcs and shadows are cut.
 
-Inner areas are inside the true ones and outer ones outside with any of them; finer ones are nearer to them
-and take longer.
+Inner areas that are proven are inside the true ones, and outer ones outside, with any of these; finer ones
+are nearer to them and take longer.
 """
 
 from __future__ import annotations

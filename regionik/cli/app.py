@@ -18,8 +18,9 @@ import typer
 
 from regionik import __version__
 from regionik.cli.compare import compare_methods
-from regionik.cli.console import DONE, describe_failure, print_error
-from regionik.cli.interrupts import INTERRUPTED, end_process, exit_code, is_interrupted, print_interrupted
+from regionik.cli.console import describe_failure, print_error
+from regionik.cli.exit_codes import ExitCode
+from regionik.cli.interrupts import end_process, exit_code, is_interrupted, print_interrupted
 from regionik.cli.plan import (
     export_plan,
     list_worlds,
@@ -34,7 +35,6 @@ from regionik.cli.reach import explain_world, find_stops, map_reach, reach_targe
 from regionik.cli.simulate import simulate_plan
 from regionik.worlds.errors import InputError, RegionikError
 
-WRONG_INPUT, ENGINE_FAILED = 2, 3
 DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # of stdout; files have their own message
 
 app = typer.Typer(
@@ -58,26 +58,26 @@ def run(arguments: Sequence[str]) -> int:
         code = app(args=_fold_targets(arguments), prog_name="regionik", standalone_mode=False)
         sys.stdout.flush()
     except (KeyboardInterrupt, typer.Abort):
-        code = INTERRUPTED
+        code = ExitCode.INTERRUPTED
     except typer.TyperException as error:
         context = getattr(error, "ctx", None)
         command = "regionik" if context is None else context.command_path
         print_error(f"{error.format_message()} ({command} --help lists what there is)")
-        return WRONG_INPUT
+        return ExitCode.WRONG_INPUT
     except InputError as error:
         print_error(str(error))
-        return WRONG_INPUT
+        return ExitCode.WRONG_INPUT
     except (SystemExit, OSError) as error:
-        if isinstance(error, SystemExit) and error.code == DONE and error.__context__ is None:
-            return DONE  # a shell was told how words go on
+        if isinstance(error, SystemExit) and error.code == ExitCode.DONE and error.__context__ is None:
+            return ExitCode.DONE  # a shell was told how words go on
         return _end_without_stdout(error)
     except Exception as error:
         if not is_interrupted():
             print_error(str(error) if isinstance(error, RegionikError) else describe_failure(error))
-            return ENGINE_FAILED
-        code = INTERRUPTED  # an interrupted import fails when it is tried again
-    if code != INTERRUPTED:
-        return int(code or DONE)
+            return ExitCode.ENGINE_FAILED
+        code = ExitCode.INTERRUPTED  # an interrupted import fails when it is tried again
+    if code != ExitCode.INTERRUPTED:
+        return int(code or ExitCode.DONE)
     print_interrupted()
     return exit_code()
 
@@ -91,13 +91,13 @@ def _end_without_stdout(error: BaseException) -> int:
     reader_gone = isinstance(cause, BrokenPipeError) and _is_reader_gone()
     if not reader_gone and getattr(cause, "errno", None) not in DISK_ERRORS:
         print_error(describe_failure(cause))
-        return ENGINE_FAILED
+        return ExitCode.ENGINE_FAILED
     with open(os.devnull, "wb") as nowhere:
         os.dup2(nowhere.fileno(), 1)
     if reader_gone:
-        return DONE
+        return ExitCode.DONE
     print_error(f"stdout: cannot be written: {cause}")
-    return WRONG_INPUT
+    return ExitCode.WRONG_INPUT
 
 
 def _is_reader_gone() -> bool:
@@ -135,7 +135,7 @@ def _start(
 ) -> None:
     if version:
         print(f"regionik {__version__}")
-        raise typer.Exit(DONE)
+        raise typer.Exit(ExitCode.DONE)
     if context.invoked_subcommand is None:
         print(context.get_help())
 

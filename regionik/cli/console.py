@@ -21,6 +21,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from regionik.cli import interrupts
+from regionik.cli.exit_codes import ExitCode
+from regionik.cli.options import COMMANDS
 from regionik.planners.progress import listening
 from regionik.storage.files import json_values
 from regionik.verification.options import VERIFICATION
@@ -32,10 +34,6 @@ if TYPE_CHECKING:
     from regionik.values import Plan, Report, Skipped
     from regionik.worlds.scene import World
 
-DONE, NO = 0, 1  # exit codes
-PROGRESS_DELAY = 1.0  # shorter work shows no progress bar [s]
-WORTH_WARMING = 1.5e8  # expressions that kernels evaluate as plain Python in some five seconds
-_MAX_LISTED = 20  # violations listed
 PAGES = (".html", ".htm")  # endings
 _UNITS = dict.fromkeys(("direction", "orientation", "joints"), " rad")
 _UNITS |= {"manipulability": " m3", "joint_margin": " of the range", "effort": " N m"}
@@ -132,7 +130,7 @@ def _is_same_file(path: Path, other: Path | str) -> bool:
 
 
 class DelayedProgress:
-    """Progress bars on stderr for work that takes longer than `PROGRESS_DELAY`.
+    """Progress bars on stderr for work that takes longer than a second.
 
     It listens to all stages while it is entered; call it with ``(stage, done, total)`` for others. It shows
     those that are not done, nothing where stderr is no terminal, and leaves nothing behind on one. ``work``
@@ -159,7 +157,7 @@ class DelayedProgress:
             columns = bars.TextColumn("{task.description}"), bars.BarColumn(), bars.MofNCompleteColumn()
             times = bars.TimeElapsedColumn(), bars.TextColumn("left"), bars.TimeRemainingColumn()
             self._bars = bars.Progress(*columns, *times, console=Console(stderr=True), transient=True)
-            self._timer = Timer(PROGRESS_DELAY, self._bars.start)
+            self._timer = Timer(COMMANDS.progress_delay, self._bars.start)
             self._timer.daemon = True
             self._timer.start()
         self._listening.enter_context(listening(self))
@@ -222,7 +220,7 @@ class DelayedProgress:
         if self._bars is not None:
             self._bars.stop()
             kernels = sys.modules.get("regionik.planners.kernels")
-            if kernels is not None and kernels.plain_work() > WORTH_WARMING:
+            if kernels is not None and kernels.plain_work() > COMMANDS.min_plain_work:
                 print_message("much of this ran uncompiled: regionik warm-up makes later runs faster")
         self._listening.__exit__(kind, error, trace)
 
@@ -266,7 +264,7 @@ def explain_no_plan(as_json: bool, progress: DelayedProgress) -> Iterator[None]:
         print_explanation(no.explanation, progress)
         if as_json:
             print_json(explanation_document(no.explanation))
-        raise typer.Exit(NO) from None
+        raise typer.Exit(ExitCode.NO) from None
 
 
 def print_explanation(explanation: Explanation, progress: DelayedProgress) -> None:
@@ -288,8 +286,9 @@ def skipped_lines(skipped: Sequence[Skipped], count: int) -> list[str]:
         return []
     from regionik.explain.several import left_out
 
-    lines = [f"  {left_out(skipped, count)}", *(f"    {one.reason}" for one in skipped[:_MAX_LISTED])]
-    more = len(skipped) - _MAX_LISTED
+    most = COMMANDS.max_listed
+    lines = [f"  {left_out(skipped, count)}", *(f"    {one.reason}" for one in skipped[:most])]
+    more = len(skipped) - most
     return [*lines, f"    ... and {more} more"] if more > 0 else lines
 
 
@@ -353,9 +352,10 @@ def report_summary(name: str, report: Report, plan: Plan) -> str:
         spare = f"  to spare: {spare_text(report.margins, plan.world)}"
         return "\n".join([f"{name}: the plan holds{part}", spare, *skipped_lines(plan.skipped, count)])
     lines = [f"{name}: the plan does not hold, {count_noun(len(report.violations), 'violation')}"]
-    lines += [f"  {violation.text}" for violation in report.violations[:_MAX_LISTED]]
-    if len(report.violations) > _MAX_LISTED:
-        lines.append(f"  ... and {len(report.violations) - _MAX_LISTED} more")
+    most = COMMANDS.max_listed
+    lines += [f"  {violation.text}" for violation in report.violations[:most]]
+    if len(report.violations) > most:
+        lines.append(f"  ... and {len(report.violations) - most} more")
     return "\n".join(lines)
 
 

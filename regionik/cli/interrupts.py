@@ -16,7 +16,8 @@ from contextlib import contextmanager, suppress
 from threading import Lock, Thread
 from typing import NoReturn
 
-INTERRUPTED = 130  # exit code after Ctrl-C; after signal n it is 128 + n, as shells have it
+from regionik.cli.exit_codes import ExitCode
+
 CLEANUP_TIME = 0.6  # [s]
 _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _received: list[int] = []  # signals
@@ -45,7 +46,7 @@ def is_interrupted() -> bool:
 
 def exit_code() -> int:
     """Return the exit code of an interrupted command."""
-    return 128 + _received[0] if _received else INTERRUPTED
+    return 128 + _received[0] if _received else ExitCode.INTERRUPTED
 
 
 @contextmanager

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from regionik.cli.console import (
-    NO,
     PAGES,
     AsJson,
     DelayedProgress,
@@ -35,7 +34,9 @@ from regionik.cli.console import (
     report_summary,
     skipping,
 )
-from regionik.cli.interrupts import INTERRUPTED, exit_code
+from regionik.cli.exit_codes import ExitCode
+from regionik.cli.interrupts import exit_code
+from regionik.cli.options import COMMANDS
 from regionik.worlds.errors import InputError
 
 if TYPE_CHECKING:
@@ -48,11 +49,6 @@ PICTURES = (".svg", ".png")
 PLANS = (".json",)
 VIEWS = (".html", ".gif", ".mp4")
 _NOTHING = "nothing is written"
-_MIN_TOLD_SIZE = 3.0  # size of a page or a film that is told [MB]
-MAX_SLOW_PLACES, MIN_SLOW_TIME = (
-    3,
-    0.02,
-)  # of a tool path, that are printed; those are not that are shorter [s]
 
 
 def list_worlds(as_json: AsJson = False) -> None:
@@ -155,7 +151,7 @@ def verify_plan(
     if as_json:
         print_json(report_document(report, found))
     if not report.ok:
-        raise typer.Exit(NO)
+        raise typer.Exit(ExitCode.NO)
 
 
 def retime_plan(
@@ -202,8 +198,9 @@ def _print_constant_speed(tool: dict[str, Any]) -> None:
     corners = len(tool["corners"])
     beside = f"its ends and {corners} sharp corner{'s'[: corners != 1]}" if corners else "its ends"
     print_message(f"  and for {tool['held_elsewhere']:.0%} away from {beside}")
-    long = [one for one in tool["places"] if one["at"] == "path" and one["to"] - one["from"] > MIN_SLOW_TIME]
-    for place in long[:MAX_SLOW_PLACES]:
+    on_path = (one for one in tool["places"] if one["at"] == "path")
+    long = [one for one in on_path if one["to"] - one["from"] > COMMANDS.min_slow_time]
+    for place in long[: COMMANDS.max_slow_places]:
         limit = place["by"].replace("_", " ", 1)
         print_message(
             f"  down to {place['least']:.3g} m/s from {place['from']:.2f} to {place['to']:.2f} s, "
@@ -302,7 +299,7 @@ def _write_view(what: str, output: Path, live: bool) -> None:
                 raise InputError(f"{what}: expected a plan to film, this is a world; an .html page shows it")
             film(html_page(loaded), output)
     size = output.stat().st_size / 1e6
-    print_message(f"wrote {output}" + (f", {size:.1f} MB" if size > _MIN_TOLD_SIZE else ""))
+    print_message(f"wrote {output}" + (f", {size:.1f} MB" if size > COMMANDS.min_told_size else ""))
 
 
 def _watch(what: str, browser: bool) -> None:
@@ -329,7 +326,7 @@ def _until_interrupted() -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        if exit_code() != INTERRUPTED:
+        if exit_code() != ExitCode.INTERRUPTED:
             raise
 
 

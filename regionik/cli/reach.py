@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated, cast, get_args
 import typer
 
 from regionik.cli.console import (
-    NO,
     PAGES,
     AsJson,
     DelayedProgress,
@@ -30,6 +29,8 @@ from regionik.cli.console import (
     skipped_lines,
     skipping,
 )
+from regionik.cli.exit_codes import ExitCode
+from regionik.cli.options import COMMANDS
 from regionik.storage.files import json_values
 from regionik.worlds.errors import InputError
 
@@ -39,7 +40,6 @@ if TYPE_CHECKING:
     from regionik.values import Answer, Stop
     from regionik.worlds.scene import StopCriterion, Target, World
 
-TARGETS_PER_WORKER = 1000  # targets, for which a worker is worth its start
 TARGET = "X Y Z [DX DY DZ]"
 FIELD_SUFFIXES = (".npz", ".tif", ".tiff", ".png", ".svg")
 STOP_CRITERIA = "tolerance, clearance, manipulability, effort, distance, probability"
@@ -98,14 +98,14 @@ def reach_targets(
     there = "" if base is None else f" from {_pose_text(base)}"
     print_message(f"{loaded.name}: {count} of {total} targets are reachable{there}")
     if count < total:
-        raise typer.Exit(NO)
+        raise typer.Exit(ExitCode.NO)
 
 
 def workers_for(targets: int) -> int:
     """Number of workers that so many targets are worth."""
     from regionik.executors import cores
 
-    return max(1, min(cores(), targets // TARGETS_PER_WORKER))
+    return max(1, min(cores(), targets // COMMANDS.targets_per_worker))
 
 
 def _lines(table: Path) -> int:
@@ -380,4 +380,4 @@ def explain_world(
         print_message(f"{loaded.name}: nothing stands in the way")
         return
     print_explanation(found, progress)
-    raise typer.Exit(NO)
+    raise typer.Exit(ExitCode.NO)

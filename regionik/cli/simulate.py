@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from regionik.cli.console import (
-    NO,
     PAGES,
     AsJson,
     DelayedProgress,
@@ -20,6 +19,7 @@ from regionik.cli.console import (
     print_message,
     read_plan,
 )
+from regionik.cli.exit_codes import ExitCode
 from regionik.worlds.errors import InputError
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def simulate_plan(
         told = {"ok": run.ok, "failure": run.failure or None, **run.figures}
         print_json({**told, "execution": asdict(run.execution), "files": files})
     if not run.ok:
-        raise typer.Exit(NO)
+        raise typer.Exit(ExitCode.NO)
 
 
 def _noise(text: str) -> Noise:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 
 import numpy as np
 import shapely
@@ -27,8 +28,15 @@ from regionik.worlds.scene import Target, World
 
 OPTIONS = REACHABILITY.field
 
-UNREACHABLE, UNDECIDED, REACHABLE = 0, 1, 2
 PROOF = "by areas alone"  # which do not look at what the arm would touch
+
+
+class SliceValue(IntEnum):
+    """What a slice says of a place."""
+
+    UNREACHABLE = 0
+    UNDECIDED = 1
+    REACHABLE = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +92,10 @@ class Field:
         """The result in one line."""
         if self.height is None:
             return f"the best place reaches {self.values.max(initial=0)} of {self.most} targets, {PROOF}"
-        area = [float((self.values == value).sum()) * self.cell**2 for value in (REACHABLE, UNDECIDED)]
+        area = [
+            float((self.values == value).sum()) * self.cell**2
+            for value in (SliceValue.REACHABLE, SliceValue.UNDECIDED)
+        ]
         found = f"the tool reaches {area[0]:.2f} m2, {area[1]:.2f} m2 are undecided"
         return f"at {self.height:g} m {found}, {PROOF}"
 
@@ -173,14 +184,14 @@ def reach_slice(world: World, height: float, cell: float = 0.05) -> Field:
     x, y = _axes((x0 - far, y0 - far, x1 + far, y1 + far), cell)
     values = np.zeros((len(y), len(x)), dtype=np.int32)
     for side in scene.free_floor.outer.sides:
-        values[_cells_within_spans(side, outer, x, y)] = UNDECIDED
+        values[_cells_within_spans(side, outer, x, y)] = SliceValue.UNDECIDED
     (side,) = scene.free_floor.anywhere.sides
     if _model(scene).turns_freely(scene.rules, side.span) and not scene.lifted.matters:
-        values[_cells_within_spans(side, inner, x, y)] = REACHABLE
+        values[_cells_within_spans(side, inner, x, y)] = SliceValue.REACHABLE
     else:
-        values[_reachable_one_by_one(scene, float(z[0]), values, x, y)] = REACHABLE
+        values[_reachable_one_by_one(scene, float(z[0]), values, x, y)] = SliceValue.REACHABLE
     nowhere, none = np.full(values.shape, np.nan), np.empty((0, 3))
-    return Field(world.name, x, y, cell, values, REACHABLE, nowhere, world, none, float(z[0]))
+    return Field(world.name, x, y, cell, values, int(SliceValue.REACHABLE), nowhere, world, none, float(z[0]))
 
 
 def _axes(bounds: tuple[float, float, float, float], cell: float) -> tuple[Array, Array]:

@@ -29,7 +29,7 @@ class CornerOptions:
 class RoundingOptions:
     """The smoothing spline that rounds corners."""
 
-    min_ramp: float = 0.06  # of accelerations: quicker ones are no smoother to see [s]
+    min_ramp: float = 0.06  # of accelerations: corners are not rounded for quicker ones [s]
     period: float = 0.0125  # between states that are laid out, at most, where segments are short [s]
     min_segment_time: float = 0.001  # so that third differences stay finite [s]
     # Of weighing states, as the first spline that is near enough is not yet the smoothest

@@ -21,7 +21,7 @@ from matplotlib.path import Path
 from matplotlib.ticker import MaxNLocator
 from shapely.geometry.base import BaseGeometry
 
-from regionik.reachability.field import REACHABLE, UNDECIDED, Field
+from regionik.reachability.field import Field, SliceValue
 from regionik.regions import Area
 from regionik.storage.files import write_atomic
 from regionik.values import Answer, Plan, Stop
@@ -195,7 +195,10 @@ def _field_values(ax: Axes, field: Field) -> list[Patch]:
         scale.ax.yaxis.set_major_locator(MaxNLocator(8, integer=True))
         return []
     key = []
-    verdicts = (UNDECIDED, "undecided", Color.TURNING), (REACHABLE, "reachable", Color.STRONG)
+    verdicts = (
+        (SliceValue.UNDECIDED, "undecided", Color.TURNING),
+        (SliceValue.REACHABLE, "reachable", Color.STRONG),
+    )
     for value, label, color in verdicts:
         if (field.values == value).any():
             cells = np.ma.masked_not_equal(field.values, value)
