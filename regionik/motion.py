@@ -38,6 +38,8 @@ from regionik.worlds.errors import Explanation, NoPlanFound
 
 MAX_CANDIDATES = 16  # candidates tried at the next set-point, or to begin a run from
 BASE_COORDINATES = 0, 1, 2  # coordinates of a base that stands
+STATIONARY_BUDGET_FACTOR = 4  # times as many set-points as a run has are gone through from places in vain
+MAX_TRIES_RESUMED = 40  # candidates tried without getting farther where base and joints together are stuck
 MAX_TRIES_BASE_FIRST = 24  # candidates tried without getting farther before base and joints go on together
 
 
@@ -130,11 +132,13 @@ class _Connection:
         """Return a whole run with a stationary base; None if there is none."""
         if not self.scene.rules.avoidance:
             return None
-        ladder, keep = self.pruned.ladder, self.pruned.keep
+        ladder, keep, passed = self.pruned.ladder, self.pruned.keep, 0
         for base in stationary_bases(self.scene, ladder, keep, self.free_space, i, end):
-            runs = RunGrowth(self.search, BASE_COORDINATES).runs_from(i, end, partial(self._postures, base))
+            growth = RunGrowth(self.search, BASE_COORDINATES)
+            runs = growth.runs_from(i, end, partial(self._postures, base))
             found = self._arrived(i, end, here, (run for run in runs if run.end >= end))
-            if found is not None:
+            passed += growth.passed
+            if found is not None or passed > STATIONARY_BUDGET_FACTOR * (end - i):
                 return found
         return None
 
@@ -164,7 +168,8 @@ class _Connection:
 
     def _resumed(self, i: int, end: int, known: JoinedRun) -> JoinedRun:
         """Return a run that a search has extended from where it was stuck."""
-        return JoinedRun(known.way, self.search.resumed(i, end - i, known.steps, self._ahead).longest())
+        run = self.search.resumed(i, end - i, known.steps, self._ahead)
+        return JoinedRun(known.way, run.longest(MAX_TRIES_RESUMED))
 
     def _searched(self, i: int, end: int, here: Pose | None, soon: int = MAX_STALLED_CANDIDATES) -> JoinedRun:
         """Return the longest run that a search finds; if that takes long, base and joints move together."""
