@@ -38,8 +38,8 @@ from regionik.worlds.errors import Explanation, NoPlanFound
 
 MAX_CANDIDATES = 16  # candidates tried at the next set-point, or to begin a run from
 BASE_COORDINATES = 0, 1, 2  # coordinates of a base that stands
-# set-points that runs on stationary bases may go through in vain in any case, and times as many as there are
-MIN_STATIONARY_BUDGET, STATIONARY_BUDGET_FACTOR = 240, 4
+STATIONARY_BUDGET_FACTOR = 4  # times as many set-points as a run has are gone through from places in vain
+MAX_TRIES_RESUMED = 40  # candidates tried without getting farther where base and joints together are stuck
 MAX_TRIES_BASE_FIRST = 24  # candidates tried without getting farther before base and joints go on together
 
 
@@ -137,11 +137,9 @@ class _Connection:
             growth = RunGrowth(self.search, BASE_COORDINATES)
             runs = growth.runs_from(i, end, partial(self._postures, base))
             found = self._arrived(i, end, here, (run for run in runs if run.end >= end))
-            if found is not None:
+            passed += growth.passed
+            if found is not None or passed > STATIONARY_BUDGET_FACTOR * (end - i):
                 return found
-            passed += sum(len(run.steps) for run in growth.known)
-            if passed > max(MIN_STATIONARY_BUDGET, STATIONARY_BUDGET_FACTOR * (end - i)):
-                break
         return None
 
     def _postures(self, base: StationaryBase, at: int) -> Iterator[Candidate]:
@@ -170,7 +168,8 @@ class _Connection:
 
     def _resumed(self, i: int, end: int, known: JoinedRun) -> JoinedRun:
         """Return a run that a search has extended from where it was stuck."""
-        return JoinedRun(known.way, self.search.resumed(i, end - i, known.steps, self._ahead).longest())
+        run = self.search.resumed(i, end - i, known.steps, self._ahead)
+        return JoinedRun(known.way, run.longest(MAX_TRIES_RESUMED))
 
     def _searched(self, i: int, end: int, here: Pose | None, soon: int = MAX_STALLED_CANDIDATES) -> JoinedRun:
         """Return the longest run that a search finds; if that takes long, base and joints move together."""

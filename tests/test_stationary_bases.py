@@ -73,6 +73,16 @@ def test_a_base_that_faces_its_targets_does_not_stand(heading: Heading) -> None:
             assert around.distance(shapely.Point(axis_of(scene.robot, base.pose))) < 1e-9
 
 
+def test_headings_a_whole_turn_apart_are_one() -> None:
+    """At a fixed heading all that are wished for are the same."""
+    scene = scene_of(world(wide=0.2, post=0.5))
+    free_space, _, pruned = whole_path(scene)
+    found = list(stationary_bases(scene, pruned.ladder, pruned.keep, free_space, 0, len(scene.task)))
+    poses = [(*base.pose[:2], *np.round([np.cos(base.pose[2]), np.sin(base.pose[2])], 6)) for base in found]
+    assert found
+    assert len(set(poses)) == len(poses)
+
+
 @pytest.mark.slow
 def test_a_run_keeps_off_limits_that_it_begins_beside() -> None:
     """A circle on a wall that M-FABRIK begins beside the limits of two joints needs no lift-off."""

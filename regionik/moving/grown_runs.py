@@ -53,6 +53,11 @@ class RunGrowth:
     still: Sequence[int] = ()  # coordinates of the base's motion that stay as they are
     known: list[GrownRun] = field(default_factory=list)
 
+    @property
+    def passed(self) -> int:
+        """Number of set-points that all its runs have passed through."""
+        return sum(len(run.steps) for run in self.known)
+
     def runs_from(self, i: int, end: int, seeds: Seeds) -> Iterator[GrownRun]:
         """Yield runs through set-point i towards ``end``, none of which gets less far than one before.
 

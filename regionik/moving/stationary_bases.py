@@ -14,6 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from regionik.areas.free_space import FreeSpace, into_span, spread
 from regionik.areas.ground import united
 from regionik.ladder import Ladder, Mask
+from regionik.planners.geometry.angles import wrap
 from regionik.postures.poses import axis_of, pose_of
 from regionik.scene import Scene
 from regionik.worlds.arms import pivot_index, with_pivot
@@ -24,6 +25,7 @@ MAX_PLACES = 3  # of the base that are tried besides the middle
 # headings tried, from the one that faces the run [rad]
 HEADINGS_TRIED = np.array([0.0, 0.5, -0.5, 1.0]) * np.pi
 MAX_BASES = 8  # poses of the base that are tried
+SAME_HEADING = 1e-6  # headings nearer to one another than this are one [rad]
 
 
 class StationaryBase(NamedTuple):
@@ -84,6 +86,9 @@ def _bases(
     )
     for axis in np.vstack([middle, spread(area, MAX_PLACES, 0)]):
         facing = np.arctan2(*(center - axis)[::-1]) - robot.mount[3] - ahead
-        yaws = [into_span(float(yaw), span) for yaw in facing + quarters]
-        for yaw in dict.fromkeys(yaws):
-            yield pose_of(robot, axis, yaw)
+        yaws = list[float]()
+        for wished in facing + quarters:
+            yaw = into_span(float(wished), span)
+            if all(abs(wrap(yaw - other)) > SAME_HEADING for other in yaws):
+                yaws.append(yaw)
+                yield pose_of(robot, axis, yaw)

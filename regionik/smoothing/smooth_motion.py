@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
@@ -21,7 +21,7 @@ from regionik.moving.path_search import transit_planner
 from regionik.moving.transit import TransitPlanner
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.progress import track
-from regionik.postures.poses import Pose, axis_of, lifted_states, transits, untimed_motion
+from regionik.postures.poses import Pose, arrays, axis_of, lifted_states, transits, untimed_motion
 from regionik.scene import Scene
 from regionik.smoothing.runs import MIN_RUN_STATES, PathRun, runs_of
 from regionik.values import Motion, Plan, Report
@@ -175,6 +175,8 @@ class Reconnection:
 
     planner: TransitPlanner
     free_space: FreeSpace
+    # Ways that were looked for, by their ends and the old way: mostly only states between them are mended
+    _ways: dict[bytes, list[Pose] | None] = field(default_factory=dict)
 
     def joined(self, old: Motion, new: Motion) -> Motion | None:
         """The new motion, its ways with the tool lifted led to where they have to be now; None without one.
@@ -186,7 +188,7 @@ class Reconnection:
             here, there = _ends(new, now)
             if all(map(_same, _ends(old, was), (here, there))):
                 continue
-            way = self._way(here, there, [_pose(old, k) for k in range(was.start - 1, was.stop + 1)])
+            way = self._known_way(here, there, [_pose(old, k) for k in range(was.start - 1, was.stop + 1)])
             if way is None:
                 return None
             owner, drive = int(new.setpoint[now.start - 1]), self.planner.scene.robot.drive
@@ -194,6 +196,12 @@ class Reconnection:
             parts += [new.part(done, now.start), *([untimed_motion(rows)] if rows else [])]
             done = now.stop
         return Motion.joined([*parts, new.part(done, len(new))])
+
+    def _known_way(self, here: Pose, there: Pose, old: list[Pose]) -> list[Pose] | None:
+        key = np.hstack(arrays([here, there, *old])).tobytes()
+        if key not in self._ways:
+            self._ways[key] = self._way(here, there, old)
+        return self._ways[key]
 
     def _way(self, here: Pose, there: Pose, old: list[Pose]) -> list[Pose] | None:
         piece = self.free_space.piece_at(axis_of(self.planner.scene.robot, here.base), float(here.base[2]))
