@@ -24,6 +24,9 @@ class CoverOptions:
     poses_around: int = 2  # drawn around each of them
     first_deviation: float = 0.3  # of these from it [m]
     deviation_shrinkage: float = 0.8  # by which it is multiplied from round to round
+    # A pose that proves to serve less than it may often lies but centimetres from one that does not.
+    poses_beside: int = 8  # drawn beside it
+    beside_deviation: float = 0.05  # of these from it [m]
     max_shrinkages: int = 8  # after so many they are drawn 5 cm around it, closer than those all over
     heading_deviation: float = 1.5  # of their headings, by the deviation of places [rad/m]
     poses_for_unserved: int = 40  # drawn in a round for a set-point that none serves

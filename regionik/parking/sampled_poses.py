@@ -4,7 +4,8 @@ Poses are drawn over the free floor, at any heading, and more of them around tho
 cover favour, as in column generation (Gilmore and Gomory 1961). What a pose serves is found in two steps:
 postures that are clear, which is soon known, and of these the ones that a roadmap joins and that keep all
 round the circle to park in. The second is only asked of the poses of a least cover, and the cover is taken
-again until it is known of all. So no cover by the poses drawn has fewer.
+again until it is known of all; a few more are drawn beside those that serve less than they may. So no cover
+by the poses drawn has fewer.
 """
 
 from __future__ import annotations
@@ -61,10 +62,13 @@ class PoseCover:
         keeps by more that are drawn for them alone.
         """
         every = np.arange(len(self.scene.task))
-        found = _ProvenCover(self._drawn, every, self._joined).least()
-        found += _ProvenCover(self._drawn, _left(every, found), self._clear_postures).least()
+        found = self._least(self._drawn, every, self._joined)
+        found += self._least(self._drawn, _left(every, found), self._clear_postures)
         left = _left(every, found)
-        return found + _ProvenCover(list(self._about(left.tolist())), left, self._clear_postures).least()
+        return found + self._least(list(self._about(left.tolist())), left, self._clear_postures)
+
+    def _least(self, poses: list[_Drawn], some: Index, prove: Prove) -> list[StopPart]:
+        return _ProvenCover(poses, some, prove, self._beside).least()
 
     @cached_property
     def _drawn(self) -> list[_Drawn]:
@@ -82,7 +86,7 @@ class PoseCover:
             shrinkages = min(k, OPTIONS.max_shrinkages)
             deviation = OPTIONS.first_deviation * OPTIONS.deviation_shrinkage**shrinkages
             top = np.argsort(-(inside @ prices), kind="stable")[: OPTIONS.max_favoured].tolist()
-            rows += [drawn[n].row + _shaken(rng, deviation) for n in top]
+            rows += [drawn[n].row + _shaken(rng, deviation, OPTIONS.poses_around) for n in top]
             if rows:
                 drawn += self._looked_at(np.vstack(rows))
             k += 1
@@ -92,6 +96,11 @@ class PoseCover:
         """Return the bases (n, 3) drawn that have clear postures at all of some set-points."""
         rows = _served(self._drawn, np.array(setpoints)).all(axis=1)
         return np.array([self._drawn[k].base for k in np.flatnonzero(rows)]).reshape(-1, 3)
+
+    def _beside(self, pose: _Drawn) -> list[_Drawn]:
+        """A few more poses close to one."""
+        rng = np.random.default_rng(len(pose.served))
+        return list(self._looked_at(pose.row + _shaken(rng, OPTIONS.beside_deviation, OPTIONS.poses_beside)))
 
     def _joined(self, pose: _Drawn) -> FixedBasePostures | None:
         return self._carrier.joined(pose.base, pose.served, pose.joints)
@@ -195,13 +204,16 @@ class PoseCover:
 class _ProvenCover:
     """The search for a least cover by poses of which it is proven what they serve."""
 
-    poses: Sequence[_Drawn]
+    poses: list[_Drawn]
     setpoints: Index  # (n,)
     prove: Prove
+    beside: Callable[[_Drawn], list[_Drawn]]  # more poses, asked for where one serves less than it may
+    count: int = field(init=False)  # of poses at first
     inside: Mask = field(init=False)  # (p, n) True where a pose may serve one of the set-points
     proven: dict[int, FixedBasePostures | None] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        self.count = len(self.poses)
         self.inside = _served(self.poses, self.setpoints)
 
     def least(self) -> list[StopPart]:
@@ -237,6 +249,10 @@ class _ProvenCover:
     def _ask(self, k: int) -> None:
         held = self.prove(self.poses[k])
         self.proven[k] = held
+        if k < self.count and (held is None or len(held.served) < np.count_nonzero(self.inside[k])):
+            more = self.beside(self.poses[k])
+            self.poses = [*self.poses, *more]
+            self.inside = np.vstack([self.inside, _served(more, self.setpoints)])
         self.inside[k] = False if held is None else np.isin(self.setpoints, held.served)
 
 
@@ -253,6 +269,6 @@ def _served(poses: Sequence[_Drawn], setpoints: Index) -> Mask:
     return np.array([pose.inside for pose in poses])[:, setpoints]
 
 
-def _shaken(rng: np.random.Generator, by: float) -> Array:
-    """Return random offsets (n, 3) of poses around one, with a deviation [m]."""
-    return rng.normal(size=(OPTIONS.poses_around, 3)) * (by, by, OPTIONS.heading_deviation * by)
+def _shaken(rng: np.random.Generator, by: float, count: int) -> Array:
+    """Return random offsets (count, 3) of poses around one, with a deviation [m]."""
+    return rng.normal(size=(count, 3)) * (by, by, OPTIONS.heading_deviation * by)
