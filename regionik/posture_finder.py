@@ -23,6 +23,7 @@ from regionik.planners.avoidance.clear_posture import (
 from regionik.planners.search.box_search import Verdict
 from regionik.planners.search.fixed_base import PostureTask, is_searchable, search_postures
 from regionik.postures.collision_checker import CollisionChecker
+from regionik.postures.options import POSTURES
 from regionik.postures.poses import Pose
 from regionik.postures.posture_search import PostureSearch
 from regionik.postures.serial_solver import serial_solver
@@ -30,7 +31,6 @@ from regionik.scene import Scene
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target
 
-POSE_SAMPLES = 60  # postures tried about one that touches something
 NOT_ASKED = ClearPosture(Verdict.OPEN, None, np.inf, ())
 
 
@@ -56,7 +56,7 @@ class PostureFinder:
     def around(self, pose: Pose) -> ClearPosture:
         """A posture near one that touches something, soon found or not."""
         if self.target.direction is not None:
-            return self.sampled(pose, POSE_SAMPLES)
+            return self.sampled(pose, POSTURES.search.pose_samples)
         return quick_clear_posture(self._task(pose.base), pose.joints, seed=self.seed)
 
     def sampled(self, pose: Pose, samples: int) -> ClearPosture:

@@ -77,9 +77,7 @@ UPPER_OVERHANG = 10.0  # that upper outlines are looked at beyond the floor [m]
 _MAX_HEADING_RANGE = 0.25  # ranges of headings are cut in pieces no wider than this [rad]
 DISC_SIDES = 48  # of the polygons that stand for discs
 _MAX_WALL_DIRECTIONS = 12  # directions of walls that exact headings are taken from, the longest
-MIN_SIDE_SHARE = (
-    0.25  # of a footprint's diameter, from which on a side counts: round outlines have none
-)
+MIN_SIDE_SHARE = 0.25  # of a footprint's diameter, from which on a side counts: round outlines have none
 _COMPASS = np.exp(2j * np.pi * np.arange(16) / 16).view(np.float64).reshape(-1, 2)
 
 

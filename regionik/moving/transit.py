@@ -18,8 +18,9 @@ from regionik.moving.shortcuts import GOOD_COST_RATIO, MIN_SAVED_LENGTH, Clock, 
 from regionik.planners.collision.proximity import Proximity
 from regionik.planners.driving.point_planner import NoPathError, drive_point
 from regionik.planners.driving.sampling import PlanningProblem, connect
-from regionik.postures.arm_roadmap import MAX_STRIDE, arm_path, joint_box, shortened
+from regionik.postures.arm_roadmap import arm_path, joint_box, shortened
 from regionik.postures.collision_checker import CollisionChecker
+from regionik.postures.options import POSTURES
 from regionik.postures.poses import Pose, arm_states, axis_of, distinct, pose_of
 from regionik.scene import Scene
 from regionik.worlds.arms import has_pivot, pivot_index
@@ -308,7 +309,7 @@ class WholeBodyPlanner:
             and self.driver.inside(at, self.piece) and self.collision.proves(at),
             lambda p, q: self._goes(self._pose(p), self._pose(q)),
         )  # fmt: skip
-        path = connect(problem, seed=seed, iterations=iterations, stride=MAX_STRIDE)
+        path = connect(problem, seed=seed, iterations=iterations, stride=POSTURES.roadmap.max_stride)
         if path is None:
             return None
         poses = shortened([here, *(self._pose(q) for q in path[1:-1]), there], self._goes)

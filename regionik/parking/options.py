@@ -37,6 +37,17 @@ class CoverOptions:
 
 
 @dataclass(frozen=True)
+class CarrierOptions:
+    """Postures carried along set-points on a fixed base, and round the rim of a circle to park in."""
+
+    max_starts: int = 24  # postures at the first set-point
+    max_compared: int = 3  # of those that serve every set-point
+    rim_directions: int = 8  # in which a posture is led out to the rim
+    rim_steps: int = 4  # on the way there, each posture the start of the next
+    rim_tolerance_share: float = 0.5  # of the tolerance, so that other solvers find the posture there too
+
+
+@dataclass(frozen=True)
 class PlaceOptions:
     """Places of one stop, and poses of it where poses were sampled."""
 
@@ -95,6 +106,7 @@ class ParkingOptions:
     """All of them, by what they tune."""
 
     cover: CoverOptions = CoverOptions()
+    carrier: CarrierOptions = CarrierOptions()
     places: PlaceOptions = PlaceOptions()
     probability: ProbabilityOptions = ProbabilityOptions()
     tour: TourOptions = TourOptions()

@@ -13,28 +13,24 @@ import numpy as np
 
 from regionik.areas.free_space import into_span
 from regionik.mfabrik import Solver
+from regionik.parking.options import PARKING
 from regionik.planners.geometry.offsets import radius_that_holds
 from regionik.planners.reach.serial_criteria import carried_along
 from regionik.planners.solvers.serial_chain import serial_arm
 from regionik.postures.arm_roadmap import (
-    MAX_ITERATIONS,
     FixedBasePostures,
     arm_path,
     grown_roadmap,
     rooted_roadmap,
 )
+from regionik.postures.options import POSTURES
 from regionik.postures.poses import Pose, axis_of, pose_of
 from regionik.postures.posture_search import PostureSearch
-from regionik.postures.serial_solver import MAX_CARRY_STEPS, SerialSolver
+from regionik.postures.serial_solver import SerialSolver
 from regionik.worlds.arms import pivot_index
 from regionik.worlds.arrays import Array, Index
 
-MAX_STARTS = 24  # postures at the first set-point that are looked for
-MAX_COMPARED = 3  # of those that serve every set-point, so many are compared
-RIM_DIRECTIONS = np.arange(8) * np.pi / 4  # directions in which a circle to park in is tried [rad]
-# of the tolerance that the tool may miss there, so that others find the posture too
-RIM_TOLERANCE_SHARE = 0.5
-RIM_STEPS = 4  # on the way out to its rim, each posture the start of the next
+OPTIONS = PARKING.carrier
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,14 +45,14 @@ class PostureCarrier(PostureSearch):
         base, robot = pose_of(self.world.robot, axis, into_span(0.0, span)), self.world.robot
         best: FixedBasePostures | None = None
         full = 0
-        for start in solver.self_motion(self.targets[0], base, robot.carry, MAX_STARTS):
+        for start in solver.self_motion(self.targets[0], base, robot.carry, OPTIONS.max_starts):
             found = self._from(start.base, start.joints, axis, span)
             if found is None or (best is not None and len(found.joints) < len(best.joints)):
                 continue
             if best is None or (len(found.joints), found.spare) > (len(best.joints), best.spare):
                 best = found
             full += len(found.joints) == len(self.targets)
-            if full == MAX_COMPARED:
+            if full == OPTIONS.max_compared:
                 break
         if best is None or self.world.rules.order == "given":
             return best
@@ -94,8 +90,9 @@ class PostureCarrier(PostureSearch):
         roadmap, grown = grown_roadmap(self.collision, rooted_roadmap(base, self.root), nodes)
         held = np.isin(np.arange(len(joints)) + len(between), grown)
         left = np.flatnonzero(~held) if self.collision.proves(Pose(base, self.root)) else ()
+        most = POSTURES.roadmap.max_iterations
         for n in left:
-            path = arm_path(self.collision, base, roadmap.nearest(joints[n]), joints[n], 0, MAX_ITERATIONS)
+            path = arm_path(self.collision, base, roadmap.nearest(joints[n]), joints[n], 0, most)
             if path is not None:
                 roadmap, held[n] = roadmap.with_path(path), True
         found = self.clear_postures(base, some[held], joints[held])
@@ -163,12 +160,14 @@ class PostureCarrier(PostureSearch):
 
         The rim is ``radius`` from a base pose (3,) [m].
         """
-        axis, some = axis_of(self.world.robot, base), np.full(RIM_STEPS, i)
-        shares = radius * np.arange(1, RIM_STEPS + 1)[:, None] / RIM_STEPS
-        for angle in RIM_DIRECTIONS:
+        axis, some = axis_of(self.world.robot, base), np.full(OPTIONS.rim_steps, i)
+        shares = radius * np.arange(1, OPTIONS.rim_steps + 1)[:, None] / OPTIONS.rim_steps
+        for angle in 2 * np.pi * np.arange(OPTIONS.rim_directions) / OPTIONS.rim_directions:
             places = axis + shares * (np.cos(angle), np.sin(angle))
-            found = self._carried(self._bound, places, float(base[2]), joints, some, RIM_TOLERANCE_SHARE)
-            if len(found) < RIM_STEPS:
+            found = self._carried(
+                self._bound, places, float(base[2]), joints, some, OPTIONS.rim_tolerance_share
+            )
+            if len(found) < OPTIONS.rim_steps:
                 return False
         return True
 
@@ -202,9 +201,8 @@ class PostureCarrier(PostureSearch):
         rows = np.zeros((len(aims.positions), solver.chain.dof))
         rows[0, more:] = joints
         rows[0] = np.clip(rows[0], arm.lower, arm.upper)
-        count = carried_along(
-            arm, self._thresholds, aims, effort.reach, share * effort.tolerance, MAX_CARRY_STEPS, rows
-        )
+        most, steps = share * effort.tolerance, POSTURES.solver.max_carry_steps
+        count = carried_along(arm, self._thresholds, aims, effort.reach, most, steps, rows)
         return rows[:count, more:]
 
     def _heading(self, heading: float, free: Array) -> float:

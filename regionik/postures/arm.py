@@ -26,7 +26,6 @@ from regionik.worlds.scene import Target
 Goal = Literal["point", "direction", "orientation"]
 
 CONE_SHARE = 0.5  # of a cone that arms are solved to; the rest is left for the way between two states
-MAX_PASSES = 100  # of a solver, from each start
 ANGLE_SLACK = 1e-9  # rounding allowed at the edge of a cone [rad]
 _ANY_TURN = np.zeros((3, 3))  # for kernels that do not read it
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from regionik.planners.driving.sampling import PlanningProblem, connect
 from regionik.postures.collision_checker import CollisionChecker, bodies_in, checker_from
+from regionik.postures.options import POSTURES
 from regionik.postures.poses import Pose, arm_states, distinct
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.chain import Chain
@@ -24,12 +25,7 @@ from regionik.worlds.robot import Robot, with_joint_margin
 from regionik.worlds.scene import Floor, Rules, Start, World
 
 State = TypeVar("State")
-
-DRAWN_POSTURES = 300  # postures at random
-MAX_TRIES_PER_POSTURE = 4  # motions to a posture that are looked at
-MAX_STRIDE = 1.0  # longest motion of RRTConnect, metres and radians together
-MAX_ITERATIONS, MAX_WAY_ITERATIONS = 1000, 300  # of RRTConnect to a posture, and for a shorter way
-GOOD_LENGTH_RATIO = 1.5  # times the straight motion between two postures is short enough
+OPTIONS = POSTURES.roadmap
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +47,8 @@ class ArmRoadmap:
         corners = ends if goes(collision, self.base, here, there) else self._along_tree(collision, ends)
         if corners is None:
             return None
-        if _length(corners) > GOOD_LENGTH_RATIO * _length(ends):
-            path = arm_path(collision, self.base, here, there, 0, MAX_WAY_ITERATIONS)
+        if _length(corners) > OPTIONS.good_length_ratio * _length(ends):
+            path = arm_path(collision, self.base, here, there, 0, OPTIONS.max_way_iterations)
             if path is not None:
                 corners = min(corners, [Pose(self.base, q) for q in path], key=_length)
         return [row for a, b in pairwise(corners) for row in [*arm_states(a, b), b]][:-1]
@@ -139,7 +135,7 @@ def _roadmap_alone(robot: Robot, floor: Floor, rules: Rules, start: Start | None
         np.where(np.isfinite(row), row, end)
         for row, end in ((robot.chain.lower, -np.pi), (robot.chain.upper, np.pi))
     )
-    drawn = np.random.default_rng(0).uniform(low, high, (DRAWN_POSTURES, robot.chain.dof))
+    drawn = np.random.default_rng(0).uniform(low, high, (OPTIONS.drawn_postures, robot.chain.dof))
     nodes = np.array([q for q in drawn if collision.proves(Pose(base, q))]).reshape(-1, robot.chain.dof)
     root = robot.carry if start is None else start.joints
     best, held = grown_roadmap(collision, rooted_roadmap(base, root), nodes)
@@ -173,7 +169,7 @@ def grown_roadmap(
 
     def push(k: int) -> None:
         """Queue the shortest motion from a node that was not queued yet."""
-        m = next((m for m in ahead[k] if m not in place and missed[m] < MAX_TRIES_PER_POSTURE), None)
+        m = next((m for m in ahead[k] if m not in place and missed[m] < OPTIONS.max_tries), None)
         if m is not None:
             heappush(queue, (float(far[k, m - before]), k, m))
 
@@ -182,7 +178,7 @@ def grown_roadmap(
     while queue:
         _, a, b = heappop(queue)
         push(a)
-        if b in place or missed[b] >= MAX_TRIES_PER_POSTURE:
+        if b in place or missed[b] >= OPTIONS.max_tries:
             continue
         if goes(collision, base, nodes[a], nodes[b]):
             place[b] = len(place)
@@ -219,7 +215,7 @@ def arm_path(
         *joint_box(collision.bodies.robot.chain, here, there), here, there,
         lambda q: collision.proves(Pose(base, q)), lambda p, q: goes(collision, base, p, q),
     )  # fmt: skip
-    path = connect(problem, seed=seed, iterations=iterations, stride=MAX_STRIDE)
+    path = connect(problem, seed=seed, iterations=iterations, stride=OPTIONS.max_stride)
     return None if path is None else np.array(shortened(list(path), lambda p, q: goes(collision, base, p, q)))
 
 

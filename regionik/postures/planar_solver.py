@@ -30,7 +30,7 @@ from regionik.planners.solvers.posture_criteria import (
     posture_margin,
     posture_within_thresholds,
 )
-from regionik.postures.arm import ANGLE_SLACK, CONE_SHARE, MAX_PASSES, ArmSolution, deviation
+from regionik.postures.arm import ANGLE_SLACK, CONE_SHARE, ArmSolution, deviation
 from regionik.postures.families import (
     Family,
     families_of,
@@ -39,13 +39,13 @@ from regionik.postures.families import (
     tool_turn,
     within_cone,
 )
+from regionik.postures.options import POSTURES
 from regionik.worlds.arms import PlanarArm
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import JOINT_SPARE, SPARE_SHARE, within_half_turns
 from regionik.worlds.scene import Target
 
-PITCH_SAMPLES = 41  # pitches within a cone that are tried for a posture
-DISTANCE_SAMPLES = 50  # of a base on a free floor from the target
+OPTIONS = POSTURES.solver
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +73,7 @@ class PlanarSolver:
         zero = float(arm.pivot_zero + mount[3])
         return PlanarSetup(
             self.plane, links_of(self.plane), arm.sign, arm.offset, self._restarts, mount[:2], zero, turning,
-            family.facing, family.pitch, self.tolerance, MAX_PASSES,
+            family.facing, family.pitch, self.tolerance, OPTIONS.max_passes,
         )  # fmt: skip
 
     @cached_property
@@ -129,7 +129,7 @@ class PlanarSolver:
                 ahead = start - target.position[:2]
                 ahead /= max(float(np.hypot(*ahead)), 1e-12)
                 yield from target.position[:2] + np.outer(
-                    (np.arange(DISTANCE_SAMPLES) + 0.5) / DISTANCE_SAMPLES * far, ahead
+                    (np.arange(OPTIONS.distance_samples) + 0.5) / OPTIONS.distance_samples * far, ahead
                 )
 
     def _leaning(self, target: Target, axis: Array, yaw: float, joints: Array) -> ArmSolution | None:
@@ -144,7 +144,7 @@ class PlanarSolver:
                 continue
             ranges = [pitches]
             if target.orientation is not None:  # not every pitch suits the roll
-                ranges += [(tool, tool) for tool in np.linspace(*pitches, PITCH_SAMPLES).tolist()]
+                ranges += [(tool, tool) for tool in np.linspace(*pitches, OPTIONS.pitch_samples).tolist()]
             for some in ranges:
                 bends = self._bends_within(some, r, float(target.position[2]), self.arm.bends(joints))
                 if bends is not None:
@@ -176,8 +176,8 @@ class PlanarSolver:
             return bends if found else None
         middle = (low + high) / 2
         present = middle + float(wrap(float(near.sum()) - middle))
-        about = np.clip(present + MAX_TILT * np.linspace(-1.0, 1.0, PITCH_SAMPLES), low, high)
-        tools = np.concatenate([about, np.linspace(low, high, PITCH_SAMPLES)])
+        about = np.clip(present + MAX_TILT * np.linspace(-1.0, 1.0, OPTIONS.pitch_samples), low, high)
+        tools = np.concatenate([about, np.linspace(low, high, OPTIONS.pitch_samples)])
         for plane in (self._off_limits, self.plane):
             if np.isfinite(nearest_of(plane, tools, r, z, near, bends)):
                 return bends

@@ -15,6 +15,7 @@ from regionik.planners.solvers.damped_least_squares import POSITION, Aims
 from regionik.planners.solvers.serial_chain import serial_arm
 from regionik.postures.arm_roadmap import ArmRoadmap, travel_roadmap
 from regionik.postures.collision_checker import MAX_SPARE, CollisionChecker, contact_for
+from regionik.postures.options import POSTURES
 from regionik.postures.poses import axis_of
 from regionik.postures.serial_solver import SerialSolver, serial_solver
 from regionik.worlds.arms import pivot_index, pivot_joints
@@ -23,8 +24,7 @@ from regionik.worlds.joints import nearest_turn
 from regionik.worlds.robot import with_joint_margin
 from regionik.worlds.scene import Target, World
 
-MAX_NEIGHBORS = 8  # targets that a posture is led on to
-MAX_STARTS = 4  # postures that the search at a target begins from
+OPTIONS = POSTURES.search
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +35,7 @@ class PostureSearch:
     collision: CollisionChecker
     targets: Sequence[Target]
 
-    def neighboring(self, base: Array, some: Index, starts: int = MAX_STARTS) -> tuple[Index, Array]:
+    def neighboring(self, base: Array, some: Index, starts: int = OPTIONS.max_starts) -> tuple[Index, Array]:
         """Return those of some set-points where a clear posture was soon found, and the postures."""
         return next(self._neighboring(base, some, [slice(None, starts)]))
 
@@ -52,7 +52,7 @@ class PostureSearch:
         aims, effort = self._aims(axis, yaw, some), self._bound.effort
         spots = aims.positions
         far = np.linalg.norm(spots[:, None] - spots[None], axis=2)
-        near = np.argsort(far, axis=1, kind="stable")[:, 1 : MAX_NEIGHBORS + 1]
+        near = np.argsort(far, axis=1, kind="stable")[:, 1 : OPTIONS.max_neighbors + 1]
         collision, margin = self.collision, MAX_SPARE if self.collision.enabled else -np.inf
         targets = NeighboringTargets(
             collision.bodies.scene(collision.contact), margin, base, self._thresholds,

@@ -19,7 +19,8 @@ from regionik.planners.solvers.mfabrik_serial import ArmMounting, in_arm_frame, 
 from regionik.planners.solvers.multistart_ik import Effort, solve_ik
 from regionik.planners.solvers.rigid_bodies import RigidBodies, arm_model, span
 from regionik.planners.solvers.serial_chain import SerialArm, serial_arm
-from regionik.postures.arm import CONE_SHARE, MAX_PASSES, ArmSolution, aim_of
+from regionik.postures.arm import CONE_SHARE, ArmSolution, aim_of
+from regionik.postures.options import POSTURES
 from regionik.worlds.arms import pivot_index, reach_bound, sliding_chain, with_pivot, with_pivot_limits
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, spread_postures, within_half_turns
@@ -27,11 +28,7 @@ from regionik.worlds.joints import nearest_turn
 from regionik.worlds.prepared import made_once
 from regionik.worlds.scene import Target
 
-MAX_RESTARTS = 10
-MAX_CARRY_STEPS = 60  # of damped least squares when a posture is carried along
-SAME_POSTURE = 0.05  # postures that differ by less in every joint are one [rad]
-MAX_OTHER_STARTS = 48  # starts of other postures, where one cannot be led to meet the demand
-MAX_NEAREST = 6  # postures of the reach that are tried where passes and restarts do not meet a target
+OPTIONS = POSTURES.solver
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +59,7 @@ class SerialSolver:
         led = self._within_demand(goal, found, yaw)
         if led is not None:
             return led
-        others = self.self_motion(target, found.axis, yaw, joints, MAX_OTHER_STARTS)
+        others = self.self_motion(target, found.axis, yaw, joints, OPTIONS.max_other_starts)
         if not others and mobile and (known := self._from_reach(goal, found, yaw, joints, area)) is not None:
             return known
         nearest = min(others, key=lambda one: float(np.abs(one.joints - joints).max()), default=None)
@@ -183,7 +180,7 @@ class SerialSolver:
         starts[0] = joints[:n]
         found: list[ArmSolution] = []
         for one in self._on_target(target, goal, axis, yaw, starts, joints):
-            if all(np.abs(one.joints - other.joints).max() > SAME_POSTURE for other in found):
+            if all(np.abs(one.joints - other.joints).max() > OPTIONS.same_posture for other in found):
                 found.append(one)
         return found
 
@@ -202,7 +199,7 @@ class SerialSolver:
         """Postures on target from starts (m, n), by damped least squares; for a point, else by passes."""
         effort, arm, ends = goal.effort, goal.bodies.arm, starts.copy()
         aim, none = in_arm_frame(axis, yaw, self.height, goal.aim), starts[:0]
-        most = effort.reach, effort.tolerance, effort.angle_tolerance, MAX_CARRY_STEPS
+        most = effort.reach, effort.tolerance, effort.angle_tolerance, OPTIONS.max_carry_steps
         for start, end, error, angle in zip(starts, ends, *polish_each(arm, aim, ends, *most), strict=True):
             q = np.concatenate([end, joints[len(end) :]])
             if error > effort.tolerance or angle > effort.angle_tolerance:
@@ -222,7 +219,8 @@ class SerialSolver:
         near = np.argsort(np.hypot(*(known.places - missed.axis).T), kind="stable")
         bounded = len(area.starts) > 1
         free = [k for k in near if not bounded or contains(area.vertices, area.starts, *known.places[k])]
-        tries = [(missed.axis, k) for k in near[:MAX_NEAREST]] + [(known.places[k], k) for k in free[:1]]
+        tries = [(missed.axis, k) for k in near[: OPTIONS.max_nearest]]
+        tries += [(known.places[k], k) for k in free[:1]]
         for place, k in tries:
             q = np.array(known.postures[k])
             q[pivot_index(self.chain)] += known.yaws[k] - yaw
@@ -237,9 +235,8 @@ class SerialSolver:
         """Return the result of damped least squares from a posture on a fixed base."""
         n, effort = len(goal.bodies.arm.lower), goal.effort
         q, aim = np.array(joints[:n]), in_arm_frame(place, yaw, self.height, goal.aim)
-        error, angle, _ = polish(
-            goal.bodies.arm, aim, q, effort.reach, effort.tolerance, effort.angle_tolerance, MAX_CARRY_STEPS
-        )
+        most = effort.reach, effort.tolerance, effort.angle_tolerance, OPTIONS.max_carry_steps
+        error, angle, _ = polish(goal.bodies.arm, aim, q, *most)
         if error > effort.tolerance or angle > effort.angle_tolerance:
             return None
         return goal.solution(place, np.concatenate([q, joints[n:]]), error, angle, 0)
@@ -292,6 +289,6 @@ def serial_solver(
     chain = with_pivot(chain)
     endless = with_pivot_limits(chain, -np.inf, np.inf) if turns else chain
     pointing, posing = arm_model(endless).pointing, arm_model(endless).posing
-    effort = Effort(tolerance, 1.0, 0 if chain.has_mimics else MAX_PASSES, span(pointing.arm), True)
-    starts = spread_postures(endless, effort.reach, MAX_RESTARTS, 0)
+    effort = Effort(tolerance, 1.0, 0 if chain.has_mimics else OPTIONS.max_passes, span(pointing.arm), True)
+    starts = spread_postures(endless, effort.reach, OPTIONS.max_restarts, 0)
     return SerialSolver(chain, endless, pointing, posing, starts, effort, height, demand)

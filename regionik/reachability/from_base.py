@@ -28,6 +28,7 @@ from regionik.postures.families import BACK, FRONT
 from regionik.postures.poses import Pose, axis_of
 from regionik.reach_table import reach_table
 from regionik.reachability.any_base import can_search, rules_out_posture
+from regionik.reachability.options import REACHABILITY
 from regionik.reachability.target_search import TargetResult, TargetSearch
 from regionik.scene import Scene
 from regionik.worlds.arms import has_pivot, pivot_index, with_pivot_limits
@@ -35,9 +36,7 @@ from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.obstacles import Shadow
 from regionik.worlds.scene import Target
 
-MAX_CELLS = 4_000  # of postures weighed for one target of an arm in one plane
-MAX_BOXES = 8_000  # and of any arm
-MAX_KNOWN_POSTURES = 32  # postures of those that the arm knows that are led on to a target
+OPTIONS = REACHABILITY.search
 EXACT = 1e-9  # rounding of distances and headings [m], [rad]
 EDGE_TOLERANCE = 1e-6  # depth up to which a footprint at the edge of a shadow counts as beside it [m]
 
@@ -184,7 +183,7 @@ def _answer_from_base(placed: _PlacedScene, target: Target) -> TargetResult:
 
 def _continued_posture(placed: _PlacedScene, search: TargetSearch) -> Pose | None:
     """A clear posture led on from one of those that the arm knows; of arms to which a place gives none."""
-    for joints in search.finder.led_on(placed.base, MAX_KNOWN_POSTURES):
+    for joints in search.finder.led_on(placed.base, OPTIONS.max_known_postures):
         pose = Pose(placed.base, joints)
         if search.confirms(pose):
             return pose
@@ -196,7 +195,9 @@ def _searched(placed: _PlacedScene, search: TargetSearch) -> TargetResult:
     if not search.collision.enabled:
         return _undecided(search)
     shut = f"in no posture does the arm {_needed_clearance(search)}"
-    if can_search(placed.scene) and rules_out_posture(placed.scene, search.target, placed.base, MAX_CELLS):
+    if can_search(placed.scene) and rules_out_posture(
+        placed.scene, search.target, placed.base, OPTIONS.max_held_cells
+    ):
         return _ruled_out(search.target, placed, shut)
     pose = search.search()
     if pose is not None:
@@ -209,7 +210,7 @@ def _searched(placed: _PlacedScene, search: TargetSearch) -> TargetResult:
             found.append(pose)
         return bool(found)
 
-    verdict = search.finder.every(placed.base, accept, MAX_BOXES)
+    verdict = search.finder.every(placed.base, accept, OPTIONS.max_held_boxes)
     if found:
         return TargetResult("reachable", found[0], 0.0, "")
     if verdict == Verdict.RULED_OUT:

@@ -10,12 +10,32 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class SearchOptions:
-    """Searches of all postures of an arm at one target, from any base."""
+    """Searches of all postures of an arm at one target."""
 
+    # From any base
     max_cells: int = 200_000  # of postures
     min_cells: int = 64  # of any such search: those that it may begin with
     known_cell: float = 0.05  # of distance and height, in which one posture is kept to begin with [m]
     targets_at_once: int = 500  # that a worker is given
+    # From one base
+    max_known_postures: int = 32  # of those that the arm knows, that are led on to the target
+    max_held_cells: int = 4_000  # of postures of an arm in one plane
+    max_held_boxes: int = 8_000  # of any other
+
+
+@dataclass(frozen=True)
+class ConfigurationOptions:
+    """Search for a configuration with the base in an area, or held."""
+
+    max_places: int = 12  # of the base, in an area where the arm touches something
+    max_pitches: int = 24  # of the last link, at every place
+    max_measured: int = 4  # postures at one place that touch something, whose distances are measured
+    max_colliding: int = 200  # of these in all, after which no other place is tried
+    max_sampled_places: int = 2  # where more postures of the arm are sampled
+    max_samples: int = 50  # of them at each
+    max_overlap: float = (
+        0.1  # of the posture met there, beyond which none is: those that helped had 0.013 m [m]
+    )
 
 
 @dataclass(frozen=True)
@@ -48,6 +68,7 @@ class ReachabilityOptions:
     """All of them, by what they tune."""
 
     search: SearchOptions = SearchOptions()
+    configurations: ConfigurationOptions = ConfigurationOptions()
     refinement: RefinementOptions = RefinementOptions()
     field: FieldOptions = FieldOptions()
 

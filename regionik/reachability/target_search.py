@@ -21,19 +21,14 @@ from regionik.postures.arm import goal_error
 from regionik.postures.collision_checker import CollisionChecker
 from regionik.postures.families import Family
 from regionik.postures.poses import Pose, arrays, facing, pose_of
+from regionik.reachability.options import REACHABILITY
 from regionik.regions import path_areas
 from regionik.scene import Scene
 from regionik.values import Configuration
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target
 
-MAX_PLACES = 12  # of the base, tried in an area where the arm touches something
-MAX_PITCHES = 24  # of the last link, tried at every place
-MAX_SEARCHED = 2  # places at which more postures of the arm are sampled
-MAX_SAMPLES = 50  # of them at each
-MAX_OVERLAP = 0.1  # overlap of the posture met there, beyond which none is [m]; those that helped had 0.013 m
-MAX_COLLIDING = 200  # postures that touch something, after which no other place is tried
-MAX_MEASURED = 4  # of those at one place, whose distances are measured
+OPTIONS = REACHABILITY.configurations
 BOUND_SLACK = 1e-9  # rounding allowed at a bound [m] or [rad]
 
 
@@ -69,7 +64,7 @@ class TargetSearch:
     @property
     def is_exhausted(self) -> bool:
         """True where so many postures touch something that no other place is tried."""
-        return self.colliding >= MAX_COLLIDING
+        return self.colliding >= OPTIONS.max_colliding
 
     def within(self, area: BaseGeometry, family: Family, span: tuple[float, float]) -> Pose | None:
         """A confirmed configuration with the arm axis in an area, the heading in a span, if one is found."""
@@ -91,7 +86,7 @@ class TargetSearch:
             return clear
         self.colliding += len(free_space)
         best = -np.inf
-        for q in free_space[:MAX_MEASURED]:
+        for q in free_space[: OPTIONS.max_measured]:
             room = self._room(q, best)
             if room == np.inf:
                 return q
@@ -112,8 +107,10 @@ class TargetSearch:
 
     def search(self) -> Pose | None:
         """Sample postures of the arm at the places nearest to a clear one, or at the one that counts."""
-        nearest = sorted((one for one in self.nearly if one[0] > -MAX_OVERLAP), key=lambda one: -one[0])
-        about = [near for _, near in nearest[:MAX_SEARCHED]]
+        nearest = sorted(
+            (one for one in self.nearly if one[0] > -OPTIONS.max_overlap), key=lambda one: -one[0]
+        )
+        about = [near for _, near in nearest[: OPTIONS.max_sampled_places]]
         if not about and self.fixed_base is not None:
             about = [Pose(self.fixed_base, self.scene.robot.carry)]
         return next((q for q in map(self._searched, about) if q is not None), None)
@@ -159,7 +156,7 @@ class TargetSearch:
         """The middle of the area's largest part, then places spread over all of it."""
         largest = max(shapely.get_parts(area), key=lambda part: part.area)
         middle = shapely.maximum_inscribed_circle(largest).coords[0]
-        return np.vstack([middle, spread(area, MAX_PLACES, 0)])
+        return np.vstack([middle, spread(area, OPTIONS.max_places, 0)])
 
     def _postures(self, solver: Solver, base: Array) -> list[Pose]:
         """The posture that the solver finds from the carried arm, then those of its self-motion."""
@@ -169,7 +166,7 @@ class TargetSearch:
             return []
         poses = [self._posed(first)] if first.converged else []
         if not poses or (self.collision.enabled and not self.confirms(poses[0])):
-            others = solver.self_motion(self.target, base, carry, MAX_PITCHES)
+            others = solver.self_motion(self.target, base, carry, OPTIONS.max_pitches)
             poses += [self._posed(one) for one in others]
         return poses
 
@@ -179,7 +176,7 @@ class TargetSearch:
 
     def _searched(self, q: Pose) -> Pose | None:
         """Search postures of the arm about the nearest one, the base held."""
-        found = self.finder.sampled(q, MAX_SAMPLES)
+        found = self.finder.sampled(q, OPTIONS.max_samples)
         if found.joints is None:
             return None
         pose = Pose(q.base, np.array(found.joints))
