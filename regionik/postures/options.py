@@ -47,7 +47,7 @@ class RoadmapOptions:
 
 
 @dataclass(frozen=True)
-class PostureOptions:
+class ArmOptions:
     """All of them, by what they tune."""
 
     solver: SolverOptions = SolverOptions()
@@ -55,4 +55,4 @@ class PostureOptions:
     roadmap: RoadmapOptions = RoadmapOptions()
 
 
-POSTURES = PostureOptions()
+POSTURES = ArmOptions()
