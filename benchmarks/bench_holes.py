@@ -50,7 +50,7 @@ def main() -> None:
     seconds = time.process_time() - began
     stops, tour = found.stats["stops"], found.stats["tour"]
     print(f"{count} holes: {len(found.stops)} stops of {[len(stop.setpoints) for stop in found.stops]}")
-    print(f"  at least {stops['lower_bound']} by outer areas; {stops['fewest_of_inner_areas']} by inner ones")
+    print(f"  at least {stops['lower_bound']}, by {stops['bound']}")
     print(f"  tolerance {min(stop.tolerance for stop in found.stops):.4f} m at least")
     print(f"  {found.lift_offs} lift-offs, {len(found.motion)} states, {tour['drive']:.2f} m between stops")
     print(f"  arm {tour['arm']:.1f} s at full speed")

@@ -25,6 +25,7 @@ from regionik.postures.families import Family
 from regionik.postures.poses import Pose, axis_of, pose_of
 from regionik.reachability.any_base import can_search, search_any_base
 from regionik.reachability.from_base import from_base
+from regionik.reachability.known_postures import among_known
 from regionik.reachability.options import REACHABILITY
 from regionik.reachability.refinement import KnownArea, diameter, refine
 from regionik.reachability.target_search import TargetResult, TargetSearch
@@ -211,7 +212,7 @@ def _closely(scene: Scene, target: Target, likely: Sequence[KnownArea]) -> Targe
     if seen.verdict != "undecided":
         return seen
     pose, left, tried = refine(search, likely)
-    pose = pose or search.search()
+    pose = pose or search.search() or among_known(search)
     if pose is not None:
         return TargetResult("reachable", pose, 0.0, "")
     if left.is_empty:
