@@ -22,8 +22,8 @@ from regionik.explain import arm_failures
 from regionik.mfabrik import configurations
 from regionik.moving.base_motion import Candidate
 from regionik.moving.grown_runs import GrownRun, RunGrowth
+from regionik.moving.options import MOVING
 from regionik.moving.path_search import (
-    MAX_STALLED_CANDIDATES,
     JoinedMotion,
     PathSearch,
     SearchStep,
@@ -36,11 +36,8 @@ from regionik.pruning import Pruned, choose_chain, solvers_along, start_place, s
 from regionik.scene import Scene
 from regionik.worlds.errors import Explanation, NoPlanFound
 
-MAX_CANDIDATES = 16  # candidates tried at the next set-point, or to begin a run from
+OPTIONS = MOVING.runs
 BASE_COORDINATES = 0, 1, 2  # coordinates of a base that stands
-STATIONARY_BUDGET_FACTOR = 4  # times as many set-points as a run has are gone through from places in vain
-MAX_TRIES_RESUMED = 40  # candidates tried without getting farther where base and joints together are stuck
-MAX_TRIES_BASE_FIRST = 24  # candidates tried without getting farther before base and joints go on together
 
 
 class JoinedRun(NamedTuple):
@@ -122,7 +119,7 @@ class _Connection:
         if stationary is not None:
             return stationary
         if not self._rolls and all(one.direction is None for one in self.scene.task[i:end]):
-            return self._searched(i, end, here, MAX_TRIES_BASE_FIRST)
+            return self._searched(i, end, here, OPTIONS.max_base_first_candidates)
         known = self._together(i, end, here)
         if known is None:
             return self._searched(i, end, here)
@@ -138,7 +135,7 @@ class _Connection:
             runs = growth.runs_from(i, end, partial(self._postures, base))
             found = self._arrived(i, end, here, (run for run in runs if run.end >= end))
             passed += growth.passed
-            if found is not None or passed > STATIONARY_BUDGET_FACTOR * (end - i):
+            if found is not None or passed > OPTIONS.stationary_budget_factor * (end - i):
                 return found
         return None
 
@@ -169,13 +166,15 @@ class _Connection:
     def _resumed(self, i: int, end: int, known: JoinedRun) -> JoinedRun:
         """Return a run that a search has extended from where it was stuck."""
         run = self.search.resumed(i, end - i, known.steps, self._ahead)
-        return JoinedRun(known.way, run.longest(MAX_TRIES_RESUMED))
+        return JoinedRun(known.way, run.longest(OPTIONS.max_resumed_candidates))
 
-    def _searched(self, i: int, end: int, here: Pose | None, soon: int = MAX_STALLED_CANDIDATES) -> JoinedRun:
+    def _searched(
+        self, i: int, end: int, here: Pose | None, soon: int = OPTIONS.max_stalled_candidates
+    ) -> JoinedRun:
         """Return the longest run that a search finds; if that takes long, base and joints move together."""
         way, first = self._arrive(i, here)
         run = self.search.run(i, end - i, first, self._ahead)
-        if len(run.longest(soon)) < end - i and soon < MAX_STALLED_CANDIDATES:
+        if len(run.longest(soon)) < end - i and soon < OPTIONS.max_stalled_candidates:
             whole = self._together(i, end, here)
             if whole is not None and len(whole.steps) == end - i:
                 return whole
@@ -192,7 +191,7 @@ class _Connection:
             yield from sampler.nearest(at, kept, here)
         yield from sampler.nominal(at, kept, start, goal)
         yield from sampler.far_from_limits(at, kept, goal.pose)
-        yield from islice(sampler.arrivals(at, kept, start, goal), MAX_CANDIDATES)
+        yield from islice(sampler.arrivals(at, kept, start, goal), OPTIONS.max_candidates)
 
     def _unfolded(self, i: int, here: Pose | None, first: Candidate) -> list[MotionState] | None:
         """Return the transit to the first state of a run, with the arm folded; None if there is none."""
@@ -216,7 +215,7 @@ class _Connection:
         start = here or goal.pose
         for components in (self._components_at(i, goal), self._cut(i)):
             found = search.sampler.arrivals(i, components, start, goal)
-            arrived = search.arrive(i, here, islice(found, MAX_CANDIDATES), search.transits.folded)
+            arrived = search.arrive(i, here, islice(found, OPTIONS.max_candidates), search.transits.folded)
             if arrived is not None:
                 return arrived
         raise NoPlanFound(search.why_not(i, here, goal))
@@ -230,7 +229,7 @@ class _Connection:
         goal, sampler = self.nominal[i + 1], self.search.sampler
         components = [k for k in self._components_at(i + 1, goal) if int(ladder.group[k]) in after]
         found = sampler.options(i + 1, components, here.pose, goal, together=bool(here.way))
-        return islice(found, MAX_CANDIDATES)
+        return islice(found, OPTIONS.max_candidates)
 
     def _components_at(self, i: int, goal: Candidate) -> list[int]:
         """Return the components of a set-point that pruning left, that of M-FABRIK's solution first."""

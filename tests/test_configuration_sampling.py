@@ -12,7 +12,8 @@ import shapely
 
 from regionik.mfabrik import configurations
 from regionik.moving.base_motion import Candidate
-from regionik.moving.configuration_sampling import MAX_HEADINGS, ConfigurationSampler
+from regionik.moving.configuration_sampling import ConfigurationSampler
+from regionik.moving.options import MOVING
 from regionik.moving.path_following import ResolvedMotion
 from regionik.pruning import Pruned, choose_chain, solvers_along, start_place, start_pose, whole_path
 from regionik.scene import scene_of
@@ -66,9 +67,10 @@ def test_a_run_may_begin_at_headings_all_round_far_from_limits_first(name: str, 
     )
     found = list(looking.far_from_limits(i, pruned.components_at(i), nominal[i].pose))
     turned = [wrap(float(one.pose.base[2] - nominal[i].pose.base[2])) for one in found]
-    heading = [int(np.rint(turn / (2 * np.pi / MAX_HEADINGS))) % MAX_HEADINGS for turn in turned]
+    count = MOVING.sampling.max_headings
+    heading = [int(np.rint(turn / (2 * np.pi / count))) % count for turn in turned]
     room = [float(robot.chain.room_to_limits(one.pose.joints)) for one in found]
-    assert len(set(heading)) > MAX_HEADINGS / 2
+    assert len(set(heading)) > count / 2
     for n, one in enumerate(found):
         axis = shapely.Point(axis_of(robot, one.pose.base))
         tool = robot.tool(one.pose.base, one.pose.joints)[:3, 3]

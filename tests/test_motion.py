@@ -154,7 +154,7 @@ def bell() -> World:
 
 
 def test_postures_that_cannot_be_got_to_are_told_from_none(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(transit, "MAX_ITERATIONS", 200)
+    monkeypatch.setattr(transit, "OPTIONS", replace(transit.OPTIONS, max_iterations=200))
     why = why_not(bell())
     assert (why.verdict, why.setpoint) == ("no-posture", 0)
     assert "no way to one of them" in why.reason

@@ -187,7 +187,7 @@ def test_the_arm_of_a_base_on_wheels_is_led_round_things(monkeypatch: pytest.Mon
 
 
 def test_no_way_out_of_a_pen(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(transit, "MAX_ITERATIONS", 100)
+    monkeypatch.setattr(transit, "OPTIONS", replace(transit.OPTIONS, max_iterations=100))
     pen = tuple(
         Box(name, np.array([*size, 1.0]), np.array([*middle, 0.7]))
         for name, size, middle in (

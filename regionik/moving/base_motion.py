@@ -11,6 +11,7 @@ import numpy as np
 
 from regionik.areas.free_space import FreeSpace, Index
 from regionik.ladder import Ladder
+from regionik.moving.options import MOVING
 from regionik.planners.collision.robot_motion import bases_between
 from regionik.planners.driving.footprint import fits
 from regionik.planners.driving.footprint_scene import FootprintScene
@@ -21,7 +22,7 @@ from regionik.values import Configuration
 from regionik.worlds.arrays import Array
 from regionik.worlds.drives import displacement
 
-RETREAT_DIRECTIONS = 16  # directions of drawing back
+OPTIONS = MOVING.transits
 TURN_STRIDE = 0.1  # largest turn of the base between two states [rad]
 
 
@@ -158,9 +159,10 @@ class Driver(ABC):
         """
         robot, axis = self.scene.robot, axis_of(self.scene.robot, at.base)
         away = float(np.arctan2(*(axis - robot.tool(at.base, at.joints)[:2, 3])[::-1]))
-        turns = sorted(range(RETREAT_DIRECTIONS), key=lambda k: (min(k, RETREAT_DIRECTIONS - k), k))
+        count = OPTIONS.retreat_directions
+        turns = sorted(range(count), key=lambda k: (min(k, count - k), k))
         for k in turns if far > 0 else turns[:1]:
-            angle = away + 2 * np.pi * k / RETREAT_DIRECTIONS
+            angle = away + 2 * np.pi * k / count
             spot = axis + far * np.array([np.cos(angle), np.sin(angle)])
             back = Pose(pose_of(robot, spot, at.base[2]), at.joints)
             states = self.direct(at, back, label)

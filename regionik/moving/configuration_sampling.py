@@ -22,6 +22,7 @@ from regionik.areas.sampled_reach import sampled_reach
 from regionik.ladder import Ladder
 from regionik.mfabrik import Solver, solver_for
 from regionik.moving.base_motion import Candidate
+from regionik.moving.options import MOVING
 from regionik.moving.path_following import ResolvedMotion
 from regionik.planners.avoidance.clear_posture import ClearPosture
 from regionik.planners.collision.proximity import Proximity
@@ -40,19 +41,7 @@ from regionik.worlds.arms import turned_back
 from regionik.worlds.arrays import Array
 from regionik.worlds.joints import nearest_turn
 
-MAX_PLACES = 24  # of the base, looked through in one component
-MAX_PITCHES = 48  # of the last link, looked through at every place
-MIN_FAR_TURN = 1.5  # change of an endless joint from which on the other way round is tried too [rad]
-MAX_MENDED = 4  # postures made clear by avoidance, where no other is clear
-MAX_SEARCHED = 2  # of their places, at which all postures are looked for
-MAX_BOXES = 20_000  # of postures weighed there
-# components by heading that are looked through, and more where nothing is clear in them
-MAX_NEAR_COMPONENTS = 4
-TURN_WEIGHT = 0.3  # what a turn of the base counts against driving to them [m/rad]
-MAX_FUTILE_TRIES = 16  # failed avoidances in turn at one component, after which no more are tried
-MAX_HEADINGS = 16  # of the base from which base and joints may go on together
-MAX_STARTS = 8  # postures drawn from which others are sought at a base pose
-MAX_POSTURES_PER_PLACE = 2  # postures offered at one place
+OPTIONS = MOVING.sampling
 
 
 @dataclass(eq=False)
@@ -144,7 +133,7 @@ class ConfigurationSampler:
             return
         robot, axis = self.scene.robot, axis_of(self.scene.robot, start.base)
         found = list[tuple[int, float, Candidate]]()
-        for yaw in start.base[2] + 2 * np.pi * np.arange(MAX_HEADINGS) / MAX_HEADINGS:
+        for yaw in start.base[2] + 2 * np.pi * np.arange(OPTIONS.max_headings) / OPTIONS.max_headings:
             there = [k for k in components if away(wrap(yaw), self._span(k)) == 0]
             for k in self._by_nearness(there, start)[:1]:
                 flat = self.ladder.flat(k)
@@ -178,7 +167,7 @@ class ConfigurationSampler:
         target, near, rest = self.scene.task[i], components, list[int]()
         if len(self.free_space.sides) > 1:  # those of some headings only by nearness
             ordered = self._by_nearness(components, here)
-            near, rest = ordered[:MAX_NEAR_COMPONENTS], ordered[MAX_NEAR_COMPONENTS:]
+            near, rest = ordered[: OPTIONS.max_near_components], ordered[OPTIONS.max_near_components :]
         for k in near:
             onward = self.solver(k)(target, here.base, here.joints)
             if onward.converged:
@@ -199,7 +188,7 @@ class ConfigurationSampler:
         axis, parts = Point(axis_of(self.scene.robot, here.base)), self.ladder.component[list(components)]
         yaw, spans = here.base[2], self._spans[self.ladder.side[list(components)]]
         turns = np.abs(into_spans(np.full(len(spans), yaw), *spans.T) - yaw)
-        order = np.argsort(shapely.distance(parts, axis) + TURN_WEIGHT * turns, kind="stable")
+        order = np.argsort(shapely.distance(parts, axis) + OPTIONS.turn_weight * turns, kind="stable")
         return [components[m] for m in order.tolist()]
 
     def resolved_onward(
@@ -229,7 +218,7 @@ class ConfigurationSampler:
     def other_postures(self, i: int, base: Array, k: int) -> Iterator[Candidate]:
         """Yield collision-free postures at a base pose, from starts sampled within the joint limits."""
         solver, target = self.solver(k, float(base[2])), self.scene.task[i]
-        for start in sampled_reach(self.scene.robot).postures(base, target.position, MAX_STARTS):
+        for start in sampled_reach(self.scene.robot).postures(base, target.position, OPTIONS.max_starts):
             one = solver.least_change(target, base, start)
             if one is not None:
                 candidate = Candidate(replace(one, base=base), k)
@@ -244,7 +233,7 @@ class ConfigurationSampler:
         near = here.joints + np.where(turns, nearest_turn(change), change)
         turned = (near != found.joints).any()
         yield replace(candidate, configuration=replace(found, joints=near)) if turned else candidate
-        for k in np.flatnonzero(turns & (np.abs(near - here.joints) > MIN_FAR_TURN)).tolist():
+        for k in np.flatnonzero(turns & (np.abs(near - here.joints) > OPTIONS.min_far_turn)).tolist():
             far = near - 2 * np.pi * np.sign(near - here.joints) * (np.arange(chain.dof) == k)
             yield replace(candidate, configuration=replace(found, joints=far))
 
@@ -268,7 +257,7 @@ class ConfigurationSampler:
     def around(self, i: int, candidate: Candidate) -> Iterator[Candidate]:
         """Yield candidates on the same base pose whose arm avoids what it collides with."""
         key = i, candidate.component
-        if self._futile.get(key, 0) >= MAX_FUTILE_TRIES:
+        if self._futile.get(key, 0) >= OPTIONS.max_futile_tries:
             return
         around = list(self._as_found(i, candidate, self._finder(i).around(candidate.pose)))
         self._futile[key] = 0 if around else self._futile.get(key, 0) + 1
@@ -300,18 +289,19 @@ class ConfigurationSampler:
             change = [
                 float(np.abs(candidate.configuration.joints - here.joints).max()) for candidate in found
             ]
-            for n in np.argsort(change, kind="stable")[:MAX_POSTURES_PER_PLACE].tolist():
+            for n in np.argsort(change, kind="stable")[: OPTIONS.max_postures_per_place].tolist():
                 yield found[n]
 
     def _mended(self, i: int, components: Sequence[int]) -> Iterator[Candidate]:
         """Yield the postures nearest to being clear after avoidance, then all postures at their places."""
         nearly = [one for k in components for one in self._nearly.get(k, [])]
-        nearest = [candidate for _, candidate in sorted(nearly, key=lambda one: -one[0])[:MAX_MENDED]]
+        nearly = sorted(nearly, key=lambda one: -one[0])[: OPTIONS.max_mended]
+        nearest = [candidate for _, candidate in nearly]
         for candidate in nearest:
             yield from self.around(i, candidate)
-        for candidate in nearest[:MAX_SEARCHED]:
+        for candidate in nearest[: OPTIONS.max_searched]:
             if candidate not in self._searched:  # from wherever the robot comes it is the same search
-                found = self._finder(i).thorough(candidate.pose, MAX_BOXES)
+                found = self._finder(i).thorough(candidate.pose, OPTIONS.max_boxes)
                 self._searched[candidate] = list(self._as_found(i, candidate, found))
             yield from self._searched[candidate]
 
@@ -321,7 +311,7 @@ class ConfigurationSampler:
         if key not in self._clear:
             target, place = self.scene.task[i], self._spread(k)[m]
             base = pose_of(self.scene.robot, place, self._heading(k, target.position, place))
-            found = self.solver(k).self_motion(target, base, self.scene.robot.carry, MAX_PITCHES)
+            found = self.solver(k).self_motion(target, base, self.scene.robot.carry, OPTIONS.max_pitches)
             self._seen(i, base)
             candidates = [Candidate(one, k) for one in found]
             rooms = [self._room(i, candidate.pose) for candidate in candidates]
@@ -353,5 +343,5 @@ class ConfigurationSampler:
 
     def _spread(self, k: int) -> Array:
         if k not in self._places:
-            self._places[k] = spread(self.ladder.component[k], MAX_PLACES, self.seed)
+            self._places[k] = spread(self.ladder.component[k], OPTIONS.max_places, self.seed)
         return self._places[k]

@@ -24,6 +24,7 @@ from regionik.areas.ground import EVERY
 from regionik.areas.layers import ROUNDING_MARGIN, Geometries
 from regionik.ladder import Ladder
 from regionik.moving.base_motion import TURN_STRIDE, BasePath, Driver, halting, simultaneous
+from regionik.moving.options import MOVING
 from regionik.planners.driving.arcs import WheeledPath, arc_end
 from regionik.planners.driving.footprint import arc_is_free, fits, slide_is_free
 from regionik.planners.driving.footprint_planner import drive_footprint, path_through_slabs
@@ -38,10 +39,9 @@ from regionik.scene import Scene
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.drives import displacement
 
-EDGE_INSET = 0.002  # kept from the edge of what two areas share, where there is room [m]
+OPTIONS = MOVING.transits
 ROUNDING = 1e-6  # by which ends of a way may lie off the floor [m]
 LEAD_LENGTHS = [sign * 0.01 * 1.5**k for k in range(16) for sign in (1, -1)]  # straight ahead and back [m]
-MAX_TURN_PART = 0.1  # of a turn about the arm axis, which a base frame elsewhere does by short slides [rad]
 
 
 def driver_for(scene: Scene, free_space: FreeSpace, seed: int) -> Driver:
@@ -382,7 +382,7 @@ def _short_turns(poses: Array) -> Array:
     for pose in poses[1:]:
         last = rows[-1]
         to = np.array([pose[0], pose[1], into_span(float(last[2]), (pose[2], pose[2]))])
-        count = max(1, int(np.ceil(abs(to[2] - last[2]) / MAX_TURN_PART)))
+        count = max(1, int(np.ceil(abs(to[2] - last[2]) / OPTIONS.max_turn_part)))
         rows += [last + (m + 1) / count * (to - last) for m in range(count)]
     return np.array(rows)
 
@@ -403,7 +403,7 @@ def _at_any_heading(axes: Array) -> Array:
 def _shared_area(one: Geometries, other: Geometries) -> Geometries:
     """What areas share pair by pair, without its rim where there is room."""
     shared = shapely.intersection(one, other)
-    inside = shapely.buffer(shared, -EDGE_INSET)
+    inside = shapely.buffer(shared, -OPTIONS.edge_inset)
     return np.asarray(np.where(shapely.is_empty(inside), shared, inside))
 
 

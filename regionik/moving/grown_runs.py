@@ -14,15 +14,14 @@ from itertools import pairwise
 import numpy as np
 
 from regionik.moving.base_motion import Candidate
+from regionik.moving.options import MOVING
 from regionik.moving.path_search import PathSearch, SearchStep
 from regionik.planners.progress import tell
 from regionik.planners.tries import count_tries
 from regionik.postures.poses import MotionState, Pose
 from regionik.worlds.arrays import Array
 
-MIN_LIMIT_SHARE = 0.1  # share of a joint's range that is left to its limits where a run goes back to
-MIN_SETPOINT_BUDGET = 60  # set-points that runs may go through and get no farther in any case
-SETPOINT_BUDGET_FACTORS = 2, 12  # times as many as the farthest of them went, and on wheels
+OPTIONS = MOVING.runs
 
 Seeds = Callable[[int], Iterator[Candidate]]  # configurations at a set-point, the likeliest first
 
@@ -93,7 +92,8 @@ class RunGrowth:
     def _in_vain(self, passed: list[int]) -> bool:
         """True if no more seeds are to be tried, by the set-points that earlier runs passed through."""
         return sum(passed) > max(
-            MIN_SETPOINT_BUDGET, SETPOINT_BUDGET_FACTORS[self.search.scene.robot.drive.rolls] * max(passed)
+            OPTIONS.min_setpoint_budget,
+            OPTIONS.setpoint_budget_factors[self.search.scene.robot.drive.rolls] * max(passed),
         )
 
     def _grown(self, i: int, seed: Candidate, within: range) -> GrownRun:
@@ -130,7 +130,7 @@ class RunGrowth:
             return None
         chain = self.search.scene.robot.chain
         room = np.where(
-            np.isfinite(chain.upper - chain.lower), MIN_LIMIT_SHARE * (chain.upper - chain.lower), 0.0
+            np.isfinite(chain.upper - chain.lower), OPTIONS.min_limit_share * (chain.upper - chain.lower), 0.0
         )
         home: Array = np.clip(seed.configuration.joints, chain.lower + room, chain.upper - room)
         return home

@@ -17,7 +17,8 @@ import numpy as np
 from regionik.ladder import Ladder
 from regionik.mfabrik import Solver, solver_between
 from regionik.moving.base_motion import BasePath, BasePaths, Candidate
-from regionik.moving.resolved_states import SPARE_CLEARANCE, ResolvedStates
+from regionik.moving.options import MOVING
+from regionik.moving.resolved_states import ResolvedStates
 from regionik.planners.collision.proximity import Proximity
 from regionik.planners.driving.footprint import arc_is_free, slide_is_free
 from regionik.planners.driving.point_planner import NoPathError
@@ -34,18 +35,9 @@ from regionik.worlds.arms import pivot_index, reach_bound, with_pivot
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.scene import Target
 
-TOOL_STRIDE = 0.05  # longest way of base or tool between two states on the path [m]
-REACH_STRIDE = 0.06  # of the tool where base and arm go on together, at most, as a share of the arm's reach
-TURN_STRIDE = 0.1  # of its frame [rad]
-SOLVE_TOLERANCE_SHARE = 0.1  # arms between set-points are solved to this share of the tolerance
-SAG_SHARE = 0.3  # share of the path tolerance that motion between two states may use
+OPTIONS = MOVING.following
 TURN_SLACK = 1e-7  # rounding allowed at the edge of a cone [rad]
-MAX_SEGMENT_HALVINGS = 6  # halvings before a segment counts as discontinuous
 CHECKED_SHARES = np.array([0.25, 0.5, 0.75])  # shares of the way between two states
-MAX_STATES_AT_ONCE = 16  # states tried in one call: after one that fails, the rest is tried anew
-# of a hop of base and joints together before it counts as blocked, and of one on wheels
-MAX_HOP_HALVINGS = 4, 0
-MAX_PROOF_HALVINGS = 3  # halvings before a motion that is not proven clear counts as blocked
 
 
 class SegmentPoint(NamedTuple):
@@ -139,7 +131,7 @@ class PathFollower:
         ends = self.scene.task[i], self.scene.task[i + 1]
         joints = np.array([here.configuration.joints, goal.configuration.joints])
         families = self.ladder.family[here.component], self.ladder.family[goal.component]
-        stride = min(TOOL_STRIDE, self.scene.rules.step)
+        stride = min(OPTIONS.tool_stride, self.scene.rules.step)
         try:
             for base in self.paths.between(here.component, goal.component, here.pose.base, goal.pose.base):
                 found = self._states(PathSegment(base, ends, joints, families, stride), here.pose)
@@ -160,7 +152,7 @@ class PathFollower:
         ahead = segment.places()[::-1]  # the next one last
         passed, at = [here], SegmentPoint(0, 0.0)
         while ahead:
-            tried = [at, *ahead[: -MAX_STATES_AT_ONCE - 1 : -1]]
+            tried = [at, *ahead[: -OPTIONS.max_states_at_once - 1 : -1]]
             states, missing = self._solved(segment, tried, passed[-1])
             count, proximity = self._proven(segment, tried[: len(states) + 1], [passed[-1], *states])
             passed += states[:count]
@@ -171,10 +163,10 @@ class PathFollower:
                 return None
             leg, share, depth = ahead.pop()
             if proximity is not None and (
-                depth >= MAX_PROOF_HALVINGS or not self.collision.clear(states[count])
+                depth >= OPTIONS.max_proof_halvings or not self.collision.clear(states[count])
             ):
                 return proximity
-            if depth >= MAX_SEGMENT_HALVINGS:
+            if depth >= OPTIONS.max_segment_halvings:
                 return None
             done = at.share if at.leg == leg else 0.0
             ahead += [SegmentPoint(leg, share, depth + 1), SegmentPoint(leg, (done + share) / 2, depth + 1)]
@@ -189,7 +181,7 @@ class PathFollower:
         solver = self._solver(segment.families(places[0])[0])
         if not (segment.bare and solver.compiled):
             state = _solve(solver, segment, places[0], near, segment.wish(near, here, places[0]))
-            if state is None or not self.collision.proves(state, SPARE_CLEARANCE):
+            if state is None or not self.collision.proves(state, MOVING.solving.spare_clearance):
                 state = self._avoiding(segment, places[0], near) or state
             return ([], True) if state is None else ([state], False)
         leg, share = _columns(places)
@@ -222,7 +214,8 @@ class PathFollower:
         """Solver for what lies between set-points, kept for families that are asked for again."""
         if family not in self._solvers:
             solver = solver_between(self.scene, family)
-            self._solvers[family] = replace(solver, tolerance=solver.tolerance * SOLVE_TOLERANCE_SHARE)
+            tolerance = solver.tolerance * OPTIONS.solve_tolerance_share
+            self._solvers[family] = replace(solver, tolerance=tolerance)
         return self._solvers[family]
 
 
@@ -256,10 +249,10 @@ class ResolvedMotion:
         a, b = self.scene.task[i], self.scene.task[i - 1 if back else i + 1]
         count = self._count(a, b)
         # share that is not halved
-        least = 0.5 ** (MAX_HOP_HALVINGS[self.scene.robot.drive.rolls] - 0.5) / count
+        least = 0.5 ** (OPTIONS.max_hop_halvings[self.scene.robot.drive.rolls] - 0.5) / count
         ahead, passed, at = list(np.arange(count, 0, -1) / count), [here], 0.0  # the next share last
         while ahead:
-            tried = [at, *ahead[: -MAX_STATES_AT_ONCE - 1 : -1]]
+            tried = [at, *ahead[: -OPTIONS.max_states_at_once - 1 : -1]]
             goals = _goals(a, b, tried)
             states = self._states_along(goals, passed[-1], home, still)
             done = self._valid_hops(goals[: len(states)], states)
@@ -293,8 +286,9 @@ class ResolvedMotion:
         turn = 0.0
         if a.direction is not None and b.direction is not None:
             turn = math.acos(min(max(float(a.direction @ b.direction), -1.0), 1.0))
-        stride = min(TOOL_STRIDE, REACH_STRIDE * reach_bound(self.scene.robot.chain).length)
-        return max(1, math.ceil(math.dist(a.position, b.position) / stride), math.ceil(turn / TURN_STRIDE))
+        stride = min(OPTIONS.tool_stride, OPTIONS.reach_stride * reach_bound(self.scene.robot.chain).length)
+        steps = math.dist(a.position, b.position) / stride, turn / OPTIONS.turn_stride
+        return max(1, *map(math.ceil, steps))
 
     def drives(self, poses: list[Pose]) -> bool:
         """Whether the base's way through poses is proven free."""
@@ -330,7 +324,7 @@ def proven_hops(
     The tool goes along a ``line`` (n, 3), turned as ``goals`` in each of n poses, if in any.
     """
     bases, joints = arrays(poses)
-    sag = SAG_SHARE * collision.rules.planned_path_tolerance
+    sag = OPTIONS.sag_share * collision.rules.planned_path_tolerance
     count = collision.count_on_line(bases, joints, line, CHECKED_SHARES, sag)
     if goals:
         tools = collision.tools(bases[: count + 1], joints[: count + 1], CHECKED_SHARES)

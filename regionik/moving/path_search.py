@@ -20,6 +20,7 @@ from regionik.ladder import Ladder
 from regionik.moving.base_motion import Candidate, StationaryPaths
 from regionik.moving.configuration_sampling import ConfigurationSampler, Evidence
 from regionik.moving.drivers import driver_for
+from regionik.moving.options import MOVING
 from regionik.moving.path_following import PathFollower, ResolvedMotion
 from regionik.moving.transit import TransitPlanner
 from regionik.planners.driving.point_planner import NoPathError
@@ -32,8 +33,7 @@ from regionik.values import Configuration, Motion
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 
-MAX_WHOLE_BODY_TRIES = 3  # candidates that are worth a search in the space of the whole robot
-MAX_STALLED_CANDIDATES = 200  # candidates tried without getting farther before the search ends
+OPTIONS = MOVING.runs
 
 Ahead = Callable[[int, Candidate], Iterator[Candidate]]
 Carry = Callable[[Pose, Pose, int], list[Pose] | None]
@@ -89,7 +89,7 @@ class PathSearch:
         here: Pose | None,
         candidates: Iterable[Candidate],
         plain: Carry,
-        hard: int = MAX_WHOLE_BODY_TRIES,
+        hard: int = OPTIONS.max_whole_body_tries,
     ) -> tuple[list[MotionState], Candidate] | None:
         """Get to a candidate at set-point i with the tool lifted; without ``here`` the robot begins there.
 
@@ -235,7 +235,7 @@ class RunSearch:
     tried: int = 0  # candidates since it got farther
     seen: set[Candidate] = field(default_factory=set)
 
-    def longest(self, patience: int = MAX_STALLED_CANDIDATES) -> list[SearchStep]:
+    def longest(self, patience: int = OPTIONS.max_stalled_candidates) -> list[SearchStep]:
         """Return the longest run found when so many candidates have been tried without progress."""
         tell("run", len(self.best), self.count)
         while self.steps and len(self.best) < self.count and self.tried < patience:

@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from regionik.moving.options import MOVING
 from regionik.moving.state_constraints import ARM_MARGIN, StateConstraints
 from regionik.planners.collision.proximity import NearPairs
 from regionik.planners.driving.arcs import arc_end
@@ -29,12 +30,7 @@ from regionik.scene import Scene
 from regionik.worlds.arrays import Array
 from regionik.worlds.limits import Speeds
 
-MAX_NEWTON_STEPS = 20  # of Newton's method
-MAX_STALLED_STEPS = 4  # of these that bring the tool no nearer than it was, after which it ends
-TOOL_TOLERANCE = 1e-6  # miss of the tool, angles as lengths [m]
-SPARE_CLEARANCE = 0.002  # of what is near, left for the way between states [m]
-HOMEWARD_SHARE = 0.2  # share of the way home that joints are wished to go in a step
-MAX_RANGE_SHARE = 0.999  # share of the way from the middle of a joint's range to its end that weighs most
+OPTIONS = MOVING.solving
 
 
 class _HalfSpace(NamedTuple):
@@ -70,7 +66,7 @@ class ResolvedStates:
         motion, rows = np.zeros(len(self._speeds)), self._floor_rows(start)
         wished = np.zeros(len(motion))
         if home is not None:
-            wished[n:] = HOMEWARD_SHARE * (home - start.joints)
+            wished[n:] = OPTIONS.homeward_share * (home - start.joints)
         low, high = np.full((2, len(motion)), [[-np.inf], [np.inf]])
         low[n:] = np.maximum(chain.lower - start.joints, -bend)
         high[n:] = np.minimum(chain.upper - start.joints, bend)
@@ -79,19 +75,19 @@ class ResolvedStates:
         low[fixed] = high[fixed] = 0.0
         cone, missed = ANGLE_LENGTH * float(aim.cones[0]), list[float]()
         led = 3 if cone > 0 or aim.kinds[0] == POSITION else 6  # equations; a cone is a half-space
-        for _ in range(MAX_NEWTON_STEPS):
+        for _ in range(OPTIONS.max_newton_steps):
             pose = self._moved(start, motion)
             here = np.concatenate([pose.base, pose.joints])[None]
             (miss,), (J,) = missed_by(self.scene.robot, aim, here)
             turned = float(np.linalg.norm(miss[3:]))
-            missed.append(max(math.hypot(*miss[:3], max(turned - cone, 0.0)), TOOL_TOLERANCE))
-            near, met = None, missed[-1] == TOOL_TOLERANCE
+            missed.append(max(math.hypot(*miss[:3], max(turned - cone, 0.0)), OPTIONS.tool_tolerance))
+            near, met = None, missed[-1] == OPTIONS.tool_tolerance
             if self.collision.enabled and (met or len(missed) == 1):  # between these those of the first hold
                 near = self._constraints.near(here)
             tight = abs(motion[1]) * self.scene.robot.drive.turning_radius > abs(motion[0]) + 1e-12
             if met and (near is None or near.room.min(initial=np.inf) > self.collision.spare) and not tight:
                 return pose
-            if min(missed[-MAX_STALLED_STEPS:]) > min(missed):
+            if min(missed[-OPTIONS.max_stalled_steps :]) > min(missed):
                 return None
             J = self._by_motion(J, start, motion)
             rows += _cone_rows(miss[3:], J[3:], motion, cone, first=len(missed) == 1)
@@ -131,10 +127,10 @@ class ResolvedStates:
 
     def _near_rows(self, near: NearPairs, here: Array, start: Pose, motion: Array) -> list[_HalfSpace]:
         """How the arm may go on towards what it is near to; most of the way where there is much."""
-        room = near.room - self.collision.spare - SPARE_CLEARANCE
+        room = near.room - self.collision.spare - OPTIONS.spare_clearance
         changes = self._by_motion(self._constraints.approach(near, here), start, motion)
         most = np.maximum(np.maximum(room / 2, room - ARM_MARGIN), 0.0)
-        least = np.where(room > -SPARE_CLEARANCE, -most, -room)
+        least = np.where(room > -OPTIONS.spare_clearance, -most, -room)
         return [_HalfSpace(*one) for one in zip(changes, (changes @ motion + least).tolist(), strict=True)]
 
     @cached_property
@@ -156,7 +152,7 @@ class ResolvedStates:
         half = np.where(high > low, (high - low) / 2, 1.0)
         arm = motion[self.base_parts :]
         off = np.where(ranged, joints + arm - (low + high) / 2, 0.0) / half
-        near = np.minimum(np.abs(off), MAX_RANGE_SHARE)
+        near = np.minimum(np.abs(off), OPTIONS.max_range_share)
         weight = 1 + np.where(off * arm > 0, near / (1 - near**2) ** 2, 0.0)
         return self._speeds * np.concatenate([np.ones(self.base_parts), 1 / np.sqrt(weight)])
 

@@ -16,6 +16,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from regionik.moving.base_motion import TURN_STRIDE, Driver
+from regionik.moving.options import MOVING
 from regionik.postures.collision_checker import CollisionChecker
 from regionik.postures.poses import MAX_JOINT_CHANGE, Pose, arrays, distinct, pose_between
 from regionik.scene import Scene
@@ -24,11 +25,8 @@ from regionik.worlds.drives import displacement
 from regionik.worlds.limits import Speeds
 
 GOOD_COST_RATIO = 1.02  # times the least way or time, which is short enough
-# shortcuts looked at, and how many of them in vain one after the other
-MAX_SHORTCUTS, MAX_FAILED_SHORTCUTS = 200, 60
+OPTIONS = MOVING.transits
 MIN_SAVED_LENGTH = 1e-4  # by a shortcut at least [m]
-MAX_QUICKER_SHORTCUTS, MAX_FAILED_QUICKER = 100, 24
-MIN_SAVED_TIME = 0.02  # [s]
 NEARLY = 0.999  # of how far apart states may be
 FILLED = 1e-9  # by which a state may lie beside the motion between others that makes it needless [m], [rad]
 SAME_SHARE = 1e-6  # shares of a way or of a hop nearer to each other are one state
@@ -60,8 +58,8 @@ class Shortcuts:
         rng, failed = np.random.default_rng(self.driver.seed), 0
         least = GOOD_COST_RATIO * travel([poses[0], poses[-1]]) + MIN_SAVED_LENGTH
         u, v = 0.0, len(poses) - 1.0  # the whole first
-        for _ in range(MAX_SHORTCUTS):
-            if failed == MAX_FAILED_SHORTCUTS or travel(poses) <= least:
+        for _ in range(OPTIONS.max_shortcuts):
+            if failed == OPTIONS.max_failed_shortcuts or travel(poses) <= least:
                 break
             found = self._taken(poses, (u, v), PACES[0], travel, MIN_SAVED_LENGTH)
             poses, failed = (poses, failed + 1) if found is None else (found, 0)
@@ -72,16 +70,16 @@ class Shortcuts:
         """Return a clear motion with the same ends that takes no longer, its base on a way no longer."""
         clock = Clock(self.driver.scene)
         rng, failed = np.random.default_rng(self.driver.seed), 0
-        least = clock.whole([poses[0], poses[-1]])
-        for k in range(MAX_QUICKER_SHORTCUTS):
+        enough = GOOD_COST_RATIO * clock.whole([poses[0], poses[-1]]) + OPTIONS.min_saved_time
+        for k in range(OPTIONS.max_quicker_shortcuts):
             times = clock.times(poses)
-            if failed == MAX_FAILED_QUICKER or clock.whole(poses) <= GOOD_COST_RATIO * least + MIN_SAVED_TIME:
+            if failed == OPTIONS.max_failed_quicker or clock.whole(poses) <= enough:
                 break
             first = k < len(PACES)  # the whole, at each pace
             span = np.array([0.0, times[-1]]) if first else np.sort(rng.uniform(0, times[-1], 2))
             paces = PACES[k] if first else PACES[rng.integers(len(PACES))]
             u, v = np.interp(span, times, np.arange(len(times))).tolist()
-            found = self._taken(poses, (u, v), paces, clock.whole, MIN_SAVED_TIME)
+            found = self._taken(poses, (u, v), paces, clock.whole, OPTIONS.min_saved_time)
             poses, failed = (poses, failed + 1) if found is None else (found, 0)
         return poses
 

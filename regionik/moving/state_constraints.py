@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 
 from regionik.areas.layers import Geometries
+from regionik.moving.options import MOVING
 from regionik.planners.collision.proximity import NearPairs, near_pairs
 from regionik.planners.collision.robot_motion import WORLD
 from regionik.planners.driving.footprint_scene import FootprintScene
@@ -19,7 +20,7 @@ from regionik.worlds.arrays import Array, Index
 from regionik.worlds.robot import Robot
 
 AREA_MARGIN, ARM_MARGIN = 0.03, 0.01  # kept where there is room [m]
-AREA_COST, ARM_COST = 1.0, 0.02  # of what is missing; where an arm is too near the proof will say [1/m]
+OPTIONS = MOVING.solving
 CHECKED_DISTANCE = 0.05  # distance from which clearance of a link or of the footprint is looked after [m]
 CONTACT_ROUNDING = 1e-9  # of an outline and an edge, by rounding [m]
 
@@ -34,7 +35,7 @@ class StateConstraints:
     within: Geometries  # (n,) where the arm axis may be in each state
     # (n,) distance from the edge of that, and beyond the clearance of links, that is not given up [m]
     demanded: Array
-    area_cost: float = AREA_COST  # of what is missing of an area, or on the floor [1/m]
+    area_cost: float = OPTIONS.area_cost  # of what is missing of an area, or on the floor [1/m]
 
     def half_spaces(self, states: Array) -> HalfSpaces:
         """Return the half-spaces about given states; see `path_smoothing`."""
@@ -99,7 +100,7 @@ class StateConstraints:
         near = self.near(states)
         room = near.room - self.demanded[near.state]
         normal = self.approach(near, states)
-        return HalfSpaces(near.state, normal, _least(room, ARM_MARGIN), np.full(len(room), ARM_COST))
+        return HalfSpaces(near.state, normal, _least(room, ARM_MARGIN), np.full(len(room), OPTIONS.arm_cost))
 
     def near(self, states: Array) -> NearPairs:
         """Return the pairs of nearby solids in states (n, m)."""

@@ -14,6 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from regionik.areas.free_space import FreeSpace, into_span, spread
 from regionik.areas.ground import united
 from regionik.ladder import Ladder, Mask
+from regionik.moving.options import MOVING
 from regionik.planners.geometry.angles import wrap
 from regionik.postures.poses import axis_of, pose_of
 from regionik.scene import Scene
@@ -21,10 +22,9 @@ from regionik.worlds.arms import pivot_index, with_pivot
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target
 
-MAX_PLACES = 3  # of the base that are tried besides the middle
+OPTIONS = MOVING.runs
 # headings tried, from the one that faces the run [rad]
 HEADINGS_TRIED = np.array([0.0, 0.5, -0.5, 1.0]) * np.pi
-MAX_BASES = 8  # poses of the base that are tried
 SAME_HEADING = 1e-6  # headings nearer to one another than this are one [rad]
 
 
@@ -49,7 +49,8 @@ def stationary_bases(
     shared = _shared(ladder, keep, first, end)
     if shared is not None:
         side, area = shared
-        for pose in islice(_bases(scene, area, free_space.sides[side].span, targets), MAX_BASES):
+        found = _bases(scene, area, free_space.sides[side].span, targets)
+        for pose in islice(found, OPTIONS.max_stationary_bases):
             yield StationaryBase(pose, side)
 
 
@@ -84,7 +85,7 @@ def _bases(
     ahead, quarters = (
         ((pivot.lower + pivot.upper) / 2, HEADINGS_TRIED) if limited else (0.0, HEADINGS_TRIED[:1])
     )
-    for axis in np.vstack([middle, spread(area, MAX_PLACES, 0)]):
+    for axis in np.vstack([middle, spread(area, OPTIONS.max_stationary_places, 0)]):
         facing = np.arctan2(*(center - axis)[::-1]) - robot.mount[3] - ahead
         yaws = list[float]()
         for wished in facing + quarters:

@@ -14,6 +14,7 @@ from itertools import islice, pairwise
 import numpy as np
 
 from regionik.moving.base_motion import Driver
+from regionik.moving.options import MOVING
 from regionik.moving.shortcuts import GOOD_COST_RATIO, MIN_SAVED_LENGTH, Clock, Shortcuts, travel
 from regionik.planners.collision.proximity import Proximity
 from regionik.planners.driving.point_planner import NoPathError, drive_point
@@ -29,13 +30,8 @@ from regionik.worlds.drives import displacement
 from regionik.worlds.robot import Robot
 
 WITHDRAWALS = (0.0, 0.1, 0.2, 0.4, 0.6)  # how far the base draws back before the arm folds [m]
-BERTHS = (0.0, 0.04, 0.08, 0.16)  # kept from the edge of the free floor beyond what the base needs [m]
-MAX_ITERATIONS, MAX_ARM_ITERATIONS = 3000, 1000  # of RRTConnect, for the whole robot and for the arm alone
-GOOD_LENGTH_RATIO = 1.1  # times the least way is short enough
+OPTIONS = MOVING.transits
 MAX_LEG = 1e3  # longer than any leg of a way [m]
-# of RRTConnect for shorter ways; rounds in vain in turn
-MAX_ROUNDS, MAX_FAILED_ROUNDS, MAX_ROUND_ITERATIONS = 16, 4, 1000
-MAX_FOLD_PLACES = 3  # places to fold at that are looked at, from where the robot is on
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +60,7 @@ class TransitPlanner:
         way, method = None, "whole body"
         if not self.scene.robot.drive.rolls:
             body = WholeBodyPlanner(self.scene, self.collision, self.driver, piece)
-            way = body.way(lead[-1], there, self.driver.seed, MAX_ITERATIONS)
+            way = body.way(lead[-1], there, self.driver.seed, OPTIONS.max_iterations)
         if way is None:
             way, method = self._arm_first(lead[-1], there, piece), "arm alone"
         if way is None:
@@ -78,7 +74,8 @@ class TransitPlanner:
         The arm is driven as it is carried, or as it is at either end, what did not work before last; it moves
         where the robot stands, or where the base has drawn back to.
         """
-        leaving, coming = (list(islice(self._stations(at, piece), MAX_FOLD_PLACES)) for at in (here, there))
+        places = OPTIONS.max_fold_places
+        leaving, coming = (list(islice(self._stations(at, piece), places)) for at in (here, there))
         carried = {"carry": self.scene.robot.carry, "here": here.joints, "there": there.joints}
         for name in sorted(carried, key=lambda name: self._missed.get(name, 0)):
             joints = carried[name]
@@ -100,7 +97,8 @@ class TransitPlanner:
             return None
         if np.array_equal(here.joints, joints):
             return []
-        path = arm_path(self.collision, here.base, here.joints, joints, self.driver.seed, MAX_ARM_ITERATIONS)
+        seed, most = self.driver.seed, OPTIONS.max_arm_iterations
+        path = arm_path(self.collision, here.base, here.joints, joints, seed, most)
         if path is None:
             return None
         poses = [Pose(here.base, q) for q in path]
@@ -169,7 +167,8 @@ class TransitPlanner:
         if best is None:
             return None
         way = self.shortened(here, best, there, piece)
-        return way if self._detour([here, *way, there]) <= max(GOOD_LENGTH_RATIO, self._detour(old)) else None
+        longest = max(OPTIONS.good_length_ratio, self._detour(old))
+        return way if self._detour([here, *way, there]) <= longest else None
 
     def _detour(self, poses: list[Pose]) -> float:
         """How far the base goes, the least way for its arm axis being 1."""
@@ -180,16 +179,18 @@ class TransitPlanner:
         here, there, best, failed = poses[0], poses[-1], shortcuts.shorter(poses), 0
         if (
             self.scene.robot.drive.rolls
-            or travel(best) <= GOOD_LENGTH_RATIO * travel([here, there]) + MIN_SAVED_LENGTH
+            or travel(best) <= OPTIONS.good_length_ratio * travel([here, there]) + MIN_SAVED_LENGTH
         ):
             return best
         least = self._least(here, there)
-        for k in range(MAX_ROUNDS):
-            if failed == MAX_FAILED_ROUNDS or travel(best) <= GOOD_LENGTH_RATIO * least + MIN_SAVED_LENGTH:
+        enough = OPTIONS.good_length_ratio * least + MIN_SAVED_LENGTH
+        for k in range(OPTIONS.max_rounds):
+            if failed == OPTIONS.max_failed_rounds or travel(best) <= enough:
                 break
             most = travel(best) / GOOD_COST_RATIO
             body = WholeBodyPlanner(self.scene, self.collision, self.driver.shaped(), shortcuts.piece, most)
-            other = body.way(here, there, self.driver.seed * MAX_ROUNDS + k, MAX_ROUND_ITERATIONS)
+            seed = self.driver.seed * OPTIONS.max_rounds + k
+            other = body.way(here, there, seed, OPTIONS.max_round_iterations)
             short = best if other is None else shortcuts.shorter([here, *other, there])
             best, failed = (short, 0) if travel(short) <= most else (best, failed + 1)
         return best
@@ -258,7 +259,7 @@ class TransitPlanner:
         """States strictly between two poses: a still arm, given the widest berth needed."""
         try:
             lead = self.driver.onto(here, piece)
-            for berth in BERTHS:
+            for berth in OPTIONS.berths:
                 route = self.driver.route(lead[-1], there, piece, berth)
                 drive = [*lead[1:], *self.driver.states(lead[-1], there, route)]
                 if self.collision.passes([here, *drive, there]):

@@ -19,10 +19,8 @@ from regionik.explain.changes import one_lift_off
 from regionik.explain.constraints import setpoint
 from regionik.mfabrik import Solver
 from regionik.moving.base_motion import Candidate
-from regionik.moving.configuration_sampling import MAX_PITCHES
+from regionik.moving.options import MOVING
 from regionik.moving.path_search import (
-    MAX_STALLED_CANDIDATES,
-    MAX_WHOLE_BODY_TRIES,
     JoinedMotion,
     PathSearch,
     search_from_places,
@@ -129,8 +127,10 @@ class _StopConnection:
         if not states or self.scene.rules.order != "given":
             return None
         placement = self._placements.in_place(self.sequence.groups[0], states[-1].pose)
-        found = None if placement is None else self._attempt(placement, states[-1].pose, MAX_WHOLE_BODY_TRIES)
-        return found if found is not None and found.candidates else None
+        if placement is None:
+            return None
+        found = self._attempt(placement, states[-1].pose, MOVING.runs.max_whole_body_tries)
+        return found if found.candidates else None
 
     def made(self, first: _Attempt | None = None) -> StopMotion:
         """Connect stop after stop until all set-points are done."""
@@ -186,7 +186,7 @@ class _StopConnection:
         placement = self._placements.in_place(group, done.candidates[0].pose)
         if placement is None or len(placement.setpoints) <= len(done.candidates):
             return done
-        tried = self._attempt(placement, here, MAX_WHOLE_BODY_TRIES)
+        tried = self._attempt(placement, here, MOVING.runs.max_whole_body_tries)
         return tried if len(tried.candidates) > len(done.candidates) else done
 
     def _best(self, group: StopGroup, spot: Array | None, here: Pose | None) -> _Attempt:
@@ -201,7 +201,7 @@ class _StopConnection:
                 areas, order = self.sequence.parking_areas, self.scene.rules.order
                 part = areas.group(some, order) if group.poses is None else group.of(some)
             first = (one for one in [placements.best(part, spot)] if one is not None)
-            hard = MAX_WHOLE_BODY_TRIES if count == 1 or self.scene.rules.order == "given" else 1
+            hard = MOVING.runs.max_whole_body_tries if count == 1 or self.scene.rules.order == "given" else 1
             for n, placement in enumerate(islice(chain(first, placements.others(part)), OPTIONS.max_places)):
                 tried = self._attempt(
                     placement, here, hard if n < OPTIONS.max_whole_body_places or count == 1 else 0
@@ -225,7 +225,7 @@ class _StopConnection:
         """
         states, done = list[MotionState](), list[Candidate]()
         given = self.scene.rules.order == "given"
-        patience = MAX_STALLED_CANDIDATES if given else OPTIONS.max_linked_motions
+        patience = MOVING.runs.max_stalled_candidates if given else OPTIONS.max_linked_motions
         while len(done) < len(placement.setpoints):
             i = placement.setpoints[len(done)]
             came = self._arrive(placement, i, here, hard)
@@ -398,4 +398,4 @@ def _on_target(solver: Solver, target: Target, base: Array, near: Array) -> Iter
     for found in (solver.hold(target, base, near), solver.least_change(target, base, near)):
         if found is not None and found.converged:
             yield found
-    yield from solver.self_motion(target, base, near, MAX_PITCHES)
+    yield from solver.self_motion(target, base, near, MOVING.sampling.max_pitches)
