@@ -51,9 +51,6 @@ from regionik.worlds.errors import (
 )
 from regionik.worlds.scene import Target, World
 
-# Set-points that `reach` is asked for where one lacks a clear posture, and those not reached after which
-# it is asked no more: each of these takes seconds
-MAX_REACH_CHECKS, MAX_CLOSE_CHECKS = 60, 40
 ORACLES = Oracles(
     reach=lambda scene: answers_for(scene, scene.task),
     seen=lambda scene: TargetSearch(scene, scene.task[0]).in_areas() is not None,
@@ -130,7 +127,7 @@ def _naming_unreached(scene: Scene, explanation: Explanation) -> Explanation:
     if buried is None and scene.rules.order == "given":
         known |= set(range(explanation.setpoint or 0))
     rest = [i for i in range(len(scene.task)) if i not in known]
-    failures, left = first_unreached(scene, rest, MAX_REACH_CHECKS, MAX_CLOSE_CHECKS)
+    failures, left = first_unreached(scene, rest)
     every = replace(explanation, failures=in_order([*failures_of(explanation), *failures]))
     told, count = naming_all(every, len(scene.task)), len(scene.task)
     if not left:

@@ -130,7 +130,7 @@ def test_the_same_bytes_again() -> None:
 def test_a_long_run_is_smoothed_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     """Parts share the state between them, which the plan has once."""
     whole = of("free")
-    monkeypatch.setattr(runs, "MAX_STATES", 30)
+    monkeypatch.setattr(runs, "OPTIONS", replace(runs.OPTIONS, max_states=30))
     parts = again("free")
     assert parts is not whole.found
     assert verify(parts).ok
@@ -380,7 +380,7 @@ def test_states_far_from_one_that_failed_stay() -> None:
     narrow = np.full(n, np.inf)
     narrow[n // 2] = 0.5 * np.abs(smooth - run.states)[n // 2].max()
     mended = run.mended(smooth, failed, narrow, demanded)
-    far = np.abs(np.arange(n)[:, None] - failed).min(axis=1) >= runs.WINDOW
+    far = np.abs(np.arange(n)[:, None] - failed).min(axis=1) >= runs.OPTIONS.window
     assert far.any()
     assert np.abs(mended[far] - smooth[far]).max() < 1e-9  # on their areas' edges to rounding
     assert np.abs(mended - run.states)[n // 2].max() <= narrow[n // 2] + 1e-6

@@ -26,6 +26,7 @@ from regionik.planners.driving.footprint_scene import (
     footprint_width,
 )
 from regionik.planners.driving.heading_slabs import Slab, slab_areas, slabs_along
+from regionik.planners.driving.options import DRIVING
 from regionik.planners.driving.point_planner import NoPathError, drive_point
 from regionik.planners.driving.pose_planner import (
     SLIDE,
@@ -42,9 +43,7 @@ from regionik.planners.geometry.angles import wrap
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.obstacles import Shadow
 
-HEADING_SLABS = 48  # of heading, in the search that answers where sampling gave up or wandered
-GOOD_COST_RATIO = 1.1  # a path at most so much dearer than another one is as good
-PASSAGE_HALVINGS = 24  # of the bisection for the narrowest passage
+OPTIONS = DRIVING
 MIN_PASSAGE = 1e-3  # a narrower way is rounding of the floor [m]
 SLAB_MARGIN = 1e-6  # from the edge of a slab's area, so that a path in it can be proven free [m]
 MAX_LEG = 1e3  # longer than any leg of a path [m]
@@ -131,13 +130,14 @@ def drive_footprint(
     if direct(scene, base, a, b) is not None:
         return FootprintPath(np.stack([a, b]), "straight")
     found, cost = plan_poses(scene, base, a, b, seed)
-    if found is not None and cost <= GOOD_COST_RATIO * slide_cost(base, a, b):
+    if found is not None and cost <= OPTIONS.good_cost_ratio * slide_cost(base, a, b):
         return FootprintPath(found, "ompl")
-    areas = slab_areas(footprint, floor, obstacles, clearance, slabs_along(scene, HEADING_SLABS), upper)
+    bounds = slabs_along(scene, OPTIONS.heading_slabs)
+    areas = slab_areas(footprint, floor, obstacles, clearance, bounds, upper)
     through = path_through_slabs(scene, areas, a, b)
     if through is not None:
         through, least = shortcut(scene, base, through)
-        if GOOD_COST_RATIO * least < cost:  # it has more turns
+        if OPTIONS.good_cost_ratio * least < cost:  # it has more turns
             return FootprintPath(through, "slabs")
     if found is not None:
         return FootprintPath(found, "ompl")
@@ -160,7 +160,7 @@ def passage_width(free: BaseGeometry, start: BaseGeometry, goal: BaseGeometry) -
     if free.is_empty:
         return 0.0
     low, high = 0.0, float(shapely.maximum_inscribed_circle(free).length)
-    for _ in range(PASSAGE_HALVINGS):
+    for _ in range(OPTIONS.passage_halvings):
         middle = (low + high) / 2
         parts = shapely.get_parts(free.buffer(-middle, quad_segs=32))
         # The disc may stand anywhere near a shape: the passage counts, not how narrow it is at its ends.

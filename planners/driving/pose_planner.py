@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from regionik.planners.driving.arcs import Segment, WheeledPath, arc_end, path_of_motions
 from regionik.planners.driving.footprint import arc_is_free, fits, slide_is_free
 from regionik.planners.driving.footprint_scene import FootprintScene
+from regionik.planners.driving.options import DRIVING
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.driving.reeds_shepp import MAX_MOTIONS, words_between
 from regionik.planners.driving.sampling import PlanningProblem, connect_poses
@@ -28,12 +29,7 @@ from regionik.worlds.errors import InputError
 SLIDE, SPIN, REEDS_SHEPP = range(3)
 MAX_WORDS = 8  # of a car that are tried between two poses
 NEGLIGIBLE = 1e-12  # shorter motions and smaller turns are none [m], [rad]
-MAX_ITERATIONS = 8000  # of RRTConnect in an attempt
-MAX_ATTEMPTS = 3  # the cheapest is kept
-# of the shortest path if nothing were in the way, up to which no other attempt is made
-SHORT_COST_RATIO = 1.25
-SHORTCUT_POSES = (24, 31, 40)  # poses along a path between which shortcuts are tried, in turn
-TURN_WEIGHT = 0.2  # cost of a turn on the spot against driving [m/rad]
+OPTIONS = DRIVING
 
 
 class Steering(NamedTuple):
@@ -132,7 +128,7 @@ def plan_poses(
     The best of a few attempts, up to one that is hardly longer than if nothing were in the way; None where
     the first finds nothing.
     """
-    best, least, enough = None, np.inf, SHORT_COST_RATIO * _unhindered(base, start, goal)
+    best, least, enough = None, np.inf, OPTIONS.short_cost_ratio * _unhindered(base, start, goal)
     for poses in _attempts(scene, base, start, goal, seed):
         kept, cost = shortcut(scene, base, poses)
         if cost < least:
@@ -158,9 +154,12 @@ def _attempts(scene: FootprintScene, base: Steering, start: Array, goal: Array, 
         lambda p: fits(scene, p[0], p[1], p[2]),
         lambda p, q: steer(scene, base, p, q, np.inf, motions) < np.inf,
     )
-    for k in range(MAX_ATTEMPTS):
+    for k in range(OPTIONS.max_attempts):
         poses = connect_poses(
-            problem, turning_radius=base.radius, seed=seed * MAX_ATTEMPTS + k, iterations=MAX_ITERATIONS
+            problem,
+            turning_radius=base.radius,
+            seed=seed * OPTIONS.max_attempts + k,
+            iterations=OPTIONS.max_iterations,
         )
         if poses is None:
             return
@@ -174,7 +173,7 @@ def shortcut(scene: FootprintScene, base: Steering, poses: Array) -> tuple[Array
     """
     kept, costs = _cheapest(scene, base, poses)
     best, least = poses[kept], float(costs[-1])
-    for count in SHORTCUT_POSES:
+    for count in OPTIONS.shortcut_poses:
         spread = _spread(scene, base, best, count)
         kept, costs = _cheapest(scene, base, spread)
         if float(costs[-1]) < least:
@@ -324,7 +323,7 @@ def drive_wheeled(
     if poses is None:
         kind = f"a turning radius of {base.radius:g} m" if base.radius else "turns on the spot"
         ends = f"from {pose_text(a)} to {pose_text(b)}"
-        raise NoPathError(f"no way with {kind} {ends} was found in {MAX_ITERATIONS} iterations")
+        raise NoPathError(f"no way with {kind} {ends} was found in {OPTIONS.max_iterations} iterations")
     return _steered(scene, base, poses, "ompl")
 
 
@@ -339,7 +338,7 @@ def steered_path(scene: FootprintScene, a: Array, b: Array, *, turning_radius: f
 def _wheels(turning_radius: float) -> Steering:
     """Steering of a car, or where the radius is 0 of a base that turns on the spot."""
     car = Steering(REEDS_SHEPP, float(turning_radius), 0.0)
-    return car if turning_radius else Steering(SPIN, 0.0, TURN_WEIGHT)
+    return car if turning_radius else Steering(SPIN, 0.0, OPTIONS.turn_weight)
 
 
 def _steered(scene: FootprintScene, base: Steering, poses: Array, method: str) -> WheeledPath:

@@ -18,21 +18,15 @@ from scipy.sparse.linalg import splu
 
 from regionik.planners.geometry.rolling import slips
 from regionik.planners.progress import track
+from regionik.planners.smoothing.options import PATH_SMOOTHING
 from regionik.planners.smoothing.quadratic_program import minimize_quadratic
 from regionik.planners.solvers.aims import beyond_cones, missed_by
 from regionik.planners.solvers.damped_least_squares import Aims
 from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.robot import Robot
 
-ROUNDS, REFINEMENTS = 60, 8  # of the programs; of the equations at last
-MIN_GAIN, PATIENCE = 2e-2, 2  # part of the cost, and rounds in turn that gain less before the last
-FIRST_TRUST, MIN_TRUST = 0.3, 1e-3  # largest change of a coordinate in a round [m] or [rad]
-MISS_WEIGHT = 1e4  # of what the equations miss against the mean of the roughness
-LENGTH_COST = 0.05  # of motion itself, against its bending along a metre of path
-LIFTED = 0.15  # of path, as long as a motion with the tool lifted counts [m]
-CORNER_WEIGHT = 0.02  # of bending where the tool's own path has a corner
+OPTIONS = PATH_SMOOTHING
 EXACT = 1e-12  # miss that is rounding [m]
-SHARES = 1.0, 0.5, 0.25, 0.1  # of a step that are tried until less is missed
 DAMPING = 1e-12  # of the least changes where equations depend on one another, as of a stretched arm
 
 
@@ -92,7 +86,7 @@ class _Equations(NamedTuple):
     J: csr_array  # (k, n m)
 
 
-def smooth_states(problem: PathProblem, states: Array, trust: float = FIRST_TRUST) -> Array:
+def smooth_states(problem: PathProblem, states: Array, trust: float = OPTIONS.first_trust) -> Array:
     """Return the states (n, m) made smooth, the tool on its path to rounding where the arm lets it.
 
     The largest change of a coordinate in the first round is ``trust`` [m] or [rad].
@@ -101,7 +95,7 @@ def smooth_states(problem: PathProblem, states: Array, trust: float = FIRST_TRUS
     states, missed = _projected(problem, states)
     half_spaces = problem.half_spaces_at(states)
     best, slight = _cost(rough, states, missed, half_spaces), 0
-    for _ in track("rounds", range(ROUNDS)):
+    for _ in track("rounds", range(OPTIONS.max_rounds)):
         step = _step(problem, rough, states, missed, half_spaces, trust)
         if step is None:
             break
@@ -111,12 +105,13 @@ def smooth_states(problem: PathProblem, states: Array, trust: float = FIRST_TRUS
         if cost < best:
             gain, best = best - cost, cost
             states, missed, half_spaces = tried, missed_there, kept_there
-            trust, slight = min(2.0 * trust, FIRST_TRUST), slight + 1 if gain < MIN_GAIN * best else 0
-            if slight == PATIENCE:
+            trust = min(2.0 * trust, OPTIONS.first_trust)
+            slight = slight + 1 if gain < OPTIONS.min_gain * best else 0
+            if slight == OPTIONS.patience:
                 break
         else:
             trust *= 0.3
-            if trust < MIN_TRUST:
+            if trust < OPTIONS.min_trust:
                 break
     return on_path(problem, states)
 
@@ -124,26 +119,27 @@ def smooth_states(problem: PathProblem, states: Array, trust: float = FIRST_TRUS
 def _roughness(problem: PathProblem) -> _Roughness:
     """Quadratic form of all coordinates, its mean curvature 1: bending, and a little of length.
 
-    With the tool lifted motion costs its length alone, as of `LIFTED` of the path.
+    With the tool lifted motion costs its length alone, as of `OPTIONS.lifted_length` of the path.
     """
     t, n = problem.parameter, len(problem.parameter)
     h = np.diff(t)
-    weight = np.sqrt(np.where(problem.corner[1:-1], CORNER_WEIGHT, 1.0) * (h[:-1] + h[1:]) / 2)
+    weight = np.sqrt(np.where(problem.corner[1:-1], OPTIONS.corner_weight, 1.0) * (h[:-1] + h[1:]) / 2)
     by_hop, weight = 1 / h, weight / ((h[:-1] + h[1:]) / 2)
     second = by_hop[:-1] * weight, -(by_hop[:-1] + by_hop[1:]) * weight, by_hop[1:] * weight
     bend = csr_array(diags_array(second, offsets=[0, 1, 2], shape=(n - 2, n)))
-    slope = np.sqrt(LENGTH_COST / h)
+    slope = np.sqrt(OPTIONS.length_cost / h)
     length = csr_array(diags_array([-slope, slope], offsets=[0, 1], shape=(n - 1, n)))
     form = kron(bend.T @ bend + length.T @ length, diags_array(problem.scale**2), format="csc")
     mean = form.diagonal().mean()
-    springs = LENGTH_COST / LIFTED * np.where(np.isnan(problem.beyond), 0.0, problem.scale**2)
+    per_length = OPTIONS.length_cost / OPTIONS.lifted_length
+    springs = per_length * np.where(np.isnan(problem.beyond), 0.0, problem.scale**2)
     return _Roughness(csc_array(form / mean), springs.ravel() / mean, np.nan_to_num(problem.beyond).ravel())
 
 
 def _cost(rough: _Roughness, states: Array, missed: _Equations, half_spaces: HalfSpaces) -> float:
     """Roughness of states, and what the equations and the half-spaces miss."""
     beyond = float(half_spaces.cost @ np.maximum(half_spaces.least, 0.0))
-    return rough.of(states) + 0.5 * MISS_WEIGHT * float(np.sum(missed.miss**2)) + beyond
+    return rough.of(states) + 0.5 * OPTIONS.miss_weight * float(np.sum(missed.miss**2)) + beyond
 
 
 def _step(
@@ -156,8 +152,8 @@ def _step(
 ) -> Array | None:
     """Change of all states that one quadratic program finds best within the trust region."""
     miss, J = missed
-    hessian = csc_array(rough.form + diags_array(rough.spring) + MISS_WEIGHT * (J.T @ J))
-    gradient = rough.gradient(states) - MISS_WEIGHT * (J.T @ miss)
+    hessian = csc_array(rough.form + diags_array(rough.spring) + OPTIONS.miss_weight * (J.T @ J))
+    gradient = rough.gradient(states) - OPTIONS.miss_weight * (J.T @ miss)
     n, m = states.shape
     lower = np.clip(problem.lower - states, -trust, 0.0)
     upper = np.clip(problem.upper - states, 0.0, trust)
@@ -193,14 +189,14 @@ def _projected(problem: PathProblem, states: Array) -> tuple[Array, _Equations]:
     """States that meet the equations as near as they come, and what is missed there."""
     free = ((problem.upper > problem.lower) / problem.scale).ravel()
     missed = _equations(problem, states)
-    for _ in range(REFINEMENTS):
+    for _ in range(OPTIONS.max_refinements):
         if np.abs(missed.miss).max(initial=0.0) <= EXACT:
             break
         J = missed.J @ diags_array(free)
         square = csc_array(J @ J.T)
         damped = square + DAMPING * square.diagonal().max(initial=1.0) * eye_array(len(missed.miss))
         step = (free * (J.T @ splu(csc_array(damped)).solve(missed.miss))).reshape(states.shape)
-        for share in SHARES:
+        for share in OPTIONS.step_shares:
             wished = states + share * step
             nearer = np.clip(wished, problem.lower, problem.upper)
             there = _equations(problem, nearer)

@@ -10,12 +10,12 @@ from regionik.areas.reachable import PosedReach
 from regionik.planners.reach.pose_reach import PlacedPostures, pose_reach
 from regionik.postures.arm import aim_of
 from regionik.postures.poses import Pose, pose_of
+from regionik.reachability.options import REACHABILITY
 from regionik.reachability.target_search import TargetSearch
 from regionik.worlds.arms import pivot_index
 from regionik.worlds.arrays import Array
 
-MAX_POSTURES = 24  # that are tried, spread over all
-PIVOT_VALUES = 7  # at which each is tried where the base may turn for the pivot
+OPTIONS = REACHABILITY.configurations
 
 
 def among_known(search: TargetSearch) -> Pose | None:
@@ -48,7 +48,7 @@ def _known(search: TargetSearch, model: PosedReach) -> Iterator[Pose]:
 
 def _spread(known: PlacedPostures) -> list[int]:
     count = len(known.postures)
-    return np.unique(np.linspace(0, count - 1, min(count, MAX_POSTURES)).astype(int)).tolist()
+    return np.unique(np.linspace(0, count - 1, min(count, OPTIONS.max_reach_postures)).astype(int)).tolist()
 
 
 def _pivot_values(model: PosedReach, pivot: int) -> Array:
@@ -56,5 +56,5 @@ def _pivot_values(model: PosedReach, pivot: int) -> Array:
     lower, upper = float(model.chain.lower[pivot]), float(model.chain.upper[pivot])
     if not np.isfinite(upper - lower):
         lower, upper = -np.pi, np.pi
-    shares = (np.arange(PIVOT_VALUES) + 0.5) / PIVOT_VALUES
+    shares = (np.arange(OPTIONS.pivot_values) + 0.5) / OPTIONS.pivot_values
     return np.unique(lower + shares * (upper - lower))

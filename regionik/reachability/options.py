@@ -17,6 +17,10 @@ class SearchOptions:
     min_cells: int = 64  # of any such search: those that it may begin with
     known_cell: float = 0.05  # of distance and height, in which one posture is kept to begin with [m]
     targets_at_once: int = 500  # that a worker is given
+    # Of a task in which one set-point lacks a clear posture, as each takes seconds: those that are asked, and
+    # those not reached after which no more are
+    max_setpoints_asked: int = 60
+    max_setpoints_unreached: int = 40
     # From one base
     max_known_postures: int = 32  # of those that the arm knows, that are led on to the target
     max_held_cells: int = 4_000  # of postures of an arm in one plane
@@ -33,6 +37,8 @@ class ConfigurationOptions:
     max_colliding: int = 200  # of these in all, after which no other place is tried
     max_sampled_places: int = 2  # where more postures of the arm are sampled
     max_samples: int = 50  # of them at each
+    max_reach_postures: int = 24  # of those that a thin reach was sampled from, spread over all
+    pivot_values: int = 7  # at which each of these is tried, where the base may turn for the pivot
     max_overlap: float = (
         0.1  # of the posture met there, beyond which none is: those that helped had 0.013 m [m]
     )

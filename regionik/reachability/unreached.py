@@ -7,9 +7,12 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from regionik.explain.several import as_setpoint
+from regionik.reachability.options import REACHABILITY
 from regionik.reachability.reach import answers_for
 from regionik.scene import Scene
 from regionik.worlds.errors import SetpointFailure, Verdict
+
+OPTIONS = REACHABILITY.search
 
 
 def unreached(scene: Scene, setpoints: Sequence[int]) -> Iterator[SetpointFailure]:
@@ -24,7 +27,10 @@ def unreached(scene: Scene, setpoints: Sequence[int]) -> Iterator[SetpointFailur
 
 
 def first_unreached(
-    scene: Scene, setpoints: Sequence[int], most: int, enough: int
+    scene: Scene,
+    setpoints: Sequence[int],
+    most: int = OPTIONS.max_setpoints_asked,
+    enough: int = OPTIONS.max_setpoints_unreached,
 ) -> tuple[list[SetpointFailure], list[int]]:
     """The first of some set-points that are not reached, and those that were not looked at.
 

@@ -21,6 +21,7 @@ from regionik.planners.solvers.aims import beyond_cones, in_columns, missed_by
 from regionik.postures.arm import aim_of, goal_between
 from regionik.postures.poses import axis_of, transits
 from regionik.scene import Scene
+from regionik.smoothing.options import SMOOTHING
 from regionik.values import Plan
 from regionik.worlds.arms import has_pivot, pivot_index
 from regionik.worlds.arrays import Array, Index, Mask
@@ -28,21 +29,9 @@ from regionik.worlds.drives import displacement, unwrapped
 from regionik.worlds.limits import Speeds
 from regionik.worlds.robot import Robot, with_joint_margin
 
-MIN_RUN_STATES = 3  # states
-# states of a run, and share of them that are set-points, to begin with these alone
-MIN_LONG_RUN, MAX_SETPOINT_SHARE = 400, 0.6
-NEAR_TRUST = 0.03  # of the first round, where it was begun with fewer states [m] or [rad]
-MAX_NEAR_DISTANCE = 0.025  # set-points that have a state between them are farther apart [m]
-MIN_STRIDE = 1e-3  # along the path, where the tool rests or nearly so [m]
-STEP_SHARE = 0.7  # of the longest step of the base that it takes in the mean, as laid out
-BASE_SHARE = 0.4  # of the base's way that counts as way along the path, where the tool rests
-MIN_CORNER_TURN = 0.7  # turn of the tool's path that is a corner [rad]
-WINDOW = 40  # states on either side of one that failed which are smoothed anew
-STIFFER_AREA_COST = 30.0  # areas are kept where states failed, by their cost
-MAX_STATES = 1500  # smoothed at once
+OPTIONS = SMOOTHING.layout
 FAR = 1e6  # beyond every floor [m]
 MAX_LIMIT_MISS = 1e-9  # by the tool of a state that is led off its limits [m]
-MAX_LIMIT_CHANGE = 0.3  # that a coordinate of it changes [m] or [rad]
 OFF_AREA = 1e-6  # of the arm axis in a state as found, from which on no area is kept [m]
 ANYWHERE = shapely.box(-FAR, -FAR, FAR, FAR)
 
@@ -65,13 +54,12 @@ class PathRun:
     def smoothed(self) -> Array:
         """All states smoothed; of long runs first those of the set-points alone, which is soon done."""
         rows, t = _coarse_rows(self.worked), self.problem.parameter
-        if len(self.states) < MIN_LONG_RUN or not MIN_RUN_STATES <= len(rows) <= MAX_SETPOINT_SHARE * len(
-            self.states
-        ):
+        most = OPTIONS.max_setpoint_share * len(self.states)
+        if len(self.states) < OPTIONS.min_long_run or not OPTIONS.min_run_states <= len(rows) <= most:
             return self._within(smooth_states(self.problem, self.states))
         found = smooth_states(self.coarse, self.states[rows])
         begun = np.stack([np.interp(t, t[rows], column) for column in found.T], axis=1)
-        return self._within(smooth_states(self.problem, begun, NEAR_TRUST))
+        return self._within(smooth_states(self.problem, begun, OPTIONS.near_trust))
 
     def mended(self, states: Array, failed: list[int], tube: Array, demanded: Array) -> Array:
         """States smoothed anew about those that failed, the others kept.
@@ -84,7 +72,8 @@ class PathRun:
             constraints = replace(
                 self.constraints, within=self.constraints.within[rows], demanded=demanded[rows]
             )
-            constraints = replace(constraints, area_cost=STIFFER_AREA_COST * self.constraints.area_cost)
+            cost = OPTIONS.stiffer_area_cost * self.constraints.area_cost
+            constraints = replace(constraints, area_cost=cost)
             part = self.problem.part(rows, constraints.half_spaces)
             lower = np.maximum(part.lower, self.states[rows] - tube[rows, None])
             upper = np.minimum(part.upper, self.states[rows] + tube[rows, None])
@@ -93,7 +82,7 @@ class PathRun:
             held[inner] = False
             lower[held] = upper[held] = states[rows][held]
             part = replace(part, lower=lower, upper=upper)
-            mended[rows] = smooth_states(part, np.clip(states[rows], lower, upper), NEAR_TRUST)
+            mended[rows] = smooth_states(part, np.clip(states[rows], lower, upper), OPTIONS.near_trust)
         return self._within(mended)
 
     def _within(self, states: Array) -> Array:
@@ -127,7 +116,7 @@ def runs_of(scene: Scene, plan: Plan, free_space: FreeSpace, stride: float, loos
     working = plan.motion.kind != "transit"
     edges = np.flatnonzero(np.diff(np.concatenate([[False], working, [False]])))
     for first, end in edges.reshape(-1, 2).tolist():
-        count = 1 + (end - 1 - first) // MAX_STATES
+        count = 1 + (end - 1 - first) // OPTIONS.max_states
         cuts = np.linspace(first, end - 1, count + 1).astype(int).tolist()
         yield from (layout.run(a, b) for a, b in pairwise(cuts))
 
@@ -186,12 +175,13 @@ class _Layout:
 
         There are enough of them for what the footprint has ``travelled`` (n,) from set-point to set-point.
         """
-        task, step = self.scene.task, STEP_SHARE * self.scene.rules.step
+        task, step = self.scene.task, OPTIONS.step_share * self.scene.rules.step
         at = [places[0]]
         for i in range(int(owner[0]), math.ceil(places[-1])):
             way = math.dist(task[i].position, task[i + 1].position)
             driven = float(np.ptp(np.interp((i, i + 1), places, travelled)))
-            count = max(1 + (way > MAX_NEAR_DISTANCE), math.ceil(way / self.stride), math.ceil(driven / step))
+            least = 1 + (way > OPTIONS.max_near_distance)
+            count = max(least, math.ceil(way / self.stride), math.ceil(driven / step))
             at += [p for p in (i + np.arange(1, count + 1) / count) if places[0] < p < places[-1]]
         if places[-1] > places[0]:
             at.append(places[-1])
@@ -227,9 +217,9 @@ class _Layout:
 
     def _parameter(self, position: Array, states: Array) -> Array:
         tool = np.linalg.norm(np.diff(position, axis=0), axis=1)
-        base = BASE_SHARE * _ways(self.scene.robot, states)
+        base = OPTIONS.base_share * _ways(self.scene.robot, states)
         way = tool if self.evenly else np.maximum(tool, base)
-        return np.concatenate([[0.0], np.cumsum(np.maximum(way, MIN_STRIDE))])
+        return np.concatenate([[0.0], np.cumsum(np.maximum(way, OPTIONS.min_stride))])
 
     def _limits(self, states: Array, fixed_ends: tuple[bool, bool]) -> tuple[Array, Array]:
         """Bounds of all coordinates: limits with a margin where there is room, and what is held."""
@@ -293,7 +283,8 @@ def _off_limits(problem: PathProblem, states: Array) -> tuple[PathProblem, Array
         )
         aims = problem.aims.part(rows)
         missed = beyond_cones(aims, missed_by(problem.robot, aims, there)).miss
-        if np.abs(missed).max() <= MAX_LIMIT_MISS and np.abs(there - states[rows]).max() <= MAX_LIMIT_CHANGE:
+        change = float(np.abs(there - states[rows]).max())
+        if np.abs(missed).max() <= MAX_LIMIT_MISS and change <= OPTIONS.max_limit_change:
             led[k] = there[0]
         else:
             lower[k], upper[k] = problem.lower[k], problem.upper[k]
@@ -315,7 +306,7 @@ def _windows(failed: list[int], count: int) -> Iterator[slice]:
     """Stretches of ``count`` states about those that failed."""
     near = np.zeros(count + 2, dtype=np.int64)
     for row in failed:
-        near[1 + max(row - WINDOW, 0) : 1 + min(row + WINDOW + 1, count)] = 1
+        near[1 + max(row - OPTIONS.window, 0) : 1 + min(row + OPTIONS.window + 1, count)] = 1
     edges = np.flatnonzero(np.diff(near)).reshape(-1, 2)
     yield from (slice(a, b) for a, b in edges.tolist())
 
@@ -326,7 +317,7 @@ def _corners(position: Array) -> Mask:
     length = np.linalg.norm(way, axis=1)
     unit = way / np.maximum(length, 1e-12)[:, None]
     cosine = np.einsum("ni,ni->n", unit[:-1], unit[1:])
-    turned = (cosine < math.cos(MIN_CORNER_TURN)) & (length[:-1] > 1e-9) & (length[1:] > 1e-9)
+    turned = (cosine < math.cos(OPTIONS.min_corner_turn)) & (length[:-1] > 1e-9) & (length[1:] > 1e-9)
     return np.concatenate([[False], turned, [False]])
 
 

@@ -23,18 +23,14 @@ from regionik.planners.geometry.angles import wrap
 from regionik.planners.progress import track
 from regionik.postures.poses import Pose, arrays, axis_of, lifted_states, transits, untimed_motion
 from regionik.scene import Scene
-from regionik.smoothing.runs import MIN_RUN_STATES, PathRun, runs_of
+from regionik.smoothing.options import SMOOTHING
+from regionik.smoothing.runs import PathRun, runs_of
 from regionik.values import Motion, Plan, Report
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 
 AREA_ROUNDING = 1e-9  # of its area, by rounding [m]
-STRIDES = 0.05, 0.025, math.inf  # of the tool from state to state; where these fail, those found may do [m]
-LONG_PATH = 10.0  # of the tool, for which the first of these is tried [m]
-MAX_TRIES = 7  # of proving a smoothed plan
-SPARE_DISTANCE = 0.005  # distance that states are asked for beside one that fails [m]
-STATES_BESIDE = 6  # states on either side of one that fails which are held closer
-NARROWING_FACTOR = 0.5  # by this factor
+OPTIONS = SMOOTHING.trials
 
 Failed = dict[int, list[int]]  # states that failed, by run
 
@@ -45,14 +41,14 @@ def smooth_motion(scene: Scene, plan: Plan, free_space: FreeSpace) -> Plan:
     It is returned itself, and not verified, where nothing could be made smoother.
     """
     way, drive = np.diff([target.position for target in scene.task], axis=0), scene.robot.drive
-    long = float(np.linalg.norm(way, axis=1).sum()) > LONG_PATH and drive.turns_on_the_spot
+    long = float(np.linalg.norm(way, axis=1).sum()) > OPTIONS.long_path and drive.turns_on_the_spot
     lifted = any(transits(plan.motion)) and not drive.rolls
     rejoin = Reconnection(transit_planner(scene, free_space, plan.seed), free_space)
-    for stride, loose in product(STRIDES[not long :], (True, False)[not lifted :]):
+    for stride, loose in product(OPTIONS.strides[not long :], (True, False)[not lifted :]):
         runs = [
             run
             for run in runs_of(scene, plan, free_space, stride, loose)
-            if len(run.states) >= MIN_RUN_STATES
+            if len(run.states) >= SMOOTHING.layout.min_run_states
         ]
         plan, complete = _proven(plan, runs, rejoin)
         if complete:
@@ -65,12 +61,12 @@ def _proven(plan: Plan, runs: list[PathRun], rejoin: Reconnection) -> tuple[Plan
     tubes = [np.full(len(run.states), np.inf) for run in runs]
     demanded = [np.zeros(len(run.states)) for run in runs]
     smoothed, failed = [run.smoothed() for run in track("smoothing", runs)], Failed()
-    for attempt in range(MAX_TRIES):
+    for attempt in range(OPTIONS.max_tries):
         for k, rows in track("smoothing", list(failed.items())):
             if attempt > 1:
                 tubes[k] = _narrowed_tube(runs[k], smoothed[k], tubes[k], rows)
             for row in rows:  # what a hop cuts off is less than this, mostly
-                demanded[k][_beside(row)] = SPARE_DISTANCE
+                demanded[k][_beside(row)] = OPTIONS.spare_distance
             smoothed[k] = runs[k].mended(smoothed[k], rows, tubes[k], demanded[k])
         found, failed = _checked(plan, runs, smoothed, rejoin)
         if found is not None:
@@ -161,12 +157,12 @@ def _narrowed_tube(run: PathRun, smoothed: Array, tube: Array, rows: list[int]) 
     narrow = tube.copy()
     for row in rows:
         beside = _beside(row)
-        narrow[beside] = np.minimum(narrow[beside], NARROWING_FACTOR * changed[beside])
+        narrow[beside] = np.minimum(narrow[beside], OPTIONS.narrowing_factor * changed[beside])
     return narrow
 
 
 def _beside(row: int) -> slice:
-    return slice(max(0, row - STATES_BESIDE), row + STATES_BESIDE + 1)
+    return slice(max(0, row - OPTIONS.states_beside), row + OPTIONS.states_beside + 1)
 
 
 @dataclass(frozen=True, eq=False)
