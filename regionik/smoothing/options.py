@@ -32,7 +32,7 @@ class LayoutOptions:
 
 
 @dataclass(frozen=True)
-class TrialOptions:
+class SmoothingTrialOptions:
     """Smoothed plans that are tried until one holds."""
 
     # Of the tool from state to state, the first on long paths alone; where these fail those found may do [m]
@@ -49,7 +49,7 @@ class SmoothingOptions:
     """All of them, by what they tune."""
 
     layout: LayoutOptions = LayoutOptions()
-    trials: TrialOptions = TrialOptions()
+    trials: SmoothingTrialOptions = SmoothingTrialOptions()
 
 
 SMOOTHING = SmoothingOptions()
