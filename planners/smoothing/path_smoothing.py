@@ -119,7 +119,7 @@ def smooth_states(problem: PathProblem, states: Array, trust: float = OPTIONS.fi
 def _roughness(problem: PathProblem) -> _Roughness:
     """Quadratic form of all coordinates, its mean curvature 1: bending, and a little of length.
 
-    With the tool lifted motion costs its length alone, as of `OPTIONS.lifted_length` of the path.
+    With the tool lifted motion costs its length alone, as `lifted_length` of the path.
     """
     t, n = problem.parameter, len(problem.parameter)
     h = np.diff(t)

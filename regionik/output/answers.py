@@ -164,10 +164,10 @@ def stream_answers(
 
     They are from anywhere, or from one pose of the base.
 
-    At most ``ahead`` blocks of `CHUNK` lines are in memory and handed to the executor, which is as for
-    `regionik.reachability.reach.reach`. Answers are kept in the folder ``output.parts`` until all are there;
-    the same call resumes with them, and gives the bytes of one uninterrupted call. Parts of another run are
-    an `InputError`; workers that are lost again and again are an `EngineError`.
+    At most ``ahead`` blocks of `targets_at_once` lines are in memory and handed to the executor, which is as
+    for `regionik.reachability.reach.reach`. Answers are kept in the folder ``output.parts`` until all are
+    there; the same call resumes with them, and gives the bytes of one uninterrupted call. Parts of another
+    run are an `InputError`; workers that are lost again and again are an `EngineError`.
     """
     blocks = index_csv(table, REACHABILITY.search.targets_at_once)
     with open_partial(output, _manifest(world, blocks, base)) as parts:

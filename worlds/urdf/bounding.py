@@ -131,7 +131,7 @@ def sphere_capsule(link: int, name: str, center: Array, radius: float) -> LinkCa
 def bounding_solid(link: int, name: str, points: Array) -> LinkSolid:
     """Return a solid around points (n, 3) in the link's frame: a hull of few corners where that is tighter.
 
-    The least by volume of a few boxes and capsules is taken where it stands out by `MAX_EXCESS` at most, or
+    The least by volume of a few boxes and capsules is taken where it stands out by `max_excess` at most, or
     by no more than the hull.
     """
     found = [_least_solid(link, name, points, *box(points)) for box in (oriented_box, fast_oriented_box)]

@@ -216,7 +216,7 @@ def _path(above: dict[str, UrdfJoint], root: str, tip: str) -> tuple[UrdfJoint, 
 def _virtual_joints(path: tuple[UrdfJoint, ...]) -> int:
     """Return how many joints of a path, from its root on, stand for the motion of a base over the floor.
 
-    These are planar and floating joints, level slides of `MIN_ENDLESS_TRAVEL` and more, and turns about the
+    These are planar and floating joints, level slides of `min_endless_travel` and more, and turns about the
     vertical between them, or without limits behind them.
     """
     turn, count, slides = np.eye(3), 0, 0
