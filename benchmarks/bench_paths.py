@@ -105,12 +105,14 @@ def curved_wall(robot: Robot) -> rik.World:
     for k, z in enumerate(np.linspace(0.6, 1.2, ROWS)):
         for angle in ends if k % 2 == 0 else ends[::-1]:
             axis = np.array([np.cos(angle), np.sin(angle), 0.0])
-            task.append(rik.Target([*((RADIUS - OFF) * axis[:2]), z], orientation=frame(axis)))
+            spot = np.array([*((RADIUS - OFF) * axis[:2]), z])
+            task.append(rik.Target(spot, orientation=frame(axis)))
     parts = np.linspace(-0.55, 0.55, 34) * ROW / RADIUS
-    size = [0.1, RADIUS * (parts[1] - parts[0]) + 0.02, 1.6]
+    size = np.array([0.1, RADIUS * (parts[1] - parts[0]) + 0.02, 1.6])
+    middles = np.column_stack([(RADIUS + 0.07) * np.cos(parts), (RADIUS + 0.07) * np.sin(parts)])
     wall = tuple(
-        rik.Box(f"wall {k}", size, [(RADIUS + 0.07) * np.cos(a), (RADIUS + 0.07) * np.sin(a), 0.8], yaw=a)
-        for k, a in enumerate(parts)
+        rik.Box(f"wall {k}", size, np.array([*middle, 0.8]), yaw=a)
+        for k, (a, middle) in enumerate(zip(parts, middles, strict=True))
     )
     floor = rik.Floor(shapely.box(0.0, -8.0, 9.0, 8.0))
     return rik.World("wall", robot, floor, wall, tuple(task), rik.Rules(clearance=0.05))
@@ -135,19 +137,19 @@ def tasks(robot: Robot, z: float) -> Iterator[rik.World]:
     """A seam of 3 m along a bench, a circle and a raster on a wall, four obstacles on the floor."""
     floor, rules = rik.Floor(shapely.box(-4, -4, 4, 4)), rik.Rules(clearance=0.05, arm_clearance=0.005)
     posts = tuple(
-        rik.Cylinder(f"post {k}", 0.1, 1.0, [x, y, 0.5])
+        rik.Cylinder(f"post {k}", 0.1, 1.0, np.array([x, y, 0.5]))
         for k, (x, y) in enumerate([(-0.9, -1.2), (-1.3, 0.0), (-0.9, 1.2)])
     )
-    bench = rik.Box("bench", [0.6, 4.0, z - 0.1], [0.3, 0.0, (z - 0.1) / 2])
-    wall = rik.Box("wall", [0.1, 4.0, 1.8], [0.25, 0.0, 0.9])
-    seam = [rik.Target([0.1, y, z]) for y in np.linspace(-1.5, 1.5, 60)]
+    bench = rik.Box("bench", np.array([0.6, 4.0, z - 0.1]), np.array([0.3, 0.0, (z - 0.1) / 2]))
+    wall = rik.Box("wall", np.array([0.1, 4.0, 1.8]), np.array([0.25, 0.0, 0.9]))
+    seam = [rik.Target(np.array([0.1, y, z])) for y in np.linspace(-1.5, 1.5, 60)]
     yield rik.World("seam", robot, floor, (*posts, bench), tuple(seam), rules)
     turns = np.linspace(0, 2 * np.pi, 60)
     circle = 0.25 * np.column_stack([np.sin(turns), np.cos(turns)])
     across, rows = np.linspace(-0.7, 0.7, 15), np.linspace(-0.15, 0.15, 4)
     raster = np.array([(y, row) for k, row in enumerate(rows) for y in across[:: 1 - 2 * (k % 2)]])
     for name, spots in (("circle", circle), ("raster", raster)):
-        square = [rik.Target([0.0, y, z + up], direction=AHEAD) for y, up in spots]
+        square = [rik.Target(np.array([0.0, y, z + up]), direction=AHEAD) for y, up in spots]
         yield rik.World(name, robot, floor, (*posts, wall), tuple(square), rules)
 
 
