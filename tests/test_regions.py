@@ -3,10 +3,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.layers import grow
+from regionik.areas.layers import BodyLayer, grow
 from regionik.postures.families import BACK, FRONT
 from regionik.reach_table import reach_table
 from regionik.regions import admissible_area, outer_areas, path_areas
@@ -140,6 +141,8 @@ def test_tool_direction_gives_ring_sectors() -> None:
     half=st.tuples(st.sampled_from([0.0, 0.05, 0.2]), st.sampled_from([0.0, 0.1])),
     pose=st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(-3.2, 3.2)),
 )
+@example(mount=(0.25, 0.0), half=(0.0, 0.0), pose=(0.0, 0.0, 0.0))  # free but for the arm's foot
+@example(mount=(0.25, 0.0), half=(0.0, 0.0), pose=(0.0, -0.2, 0.0))
 def test_outer_floor_holds_the_axis_of_every_base_that_stands_free(
     mount: tuple[float, float], half: tuple[float, float], pose: tuple[float, float, float]
 ) -> None:
@@ -154,11 +157,15 @@ def test_outer_floor_holds_the_axis_of_every_base_that_stands_free(
     )
     x, y, yaw = pose
     turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
-    stood = shapely.MultiPoint(corners @ turn.T + (x, y)).convex_hull
+    axis = turn @ np.array(mount) + (x, y)
     ground = scene_of(scene).ground
-    if ground.floor.contains(stood) and ground.shadows[0].distance(stood) > 0.02:
-        axis = shapely.Point(turn @ np.array(mount) + (x, y))
-        assert ground.outer.free.distance(axis) < 1e-8
+
+    def stood(layer: BodyLayer) -> BaseGeometry:
+        return shapely.MultiPoint(np.array(layer.outline.corners) @ turn.T + axis).convex_hull
+
+    clear = [s.distance(stood(layer)) > layer.clearance for layer in ground.within for s in layer.shadows]
+    if ground.floor.contains(stood(ground.base)) and all(clear):
+        assert ground.outer.free.distance(shapely.Point(axis)) < 1e-8
 
 
 def test_out_of_reach_is_an_empty_outer_area() -> None:
