@@ -20,8 +20,9 @@ import shapely
 from regionik.areas.free_space import FreeSpace
 from regionik.explain import arm_failures
 from regionik.mfabrik import configurations
+from regionik.moving.base_guide import BaseGuide, base_guide
 from regionik.moving.base_motion import Candidate
-from regionik.moving.grown_runs import GrownRun, RunGrowth
+from regionik.moving.grown_runs import GrownRun, RunGrowth, Seeds
 from regionik.moving.options import MOVING
 from regionik.moving.path_search import (
     JoinedMotion,
@@ -31,9 +32,10 @@ from regionik.moving.path_search import (
 )
 from regionik.moving.stationary_bases import StationaryBase, component_around, stationary_bases
 from regionik.planners.progress import tell, track
-from regionik.postures.poses import MotionState, Pose
+from regionik.postures.poses import MotionState, Pose, pose_of
 from regionik.pruning import Pruned, choose_chain, solvers_along, start_place, start_pose
 from regionik.scene import Scene
+from regionik.worlds.arms import reach_bound
 from regionik.worlds.errors import Explanation, NoPlanFound
 
 OPTIONS = MOVING.runs
@@ -132,7 +134,7 @@ class _Connection:
         ladder, keep, passed = self.pruned.ladder, self.pruned.keep, 0
         for base in stationary_bases(self.scene, ladder, keep, self.free_space, i, end):
             growth = RunGrowth(self.search, BASE_COORDINATES)
-            runs = growth.runs_from(i, end, partial(self._postures, base))
+            runs = growth.runs_from(i, end, partial(self._postures, base), [i])
             found = self._arrived(i, end, here, (run for run in runs if run.end >= end))
             passed += growth.passed
             if found is not None or passed > OPTIONS.stationary_budget_factor * (end - i):
@@ -147,12 +149,36 @@ class _Connection:
     def _together(self, i: int, end: int, here: Pose | None) -> JoinedRun | None:
         """Return the longest run of base and joints together from set-point i; None if there is none."""
         grown = list[GrownRun]()
-        for run in self.growth.runs_from(i, end, partial(self._seeds, i, here)):
+        for run in self._grown(i, end, partial(self._seeds, i, here)):
             whole = self._arrived(i, end, here, [run] if run.end >= end else [])
             if whole is not None:
                 return whole
             grown.append(run)
+        grown.sort(key=lambda run: run.end)
         return self._arrived(i, end, here, (run for run in grown[::-1] if run.end < end))
+
+    def _grown(self, i: int, end: int, seeds: Seeds) -> Iterator[GrownRun]:
+        """Yield runs from set-point i towards ``end``: by the least motion, then along a base path.
+
+        That leads through the areas, where the least motion may have come up against something. Wheels only
+        begin on it: they cannot be drawn aside.
+        """
+        yield from self.growth.runs_from(i, end, seeds, [i])
+        guide, midway = (
+            base_guide(self.pruned, reach_bound(self.scene.robot.chain).length, i, end),
+            (i + end) // 2,
+        )
+        if guide is not None:
+            guided = RunGrowth(self.search, guide=None if self._rolls else guide)
+            yield from guided.runs_from(i, end, partial(self._along, guide, seeds), [i, *guide.narrow])
+        yield from self.growth.runs_from(i, end, seeds, [midway])
+
+    def _along(self, guide: BaseGuide, seeds: Seeds, at: int) -> Iterator[Candidate]:
+        """Where a run along a base path may begin: on it, far from joint limits, or anywhere."""
+        robot, kept = self.scene.robot, self.pruned.components_at(at)
+        start = Pose(pose_of(robot, guide.at(at), 0.0), robot.carry)
+        yield from self.search.sampler.far_from_limits(at, kept, start)
+        yield from seeds(at)
 
     def _arrived(self, i: int, end: int, here: Pose | None, runs: Iterable[GrownRun]) -> JoinedRun | None:
         """Return the first of some runs whose set-point i the arm can get to; None if there is none."""

@@ -23,7 +23,7 @@ from regionik.ladder import Ladder
 from regionik.mfabrik import Solver, solver_for
 from regionik.moving.base_motion import Candidate
 from regionik.moving.options import MOVING
-from regionik.moving.path_following import ResolvedMotion
+from regionik.moving.path_following import NO_DRAW, Draw, ResolvedMotion
 from regionik.planners.avoidance.clear_posture import ClearPosture
 from regionik.planners.collision.proximity import Proximity
 from regionik.planners.driving.footprint import fits
@@ -195,7 +195,7 @@ class ConfigurationSampler:
         self,
         i: int,
         here: Pose,
-        home: Array | None = None,
+        draw: Draw = NO_DRAW,
         *,
         back: bool = False,
         still: Sequence[int] = (),
@@ -207,7 +207,7 @@ class ConfigurationSampler:
         """
         left = i + 1 if back else i - 1
         way = (
-            None if self.resolved is None else self.resolved.onward(left, here, home, back=back, still=still)
+            None if self.resolved is None else self.resolved.onward(left, here, draw, back=back, still=still)
         )
         if way is None:
             return

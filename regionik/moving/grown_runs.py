@@ -1,8 +1,8 @@
 """Runs of set-points with base and joints moving together, grown from a configuration towards both ends.
 
 A motion with the tool on its path may be gone through either way, so a run need not begin where the path
-does. Where the farthest run is stuck, and midway, others are begun, and grow back to where it began and
-onward past there.
+does. Where the farthest run is stuck, and where the areas are narrowest, others are begun, and grow back to
+where it began and onward past there.
 """
 
 from __future__ import annotations
@@ -13,8 +13,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from regionik.moving.base_guide import BaseGuide
 from regionik.moving.base_motion import Candidate
 from regionik.moving.options import MOVING
+from regionik.moving.path_following import Draw
 from regionik.moving.path_search import PathSearch, SearchStep
 from regionik.planners.progress import tell
 from regionik.planners.tries import count_tries
@@ -50,6 +52,7 @@ class RunGrowth:
 
     search: PathSearch
     still: Sequence[int] = ()  # coordinates of the base's motion that stay as they are
+    guide: BaseGuide | None = None  # to which the base is drawn as they grow
     known: list[GrownRun] = field(default_factory=list)
 
     @property
@@ -57,20 +60,23 @@ class RunGrowth:
         """Number of set-points that all its runs have passed through."""
         return sum(len(run.steps) for run in self.known)
 
-    def runs_from(self, i: int, end: int, seeds: Seeds) -> Iterator[GrownRun]:
+    def runs_from(self, i: int, end: int, seeds: Seeds, begins: Sequence[int]) -> Iterator[GrownRun]:
         """Yield runs through set-point i towards ``end``, none of which gets less far than one before.
 
-        They begin there, then where the farthest is stuck as long as that leads farther, then midway. After
-        a whole one there may be others, for whom that one does not do.
+        They begin at some set-points, and where the farthest is stuck as long as that leads farther. After a
+        whole one there may be more, where that one does not do.
         """
-        farthest = at = i
+        farthest = known = i
         for run in self._through(i):
-            farthest = run.end
+            farthest = known = run.end
             yield run
         begun = set[int]()
-        while at not in begun:
+        while farthest < end or farthest == known:
+            left = [k for k in (farthest, *begins) if k not in begun and (farthest > known or k in begins)]
+            if not left:
+                break
+            at, passed, before = left[0], list[int](), farthest
             begun.add(at)
-            passed, before = list[int](), farthest
             for seed in seeds(at):
                 run = self._grown(at, seed, range(i, end))
                 self.known.append(run)
@@ -81,9 +87,6 @@ class RunGrowth:
                     yield run
                 if (at > i and before < farthest < end) or self._in_vain(passed):
                     break
-            if farthest == end:
-                break
-            at = (i + end) // 2 if farthest in begun else farthest
 
     def _through(self, i: int) -> list[GrownRun]:
         """Return the known runs through a set-point, the one that gets farthest last."""
@@ -114,7 +117,8 @@ class RunGrowth:
         found = list[Candidate]()
         for k in setpoints:
             count_tries()
-            there = self.search.resolved_candidate(k, here, home, back=setpoints.step < 0, still=self.still)
+            draw = Draw(home, None if self.guide is None else self.guide.at(k))
+            there = self.search.resolved_candidate(k, here, draw, back=setpoints.step < 0, still=self.still)
             if there is None:
                 break
             found.append(there)

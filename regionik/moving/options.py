@@ -54,6 +54,7 @@ class StateOptions:
     tool_tolerance: float = 1e-6  # angles as lengths [m]
     spare_clearance: float = 0.002  # of what is near, left for the way between states [m]
     homeward_share: float = 0.2  # of the way home, that joints are wished to go in a step
+    max_drawn_share: float = 0.7  # of the longest step of the base, that it is drawn to its guide in one
     # Of the way from the middle of a joint's range to its end, where it weighs most
     max_range_share: float = 0.999
     # Of a metre by which areas and clearances are missed; where an arm is too near the proof will say
@@ -81,6 +82,17 @@ class RunSearchOptions:
     stationary_budget_factor: int = 4  # times as many set-points as there are
     max_stationary_places: int = 3  # besides the middle
     max_stationary_bases: int = 8
+
+
+@dataclass(frozen=True)
+class GuideOptions:
+    """Base paths through the areas of a run; lengths by the arm's reach."""
+
+    spacing: float = 0.06  # of places
+    max_cells: int = 3  # that the base goes from a set-point to the next
+    edge_margin: float = 0.15  # kept from the edges of areas where there is room
+    edge_cost: float = 0.03  # of a place on an edge, beside squares of steps
+    max_narrow: int = 6  # set-points with little room, from which runs are begun
 
 
 @dataclass(frozen=True)
@@ -120,6 +132,7 @@ class MovingOptions:
     following: FollowingOptions = FollowingOptions()
     solving: StateOptions = StateOptions()
     runs: RunSearchOptions = RunSearchOptions()
+    guide: GuideOptions = GuideOptions()
     transits: TransitOptions = TransitOptions()
 
 

@@ -28,7 +28,15 @@ from regionik.planners.solvers.aims import in_columns
 from regionik.postures.arm import aim_of, deviation, goal_between, goals_between
 from regionik.postures.collision_checker import CollisionChecker
 from regionik.postures.families import Family
-from regionik.postures.poses import MAX_JOINT_CHANGE, MotionState, Pose, arrays, configuration_pose, pose_of
+from regionik.postures.poses import (
+    MAX_JOINT_CHANGE,
+    MotionState,
+    Pose,
+    arrays,
+    axis_of,
+    configuration_pose,
+    pose_of,
+)
 from regionik.scene import Scene
 from regionik.values import Configuration
 from regionik.worlds.arms import pivot_index, reach_bound, with_pivot
@@ -219,6 +227,17 @@ class PathFollower:
         return self._solvers[family]
 
 
+class Draw(NamedTuple):
+    """Where base and joints are drawn to, as far as the tool leaves them free."""
+
+    joints: Array | None = None  # (dof,)
+    # (2,) of the arm axis of a base that does not roll, when the tool is at the next set-point [m]
+    place: Array | None = None
+
+
+NO_DRAW = Draw()
+
+
 @dataclass(frozen=True, eq=False)
 class ResolvedMotion:
     """Base and arm go on together by the least motion, by their speeds, that leads the tool on its path.
@@ -235,16 +254,16 @@ class ResolvedMotion:
         self,
         i: int,
         here: Pose,
-        home: Array | None = None,
+        draw: Draw = NO_DRAW,
         *,
         back: bool = False,
         still: Sequence[int] = (),
     ) -> list[Pose] | None:
         """States with the tool on its path from set-point i to the next, or ``back`` to the one before.
 
-        None where no such way is free. What redundancy leaves open goes back towards joints at ``home``, and
-        some coordinates of the base's motion stay ``still``. A hop that is not proven is halved, as often as
-        it may help.
+        None where no such way is free. What redundancy leaves open goes where it is drawn to, and some
+        coordinates of the base's motion stay ``still``. A hop that is not proven is halved, as often as it
+        may help.
         """
         a, b = self.scene.task[i], self.scene.task[i - 1 if back else i + 1]
         count = self._count(a, b)
@@ -254,7 +273,7 @@ class ResolvedMotion:
         while ahead:
             tried = [at, *ahead[: -OPTIONS.max_states_at_once - 1 : -1]]
             goals = _goals(a, b, tried)
-            states = self._states_along(goals, passed[-1], home, still)
+            states = self._states_along(goals, np.array(tried), passed[-1], draw, still)
             done = self._valid_hops(goals[: len(states)], states)
             passed += states[1 : done + 1]
             at = tried[done]
@@ -266,16 +285,28 @@ class ResolvedMotion:
         return passed[1:]
 
     def _states_along(
-        self, goals: list[Target], near: Pose, home: Array | None, still: Sequence[int]
+        self, goals: list[Target], shares: Array, near: Pose, draw: Draw, still: Sequence[int]
     ) -> list[Pose]:
         """States at targets from ``near`` at the first, one from the other, as far as they are found."""
-        states = [near]
-        for target in goals[1:]:
-            pose = self.states.state(in_columns([aim_of(target)]), states[-1], still, home=home)
+        states, parts = [near], np.diff(shares) / (1 - shares[:-1])  # of what is left of the way
+        for target, part in zip(goals[1:], parts.tolist(), strict=True):
+            wished = self._wished(states[-1], draw, part)
+            pose = self.states.state(in_columns([aim_of(target)]), states[-1], still, wished=wished)
             if pose is None or math.dist(states[-1].base[:2], pose.base[:2]) > self.scene.rules.step:
                 break
             states.append(pose)
         return states
+
+    def _wished(self, here: Pose, draw: Draw, part: float) -> Array:
+        """Motion (m,) that a draw wishes for, on a part of the way that is left to the set-point."""
+        parts, wished = self.states.base_parts, np.zeros(self.states.base_parts + len(here.joints))
+        if draw.place is not None:
+            way = draw.place - axis_of(self.scene.robot, here.base)
+            most = MOVING.solving.max_drawn_share * self.scene.rules.step
+            wished[:2] = way * min(part, most / max(math.hypot(*way), most))
+        if draw.joints is not None:
+            wished[parts:] = MOVING.solving.homeward_share * (draw.joints - here.joints)
+        return wished
 
     @cached_property
     def states(self) -> ResolvedStates:

@@ -21,7 +21,7 @@ from regionik.moving.base_motion import Candidate, StationaryPaths
 from regionik.moving.configuration_sampling import ConfigurationSampler, Evidence
 from regionik.moving.drivers import driver_for
 from regionik.moving.options import MOVING
-from regionik.moving.path_following import PathFollower, ResolvedMotion
+from regionik.moving.path_following import Draw, PathFollower, ResolvedMotion
 from regionik.moving.transit import TransitPlanner
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.progress import tell
@@ -140,13 +140,13 @@ class PathSearch:
         return SearchStep(arrived, states[:-1], ahead(k, arrived))
 
     def resolved_candidate(
-        self, k: int, here: Candidate, home: Array | None, *, back: bool, still: Sequence[int]
+        self, k: int, here: Candidate, draw: Draw, *, back: bool, still: Sequence[int]
     ) -> Candidate | None:
         """Return the candidate at set-point k that base and joints reach together; None if they do not.
 
         They come from the set-point before it, or ``back`` from the one after. See `ResolvedMotion.onward`.
         """
-        found = next(self.sampler.resolved_onward(k, here.pose, home, back=back, still=still), None)
+        found = next(self.sampler.resolved_onward(k, here.pose, draw, back=back, still=still), None)
         if found is None or not self.sampler.meets(found.pose):
             return None
         return self._arrived(k, found, found.pose)

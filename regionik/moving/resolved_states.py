@@ -53,20 +53,18 @@ class ResolvedStates:
         start: Pose,
         still: Sequence[int] = (),
         bend: float = MAX_JOINT_CHANGE,
-        home: Array | None = None,
+        wished: Array | None = None,
     ) -> Pose | None:
         """The state that meets one aim by the least motion from a start; None for none.
 
         Some coordinates of the base's motion stay ``still``; no joint goes farther than ``bend``. What
-        redundancy leaves open goes back towards joints at ``home`` (dof,).
+        redundancy leaves open goes to a ``wished`` motion (m,) of base and joints.
         """
         if self.scene.rules.heading == "face_target":  # which no motion of base and joints together keeps
             return None
         chain, n = self.scene.robot.chain, self.base_parts
         motion, rows = np.zeros(len(self._speeds)), self._floor_rows(start)
-        wished = np.zeros(len(motion))
-        if home is not None:
-            wished[n:] = OPTIONS.homeward_share * (home - start.joints)
+        wished = np.zeros(len(motion)) if wished is None else wished
         low, high = np.full((2, len(motion)), [[-np.inf], [np.inf]])
         low[n:] = np.maximum(chain.lower - start.joints, -bend)
         high[n:] = np.minimum(chain.upper - start.joints, bend)
