@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -489,6 +490,21 @@ def test_inside_a_mesh_without_touching_it() -> None:
     )
     for start, end in ((0.0, 0.04), (0.0, 0.08), (-0.1, 0.0)):
         assert swallowed.stop([start, 0, 0], UP, [end, 0, 0], UP, MARGIN) is not None
+
+
+def test_a_path_is_judged_as_each_of_its_motions() -> None:
+    """Past a block that the tool may touch, mesh or box: in, out, and along it where it may not."""
+    (mesh, x), (block, _) = push(0.0, mesh=True), push(0.0)
+    rng, ends = np.random.default_rng(3), set[int]()
+    for _ in range(40):
+        ways = np.cumsum(rng.uniform(-0.05, 0.05, (12, 3)) * (1.0, 1.0, 0.2), axis=0) + (x - 0.02, 0.0, 0.0)
+        alone = [mesh.stop(here, AHEAD, there, AHEAD) is None for here, there in pairwise(ways)]
+        expected = [*alone, False].index(False)
+        for among in (mesh, block):
+            collision = replace(among.scene.collision, spare=0.0)
+            assert collision.proven(ways, np.tile(AHEAD, (12, 1)))[0] == expected
+        ends.add(expected)
+    assert len(ends) > 4
 
 
 @pytest.mark.parametrize("name", ["youbot", "lifted"])

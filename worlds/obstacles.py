@@ -339,14 +339,31 @@ class Mesh(Obstacle):
 
     def contains(self, point: Array) -> bool:
         """Return True where the surface winds round the point (generalised winding number above 1/2)."""
-        a, b, c = (self.vertices[self.faces[:, k]] - point for k in range(3))
-        la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
-        triple = np.einsum("ij,ij->i", a, np.cross(b, c))
+        low, high = self._extent
+        if (point < low).any() or (point > high).any():
+            return False
+        a, b, c = (one - point[:, None] for one in self._columns)
+        la, lb, lc = (np.sqrt(_dot(v, v)) for v in (a, b, c))
+        triple = (
+            a[0] * (b[1] * c[2] - b[2] * c[1])
+            + a[1] * (b[2] * c[0] - b[0] * c[2])
+            + a[2] * (b[0] * c[1] - b[1] * c[0])
+        )
         scale = la * lb * lc + lc * _dot(a, b) + la * _dot(b, c) + lb * _dot(c, a)
         return bool(abs(np.arctan2(triple, scale).sum()) > np.pi)
 
     def transformed(self, T: Array) -> Self:
         return replace(self, vertices=transform_points(T, self.vertices))
+
+    @cached_property
+    def _extent(self) -> Array:
+        return self.bounds
+
+    @cached_property
+    def _columns(self) -> tuple[Array, Array, Array]:
+        """Coordinates (3, n) of each corner of all triangles."""
+        a, b, c = (np.ascontiguousarray(self.vertices[self.faces[:, k]].T) for k in range(3))
+        return a, b, c
 
     @cached_property
     def _trimesh(self) -> trimesh.Trimesh:
@@ -377,7 +394,8 @@ def as_polygon(outline: Polygon | ArrayLike, what: str) -> Any:
 
 
 def _dot(a: Array, b: Array) -> Array:
-    product: Array = np.einsum("ij,ij->i", a, b)
+    """Products of vectors (3, n), (n,)."""
+    product: Array = np.einsum("ij,ij->j", a, b)
     return product
 
 

@@ -6,6 +6,7 @@ returned come from `distances`.
 
 from __future__ import annotations
 
+import math
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -20,7 +21,7 @@ from regionik.planners.collision.collision_checking import (
     touches_as_allowed,
 )
 from regionik.planners.collision.contacts import ROUNDING, range_left
-from regionik.planners.collision.distances import hull_separation
+from regionik.planners.collision.distances import distance_to_triangles, hull_separation
 from regionik.planners.collision.gjk import TOUCHING, hull_distance
 from regionik.planners.collision.robot_bodies import Bodies, ContactTargets, RobotScene
 from regionik.planners.collision.robot_motion import (
@@ -182,9 +183,10 @@ def _first_unproven(
     """Motion, solid, row and time where the proof of a path ends; a solid of -1 where it does not."""
     scene = bodies.scene(contact)
     i, k, m, s = first_unproven_on_path(scene, bases, joints, float(margin))
+    outside = dict[tuple[int, int], _Ball]()
     for n in range(i if bodies.has_meshes else 0):
         motion = motion_between(bodies.mobile, bases[n], joints[n], bases[n + 1], joints[n + 1])
-        inside = _first_inside_mesh(bodies, scene, motion)
+        inside = _first_inside_mesh(bodies, scene, motion, outside, begun=n > 0)
         if inside[0] >= 0:
             return n, *inside
     return i, k, m, s
@@ -215,11 +217,19 @@ def _frames(bodies: Bodies, rest: MotionSegment, frame: int) -> Array:
     return frames
 
 
-def _first_inside_mesh(bodies: Bodies, scene: RobotScene, motion: MotionSegment) -> tuple[int, int, float]:
+def _first_inside_mesh(
+    bodies: Bodies,
+    scene: RobotScene,
+    motion: MotionSegment,
+    outside: dict[tuple[int, int], _Ball],
+    *,
+    begun: bool,
+) -> tuple[int, int, float]:
     """A solid inside a mesh whose surface it does not touch; -1, -1, 1 if there is none.
 
-    While the surface is not touched a solid stays inside or outside, so one look is enough unless the tool
-    comes and goes.
+    While the surface is not touched a solid stays inside or outside, so one look where a path begins is
+    enough but for what the tool may touch, which comes and goes: that is all that is looked at once the path
+    has ``begun``. By solid and row, ``outside`` has where the last look was, and what is outside about it.
     """
     links, hulls, boxes = bodies.links, bodies.hulls, np.empty((len(bodies.robot.all_solids), 2, 3))
     bounds_triangles = hulls.next > np.arange(len(hulls.next)) + 1
@@ -227,18 +237,28 @@ def _first_inside_mesh(bodies: Bodies, scene: RobotScene, motion: MotionSegment)
     speed = tool_speed(bodies.mobile, motion, WORLD)
     for k, link in enumerate(links.link.tolist()):
         low, high = boxes[k]
-        meet = (low <= hulls.boxes[:, 1]).all(1) & (hulls.boxes[:, 0] <= high).all(1)
-        for m in np.flatnonzero(bounds_triangles & meet).tolist():
-            mesh, s = bodies.pieces[m].mesh, 0.0
-            while mesh is not None and s <= 1.0:
+        meet = (low <= hulls.boxes[:, 1]).all(1) & (hulls.boxes[:, 0] <= high).all(1) & bounds_triangles
+        if begun:
+            meet &= links.outermost[k] & np.isin(hulls.owner, scene.contact.owner)
+        for m in np.flatnonzero(meet).tolist():
+            piece, s = bodies.pieces[m], 0.0
+            while piece.mesh is not None and s <= 1.0:
                 frames = _frames(bodies, _stopped(motion, s), WORLD)
                 left = range_left(scene.contact, hulls.owner[m], frames[-2, :3, 3])
                 left = left if links.outermost[k] else -np.inf
                 T, corners = frames[link], links.corners if left < 0 else links.core
-                if mesh.contains(T[:3, :3] @ corners[links.first[k]] + T[:3, 3]):
-                    return k, m, s
+                spot = T[:3, :3] @ corners[links.first[k]] + T[:3, 3]
+                if (k, m) not in outside or math.dist(spot, outside[k, m].middle) >= outside[k, m].radius:
+                    if piece.mesh.contains(spot):
+                        return k, m, s
+                    outside[k, m] = _Ball(spot, distance_to_triangles(piece, spot))
                 s += max(abs(left) / speed if speed > 0 else np.inf, LOOK)
     return -1, -1, 1.0
+
+
+class _Ball(NamedTuple):
+    middle: Array  # (3,)
+    radius: float
 
 
 def _stopped(motion: MotionSegment, s: float) -> MotionSegment:
