@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from regionik.planners.collision.meshes import BOX, TriangleTree, surface, triangle_tree
+from regionik.planners.collision.meshes import BOX, TriangleTree, nearest_triangle, surface, triangle_tree
 from regionik.planners.geometry.convex_decomposition import convex_pieces
 from regionik.worlds.arrays import Array
 from regionik.worlds.links import LinkCapsule, LinkHull, LinkSolid
@@ -65,7 +65,13 @@ class Piece:
             return bool((self.normals @ point <= self.support(self.normals) + TOUCH).all())
         low, high = self.triangles.boxes[1].reshape(2, 3)
         within = (low <= point + TOUCH) & (point <= high + TOUCH)
-        return bool(within.all()) and self.mesh.distance(point) <= TOUCH
+        return bool(within.all()) and (self.gap(point, 2 * TOUCH) <= TOUCH or self.mesh.contains(point))
+
+    def gap(self, point: Array, most: float) -> float:
+        """Distance of a point (3,) from the surface of a mesh, ``most`` where it is no less [m]."""
+        assert self.triangles is not None
+        normal, nearest = np.array([0.0, 0.0, 1.0]), np.empty(3)
+        return float(nearest_triangle(self.triangles, point[None].copy(), most, normal, nearest))
 
 
 def link_piece(solid: LinkSolid) -> Piece:

@@ -151,15 +151,6 @@ def hull_separation(piece: Piece, corners: Array, own: Polytope | None = None) -
     return Separation(-max(distance, TOUCH), normal, on_link)
 
 
-def distance_to_triangles(piece: Piece, point: Array) -> float:
-    """Distance of a point (3,) from the surface of a mesh [m]."""
-    assert piece.mesh is not None
-    assert piece.triangles is not None
-    normal, nearest = point - piece.mesh.vertices[piece.mesh.faces[0, 0]], np.empty(3)
-    most = float(np.linalg.norm(normal)) + 2 * TOUCH
-    return float(nearest_triangle(piece.triangles, point[None].copy(), most, normal / most, nearest))
-
-
 def _engulfs(corners: Array, piece: Piece) -> bool:
     """True if some corner of a piece lies in a box or hull."""
     if len(corners) <= 2:

@@ -21,7 +21,7 @@ from regionik.planners.collision.collision_checking import (
     touches_as_allowed,
 )
 from regionik.planners.collision.contacts import ROUNDING, range_left
-from regionik.planners.collision.distances import distance_to_triangles, hull_separation
+from regionik.planners.collision.distances import hull_separation
 from regionik.planners.collision.gjk import TOUCHING, hull_distance
 from regionik.planners.collision.robot_bodies import Bodies, ContactTargets, RobotScene
 from regionik.planners.collision.robot_motion import (
@@ -41,6 +41,7 @@ from regionik.worlds.links import LinkHull
 from regionik.worlds.self_collision import BODY
 
 LOOK = 1e-3  # part of a motion between two looks for a link inside a mesh
+MAX_OUTSIDE = 1.0  # distance from a mesh beyond which no more is asked [m]
 
 
 class Proximity(NamedTuple):
@@ -251,7 +252,7 @@ def _first_inside_mesh(
                 if (k, m) not in outside or math.dist(spot, outside[k, m].middle) >= outside[k, m].radius:
                     if piece.mesh.contains(spot):
                         return k, m, s
-                    outside[k, m] = _Ball(spot, distance_to_triangles(piece, spot))
+                    outside[k, m] = _Ball(spot, piece.gap(spot, MAX_OUTSIDE))
                 s += max(abs(left) / speed if speed > 0 else np.inf, LOOK)
     return -1, -1, 1.0
 
