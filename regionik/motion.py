@@ -169,7 +169,7 @@ class _Connection:
             (i + end) // 2,
         )
         if guide is not None:
-            guided = RunGrowth(self.search, guide=None if self._rolls else guide)
+            guided = RunGrowth(self.search, guide=None if self._rolls else guide.at)
             yield from guided.runs_from(i, end, partial(self._along, guide, seeds), [i, *guide.narrow])
         yield from self.growth.runs_from(i, end, seeds, [midway])
 

@@ -9,7 +9,6 @@ searched on a lattice of places. It is a wish: what follows it is proven as ever
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 from itertools import product
 from typing import NamedTuple
 
@@ -23,6 +22,9 @@ from regionik.pruning import Pruned
 from regionik.worlds.arrays import Array, Index
 
 OPTIONS = MOVING.guide
+_SQUARE = product(range(-OPTIONS.max_cells, OPTIONS.max_cells + 1), repeat=2)
+# From cell to cell, (n, 2), the short ones first
+STEPS = np.array(sorted((s for s in _SQUARE if np.hypot(*s) <= OPTIONS.max_cells), key=np.linalg.norm))
 
 
 class BaseGuide(NamedTuple):
@@ -53,7 +55,7 @@ class _Layer(NamedTuple):
     corner: Index  # (2,) of the lattice, the first
     depth: Array  # in the areas, 0 outside [m]
     cost: Array  # of the way there, infinite for none
-    step: Index  # its last, a row of `_steps`
+    step: Index  # its last, a row of `STEPS`
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +82,7 @@ class _Lattice:
         taken = np.zeros(cost.shape, dtype=np.intp)
         if before is not None:
             ways = np.full(cost.shape, np.inf)
-            for n, step in enumerate(_steps()):
+            for n, step in enumerate(STEPS):
                 longer = _read(before, corner - step, cost.shape) + self.spacing**2 * (step @ step)
                 better = longer < ways
                 ways[better], taken[better] = longer[better], n
@@ -135,14 +137,5 @@ def _traced(layers: list[_Layer]) -> Index:
     last = layers[-1]
     cells = [last.corner + np.unravel_index(int(np.argmin(last.cost)), last.cost.shape)]
     for layer in layers[:0:-1]:
-        cells.append(cells[-1] - _steps()[layer.step[tuple(cells[-1] - layer.corner)]])
+        cells.append(cells[-1] - STEPS[layer.step[tuple(cells[-1] - layer.corner)]])
     return np.array(cells[::-1])
-
-
-@cache
-def _steps() -> Index:
-    """Steps of the base from cell to cell, (n, 2), the short ones first."""
-    far = range(-OPTIONS.max_cells, OPTIONS.max_cells + 1)
-    found = np.array([step for step in product(far, far) if np.hypot(*step) <= OPTIONS.max_cells])
-    ordered: Index = found[np.argsort(np.hypot(*found.T), kind="stable")]
-    return ordered

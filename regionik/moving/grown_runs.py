@@ -13,7 +13,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from regionik.moving.base_guide import BaseGuide
 from regionik.moving.base_motion import Candidate
 from regionik.moving.options import MOVING
 from regionik.moving.path_following import Draw
@@ -52,7 +51,8 @@ class RunGrowth:
 
     search: PathSearch
     still: Sequence[int] = ()  # coordinates of the base's motion that stay as they are
-    guide: BaseGuide | None = None  # to which the base is drawn as they grow
+    # Place (2,) of the arm axis that the base is drawn to, by set-point
+    guide: Callable[[int], Array] | None = None
     known: list[GrownRun] = field(default_factory=list)
 
     @property
@@ -117,7 +117,7 @@ class RunGrowth:
         found = list[Candidate]()
         for k in setpoints:
             count_tries()
-            draw = Draw(home, None if self.guide is None else self.guide.at(k))
+            draw = Draw(home, None if self.guide is None else self.guide(k))
             there = self.search.resolved_candidate(k, here, draw, back=setpoints.step < 0, still=self.still)
             if there is None:
                 break
