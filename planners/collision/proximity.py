@@ -41,7 +41,6 @@ from regionik.worlds.links import LinkHull
 from regionik.worlds.self_collision import BODY
 
 LOOK = 1e-3  # part of a motion between two looks for a link inside a mesh
-MAX_OUTSIDE = 1.0  # distance from a mesh beyond which no more is asked [m]
 
 
 class Proximity(NamedTuple):
@@ -252,7 +251,7 @@ def _first_inside_mesh(
                 if (k, m) not in outside or math.dist(spot, outside[k, m].middle) >= outside[k, m].radius:
                     if piece.mesh.contains(spot):
                         return k, m, s
-                    outside[k, m] = _Ball(spot, piece.gap(spot, MAX_OUTSIDE))
+                    outside[k, m] = _Ball(spot, piece.gap(spot, np.inf))
                 s += max(abs(left) / speed if speed > 0 else np.inf, LOOK)
     return -1, -1, 1.0
 

@@ -8,7 +8,9 @@ searched on a lattice of places. It is a wish: what follows it is proven as ever
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 from typing import NamedTuple
 
@@ -22,9 +24,6 @@ from regionik.pruning import Pruned
 from regionik.worlds.arrays import Array, Index
 
 OPTIONS = MOVING.guide
-_SQUARE = product(range(-OPTIONS.max_cells, OPTIONS.max_cells + 1), repeat=2)
-# From cell to cell, (n, 2), the short ones first
-STEPS = np.array(sorted((s for s in _SQUARE if np.hypot(*s) <= OPTIONS.max_cells), key=np.linalg.norm))
 
 
 class BaseGuide(NamedTuple):
@@ -55,7 +54,7 @@ class _Layer(NamedTuple):
     corner: Index  # (2,) of the lattice, the first
     depth: Array  # in the areas, 0 outside [m]
     cost: Array  # of the way there, infinite for none
-    step: Index  # its last, a row of `STEPS`
+    step: Index  # its last, a row of the lattice's
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +67,14 @@ class _Lattice:
     @property
     def spacing(self) -> float:
         return OPTIONS.spacing * self.reach
+
+    @cached_property
+    def steps(self) -> Index:
+        """Steps of the base from cell to cell, (n, 2), the short ones first."""
+        far = range(-OPTIONS.max_cells, OPTIONS.max_cells + 1)
+        found = np.array([step for step in product(far, far) if math.hypot(*step) <= OPTIONS.max_cells])
+        ordered: Index = found[np.argsort(np.linalg.norm(found, axis=1), kind="stable")]
+        return ordered
 
     def places(self, cells: Array | Index) -> Array:
         """Return the places of cells, each (..., 2)."""
@@ -82,7 +89,7 @@ class _Lattice:
         taken = np.zeros(cost.shape, dtype=np.intp)
         if before is not None:
             ways = np.full(cost.shape, np.inf)
-            for n, step in enumerate(STEPS):
+            for n, step in enumerate(self.steps):
                 longer = _read(before, corner - step, cost.shape) + self.spacing**2 * (step @ step)
                 better = longer < ways
                 ways[better], taken[better] = longer[better], n
@@ -115,7 +122,7 @@ def base_guide(pruned: Pruned, reach: float, first: int, end: int) -> BaseGuide 
         layers.append(lattice.layer(some, layers[-1]))
     if not np.isfinite(layers[-1].cost).any():
         return None
-    cells = _traced(layers)
+    cells = _traced(layers, lattice.steps)
     along = zip(layers, cells, strict=True)
     depth = [float(layer.depth[tuple(cell - layer.corner)]) for layer, cell in along]
     return BaseGuide(first, lattice.places(cells), np.array(depth))
@@ -132,10 +139,10 @@ def _read(layer: _Layer, corner: Index, shape: tuple[int, ...]) -> Array:
     return found
 
 
-def _traced(layers: list[_Layer]) -> Index:
+def _traced(layers: list[_Layer], steps: Index) -> Index:
     """Return the cells of the cheapest way, (n, 2)."""
     last = layers[-1]
     cells = [last.corner + np.unravel_index(int(np.argmin(last.cost)), last.cost.shape)]
     for layer in layers[:0:-1]:
-        cells.append(cells[-1] - STEPS[layer.step[tuple(cells[-1] - layer.corner)]])
+        cells.append(cells[-1] - steps[layer.step[tuple(cells[-1] - layer.corner)]])
     return np.array(cells[::-1])
