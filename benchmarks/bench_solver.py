@@ -33,7 +33,7 @@ from regionik.papers.rivals.iterative import DampedLeastSquares
 from regionik.planners.kernels import compiled_at_once
 from regionik.worlds.arms import sliding_chain
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import rot_z, spread_postures
+from regionik.worlds.chain import spread_postures
 from tests.known_arms import NAMES, known_robot
 from tests.random_arms import KINDS, random_robot
 
@@ -135,7 +135,7 @@ def by_pink(robot: rik.Robot) -> Solve:
     ask = pink(sliding_chain(robot.chain), TOLERANCE, 1.0, False, starts, PINK_STEPS)
 
     def solve(point: Array, base: Array, joints: Array) -> Found:
-        T_world_arm, goal = _frame(base) @ robot.T_base_arm, np.eye(4)
+        T_world_arm, goal = robot.T_world_arm(base), np.eye(4)
         goal[:3, 3] = np.linalg.solve(T_world_arm, np.append(point, 1.0))[:3]
         found = ask(goal, np.concatenate([np.zeros(2), joints]), np.array([0.0, 0.0, 0.0, 1.0]))
         if found is None:
@@ -144,13 +144,6 @@ def by_pink(robot: rik.Robot) -> Solve:
         return Found(base + [*shift, 0.0], found[2:], None)
 
     return solve
-
-
-def _frame(base: Array) -> Array:
-    """T_world_base of a base pose."""
-    T: Array = rot_z(float(base[2]))
-    T[:2, 3] = base[:2]
-    return T
 
 
 def measured(robot: rik.Robot, name: str, count: int, scores: dict[str, Score]) -> None:
