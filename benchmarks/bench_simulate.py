@@ -45,6 +45,7 @@ SPEEDS = Speeds(base_velocity=0.3, base_acceleration=1.0, joint_acceleration=3.0
 ON_WHEELS, EVERY_WAY = 2e-3, 1e-3  # largest tool error without noise [m]
 NOISY = 5e-3  # largest tool error with noise, 95 % of the time [m]
 HELD, USED = 0.99, 1.01
+RAMPS = 0.05  # time from rest and back to it, on however short a path [s]
 KNOWN = 0.95  # share of the time for which what is known of the base must allow for `NOISY`
 SPARE = 1.5  # times the errors of some runs that others may have
 JOINT_MARGIN = 0.02  # share of their ranges that joints keep from their limits, to take up errors
@@ -89,7 +90,7 @@ def faults(run: SimulatedRun) -> list[str]:
         f"tool error over {1000 * most:g} mm": figures["tool_error"]["worst"] > most,
         "contacts": bool(run.contacts),
         "limits": max(figures["used"].values()) > USED,
-        "tool speed": figures["speed_held"] < HELD,
+        "tool speed": (HELD - figures["speed_held"]) * figures["duration"] > RAMPS,
     }
     return [fault for fault, is_so in found.items() if is_so]
 

@@ -52,7 +52,7 @@ SECTIONS = {
     "Time": ("retime", "trajectory", "point_to_point"),
     "Execution": ("simulate", "Noise"),
     "To look at": ("show", "to_html", "plot", "plot_floor"),
-    "Inverse kinematics": ("Solver", "compare"),
+    "Inverse kinematics": ("Solver", "LiveSolver", "compare"),
     "Errors": ("RegionikError", "InputError", "NoPlanFound"),
 }
 RESULTS = (

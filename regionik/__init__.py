@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from regionik.area_verification import verify_areas
+    from regionik.live_solver import LiveSolver
     from regionik.mfabrik import Solver
     from regionik.output.export import export, write_field
     from regionik.output.plan_file import load_plan, save_plan
@@ -51,12 +52,12 @@ __version__ = "0.1.0"
 
 __all__ = [
     "Box", "Chain", "Criteria", "Cylinder", "Execution", "Floor", "InputError", "Joint", "LinkBox",
-    "LinkCapsule", "LinkHull", "Mesh", "NoPlanFound", "Noise", "ParkingAccuracy", "Plan", "Prism",
-    "RegionikError", "Robot", "Rules", "Solver", "Speeds", "Sphere", "Start", "Target", "Tool", "World",
-    "admissible_area", "compare", "export", "load_plan", "load_robot", "load_world", "plan", "plot",
-    "plot_floor", "point_to_point", "reach", "reach_field", "reach_slice", "replan_stop", "retime",
-    "save_plan", "show", "simulate", "stops", "to_html", "trajectory", "verify", "verify_answers",
-    "verify_areas", "why", "write_field",
+    "LinkCapsule", "LinkHull", "LiveSolver", "Mesh", "NoPlanFound", "Noise", "ParkingAccuracy", "Plan",
+    "Prism", "RegionikError", "Robot", "Rules", "Solver", "Speeds", "Sphere", "Start", "Target", "Tool",
+    "World", "admissible_area", "compare", "export", "load_plan", "load_robot", "load_world", "plan",
+    "plot", "plot_floor", "point_to_point", "reach", "reach_field", "reach_slice", "replan_stop",
+    "retime", "save_plan", "show", "simulate", "stops", "to_html", "trajectory", "verify",
+    "verify_answers", "verify_areas", "why", "write_field",
 ]  # fmt: skip
 
 _HOME = {
@@ -64,6 +65,7 @@ _HOME = {
     for module, names in {
         "area_verification": "verify_areas",
         "papers.comparison": "compare",
+        "live_solver": "LiveSolver",
         "mfabrik": "Solver",
         "output.export": "export write_field",
         "output.plan_file": "load_plan save_plan",

@@ -15,7 +15,7 @@ from math import isfinite
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import EVERY
@@ -29,12 +29,12 @@ from regionik.planners.solvers.mfabrik_planar import (
     solve_planar_along,
     solve_planar_many,
 )
-from regionik.postures.arm import ANGLE_SLACK, Arm, ArmSolution, goal_of
+from regionik.postures.arm import ANGLE_SLACK, UNTOLD, Arm, ArmSolution, goal_of
 from regionik.postures.families import FRONT, Family
 from regionik.postures.planar_solver import PlanarSolver
 from regionik.postures.poses import axis_of, pose_of
 from regionik.scene import Scene
-from regionik.values import Configuration
+from regionik.values import Batch, Configuration
 from regionik.worlds.arms import pivot_index, pivot_joints, with_pivot
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
@@ -102,7 +102,7 @@ class Solver:
         arm = model.solver(self.family, self.tolerance, turns=turns, criteria=self.criteria)
         object.__setattr__(self, "_model", model)
         object.__setattr__(self, "_arm", arm)
-        object.__setattr__(self, "_flat", _flat(self.area))
+        object.__setattr__(self, "_flat", flat_area(self.area))
 
     def __call__(self, target: Target | ArrayLike, base: ArrayLike, joints: ArrayLike) -> Configuration:
         """Move base and arm so that the tool reaches a target.
@@ -127,22 +127,56 @@ class Solver:
         """Return the same with the arm axis held: only the arm and the heading move."""
         return self._solve(target, base, joints, mobile=False)
 
+    def history(self, target: Target | ArrayLike, base: ArrayLike, joints: ArrayLike) -> Array:
+        """Return how a solve went: the tool's distance from a target at the start and after each iteration.
+
+        That of each pass, or step of polishing, itself, not the least so far; a restart begins anew. Points
+        alone have one.
+
+        Returns
+        -------
+        (iterations + 1,) array
+            [m]
+
+        Raises
+        ------
+        InputError
+            As for a call, and for a target that asks for more than a point.
+        """
+        asked = as_target(target)
+        if asked.direction is not None:
+            raise InputError("history: expected a point alone, got a target with a direction")
+        first = finite_numbers(base, 3, "base"), finite_numbers(joints, self.robot.chain.dof, "joints")
+        history = np.empty(self(asked, *first).iterations)
+        self._solve(asked, *first, mobile=True, history=history)
+        start = self.robot.tool(first[0], self._within(first[1]))[:3, 3] - asked.position
+        return np.array([np.linalg.norm(start), *history])
+
     def _solve(
-        self, target: Target | ArrayLike, base: ArrayLike, joints: ArrayLike, *, mobile: bool
+        self,
+        target: Target | ArrayLike,
+        base: ArrayLike,
+        joints: ArrayLike,
+        *,
+        mobile: bool,
+        history: Array = UNTOLD,
     ) -> Configuration:
-        here, now = _numbers(base, 3, "base"), self._within(_numbers(joints, self.robot.chain.dof, "joints"))
+        here, now = (
+            finite_numbers(base, 3, "base"),
+            self._within(finite_numbers(joints, self.robot.chain.dof, "joints")),
+        )
         directed = isinstance(target, Target) and target.direction is not None
         if self._setup is None or directed:
-            return self._general(_as_target(target), here, now, mobile=mobile)
+            return self._general(as_target(target), here, now, mobile=mobile, history=history)
         point = target.position if isinstance(target, Target) else target
-        point = _numbers(point, 3, "target: position")
+        point = finite_numbers(point, 3, "target: position")
         area = BaseArea(self._flat.vertices, self._flat.starts, mobile)
-        error, passes, met = solve_planar(self._setup, area, point, here, now)
+        error, passes, met = solve_planar(self._setup, area, point, here, now, history)
         return Configuration(here, now, error, passes, met)
 
     def least_change(self, target: Target | ArrayLike, base: Array, joints: Array) -> Configuration | None:
         """Return the posture on target that changes least, the arm axis held, if there is one."""
-        asked = _as_target(target)
+        asked = as_target(target)
         axis, yaw = axis_of(self.robot, base), self._yaw(base)
         solution = self._arm_for(asked).least_change(asked, axis, yaw, self._behind(joints))
         found = None if solution is None else self._headed(solution, base, joints)
@@ -151,7 +185,7 @@ class Solver:
     def inside(self, area: BaseGeometry | FlatPolygon) -> Solver:
         """Return this solver for another area; what does not depend on the area is shared."""
         other = copy(self)
-        for name, value in (("area", area), ("_flat", _flat(area)), ("_setup", self._setup)):
+        for name, value in (("area", area), ("_flat", flat_area(area)), ("_setup", self._setup)):
             object.__setattr__(other, name, value)
         return other
 
@@ -180,7 +214,7 @@ class Solver:
 
         Those that stand at a limit come last.
         """
-        axis, asked = axis_of(self.robot, base), _as_target(target)
+        axis, asked = axis_of(self.robot, base), as_target(target)
         q = self._behind(joints)
         solution = self._arm_for(asked).self_motion(asked, axis, self._yaw(base), q, tries)
         found = [self._headed(one, base, joints) for one in solution]
@@ -199,12 +233,12 @@ class Solver:
         dof = self.robot.chain.dof
         if isinstance(targets, Sequence) and all(isinstance(target, Target) for target in targets):
             rows = [self(*row) for row in zip(targets, np.asarray(bases), np.asarray(joints), strict=True)]
-            return _batch(rows, dof)
+            return Batch.of(rows, dof)
         points = frozen(np.asarray(targets), (None, 3), "targets").copy()  # writable, as kernels take them
         here = frozen(bases, (len(points), 3), "bases").copy()
         now = self._within(frozen(joints, (len(points), dof), "joints"))
         if self._setup is None:
-            return _batch([self(*row) for row in zip(points, here, now, strict=True)], dof)
+            return Batch.of([self(*row) for row in zip(points, here, now, strict=True)], dof)
         area = BaseArea(self._flat.vertices, self._flat.starts, mobile=True)
         errors, passes, met = solve_planar_many(self._setup, area, points, here, now)
         return Batch(here, now, errors, passes, met)
@@ -228,10 +262,12 @@ class Solver:
         low, high = (float(end) for end in self.span)
         return Turning(float(pivot.lower), float(pivot.upper), HEADINGS[self.heading], low, high)
 
-    def _general(self, target: Target, base: Array, joints: Array, *, mobile: bool) -> Configuration:
+    def _general(
+        self, target: Target, base: Array, joints: Array, *, mobile: bool, history: Array = UNTOLD
+    ) -> Configuration:
         """Solve by the arm's own solver, for any arm and target."""
         axis, q = axis_of(self.robot, base), self._behind(joints)
-        solution = self._arm_for(target).reach(target, axis, self._yaw(base), q, self._flat, mobile)
+        solution = self._arm_for(target).reach(target, axis, self._yaw(base), q, self._flat, mobile, history)
         return self._headed(solution, base, joints)
 
     def _arm_for(self, target: Target) -> Arm:
@@ -298,38 +334,17 @@ class Solver:
         return Configuration(pose, q, solution.error, solution.iterations, bool(good))
 
 
-@dataclass(frozen=True, eq=False)
-class Batch:
-    """Many configurations as arrays: base (n, 3), joints (n, dof), error, iterations, converged (n,)."""
-
-    base: Array
-    joints: Array
-    error: Array
-    iterations: NDArray[np.int64]
-    converged: NDArray[np.bool_]
-
-
-def _batch(rows: Sequence[Configuration], dof: int) -> Batch:
-    return Batch(
-        np.array([row.base for row in rows]).reshape(-1, 3),
-        np.array([row.joints for row in rows]).reshape(-1, dof),
-        np.array([row.error for row in rows]),
-        np.array([row.iterations for row in rows], dtype=np.int64),
-        np.array([row.converged for row in rows], dtype=bool),
-    )
-
-
-def _flat(area: BaseGeometry | FlatPolygon | None) -> FlatPolygon:
+def flat_area(area: BaseGeometry | FlatPolygon | None) -> FlatPolygon:
     if area is None:
         return NOWHERE
     return area if isinstance(area, FlatPolygon) else FlatPolygon.from_shapely(area)
 
 
-def _as_target(target: Target | ArrayLike) -> Target:
+def as_target(target: Target | ArrayLike) -> Target:
     return target if isinstance(target, Target) else Target(np.asarray(target, dtype=np.float64))
 
 
-def _numbers(values: ArrayLike, count: int, what: str) -> Array:
+def finite_numbers(values: ArrayLike, count: int, what: str) -> Array:
     """Return a few finite numbers as a new array; faster than `frozen`, which words the errors."""
     try:
         row = np.array(values, dtype=np.float64)

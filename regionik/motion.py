@@ -112,11 +112,14 @@ class _Connection:
     def _run(self, i: int, here: Pose | None) -> JoinedRun:
         """Return the transit to set-point i and the longest run found from there.
 
-        A base that does for the whole run stands still. Else, where the tool is turned as asked, and on
+        Without smoothing the configurations of M-FABRIK come first, as in its paper. With it a base that does
+        for the whole run stands still. Else, where the tool is turned as asked, and on
         wheels, base and joints go on together, and configurations are searched where they are stuck.
         Elsewhere they are searched first, those of M-FABRIK before others.
         """
         end = min((k for k in self.pruned.breaks if k > i), default=len(self.scene.task))
+        if not self.scene.rules.smooth:
+            return self._searched(i, end, here)
         stationary = self._stationary_run(i, end, here)
         if stationary is not None:
             return stationary

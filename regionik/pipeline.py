@@ -349,7 +349,8 @@ def _plan_path(scene: Scene, seed: int) -> Plan:
     free_space, areas, pruned = whole_path(scene)
     joined = connect_setpoints(scene, pruned, free_space, seed)
     shown = planned_areas(scene, areas, free_space, pruned.left)
-    return _verified(smooth_motion(scene, _finished(scene, seed, joined, shown), free_space))
+    found = _finished(scene, seed, joined, shown)
+    return _verified(smooth_motion(scene, found, free_space) if scene.rules.smooth else found)
 
 
 def _plan_stops(scene: Scene, seed: int) -> Plan:

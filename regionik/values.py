@@ -46,8 +46,30 @@ class Configuration:
     converged: bool
 
     def __repr__(self) -> str:
-        state = "converged" if self.converged else "not converged"
+        state = "converged" if self.converged else f"not converged in {self.iterations} iterations"
         return f"Configuration({_pose_text(self.base)}, {state}, error {self.error:.3g} m)"
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """Many configurations as arrays: base (n, 3), joints (n, dof), error, iterations, converged (n,)."""
+
+    base: Array
+    joints: Array
+    error: Array
+    iterations: NDArray[np.int64]
+    converged: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, rows: Sequence[Configuration], dof: int) -> Batch:
+        """Return configurations of a robot with so many joints as arrays; there may be none."""
+        return cls(
+            np.array([row.base for row in rows]).reshape(-1, 3),
+            np.array([row.joints for row in rows]).reshape(-1, dof),
+            np.array([row.error for row in rows]),
+            np.array([row.iterations for row in rows], dtype=np.int64),
+            np.array([row.converged for row in rows], dtype=bool),
+        )
 
 
 @dataclass(frozen=True, eq=False)

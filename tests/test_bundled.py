@@ -185,11 +185,15 @@ def test_circle_and_door_are_the_paper_s_simulations() -> None:
 
 
 def test_names() -> None:
-    ours = ("depot", "free", "l_shape", "pillar", "pipe", "shelf", "slab", "wall")
-    assert world_names() == tuple(sorted((*ours, "tao1", "tao2", "tao3", "circle", "door")))
+    ours = ("corridor", "depot", "facade", "free", "l_shape", "pillar", "pipe", "shelf", "slab", "wall")
+    assert world_names() == tuple(
+        sorted((*ours, "tao1", "tao2", "tao3", "posts1", "posts2", "circle", "door"))
+    )
     assert robot_names() == ("youbot", "youbot-real", "hinge5", "dof10", "pioneer7", "pioneer-parm")
     assert all(world_path(name).is_file() for name in world_names())
-    with pytest.raises(InputError, match=r"unknown world 'moon'.*circle, depot, door, free"):
+    with pytest.raises(
+        InputError, match=r"unknown world 'moon'.*circle, corridor, depot, door, facade, free"
+    ):
         world_path("moon")
     with pytest.raises(InputError, match="unknown robot 'r2d2', valid names: youbot, youbot-real"):
         robot_named("r2d2")

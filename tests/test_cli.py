@@ -300,9 +300,26 @@ def test_plan_as_json_and_files(run: Run, tmp_path: Path) -> None:
     assert document["setpoints"] == len(plan["setpoints"]) == 21
     assert document["files"] == [str(path), str(page)]
     assert page.read_text().lstrip().lower().startswith("<!doctype html>")
-    for word in ("21 set-points", "iterations", "lift-offs", "base travel", "states", "verified in"):
+    for word in (
+        "21 set-points",
+        "M-FABRIK met them to 1 mm in 70 iterations",
+        "lift-offs",
+        "base travel",
+        "verified in",
+    ):
         assert word in done.err
     assert sorted(file.name for file in tmp_path.iterdir()) == ["plan.html", "plan.json"]
+
+
+def test_a_plan_without_smoothing_is_told_by_its_own_figures(run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "plan.json"
+    done = run("plan", "pillar", "--no-smooth", "-o", path, "--json")
+    assert done.code == 0, done.err
+    stats = json.loads(done.out)["stats"]
+    assert f"15 set-points within {1000 * stats['largest_error']:.3f} mm\n" in done.err
+    assert f"M-FABRIK met them to 1 mm in {stats['iterations']} iterations" in done.err
+    assert json.loads(path.read_bytes())["world"]["rules"]["smooth"] is False
+    assert run("verify", path, "--world", "pillar").code == 0
 
 
 def test_plan_without_files_writes_none(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

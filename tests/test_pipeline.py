@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
+from regionik.papers.comparison import compare
 from regionik.pipeline import plan
 from regionik.values import Plan
 from regionik.verification.verifier import verify
@@ -36,6 +37,21 @@ def test_experiment_1_takes_no_more_iterations_than_the_paper() -> None:
     found = planned("free")
     assert len(found.setpoints) == 21
     assert sum(one.iterations for one in found.setpoints) <= 78
+
+
+@pytest.mark.parametrize(("name", "most"), [("free", 78), ("pillar", 60), ("slab", 60), ("l_shape", 160)])
+def test_without_smoothing_every_set_point_is_as_m_fabrik_found_it(name: str, most: int) -> None:
+    """In M-FABRIK's own iterations and with its own errors, not solved anew on the way."""
+    world = load_world(name)
+    found = plan(replace(world, rules=replace(world.rules, smooth=False)))
+    (alone,) = compare(world, ["mfabrik-areas"]).scores
+    iterations = [one.iterations for one in found.setpoints]
+    assert np.mean(iterations) == pytest.approx(alone.iterations, abs=1e-12)
+    assert sum(iterations) == found.stats["iterations"] <= most
+    assert found.stats["largest_error"] == pytest.approx(alone.worst_error, abs=1e-9)
+    assert found.stats["largest_error"] > 5e-5
+    assert verify(found, world).ok  # the world as it is, which says nothing of smoothing
+    assert planned(name).stats["largest_error"] < found.stats["largest_error"]
 
 
 def test_experiment_2_bridges_the_far_pair() -> None:

@@ -18,10 +18,12 @@ from regionik.planners.solvers.multistart_ik import ArmSolver
 from regionik.worlds.bundled import robot_named
 from tests.kinds import Heading
 from tests.known_arms import NAMES, known_robot
-from tests.maths import Array
+from tests.maths import Array, rot_z
+from tests.random_arms import KINDS, random_robot
 
 TOLERANCE = 1e-4
 POSES = {"Puma 560": 980}  # of a thousand, where fewer than 99 in a hundred are met with the base held
+NO_MOUNT = np.zeros(2)  # of an arm that stands in the middle of its base
 Asked = Literal["point", "direction", "orientation"]
 
 
@@ -54,9 +56,10 @@ def assert_met(robot: rik.Robot, found: rik.Configuration, tool: Array) -> None:
     assert (found.joints <= robot.chain.upper + 1e-9).all()
 
 
-def around(base: Array) -> Polygon:
-    """A small area, the base's place near its edge."""
-    return shapely.box(base[0] - 0.2, base[1] - 0.2, base[0] + 0.02, base[1] + 0.02)
+def around(base: Array, mount: Array = NO_MOUNT) -> Polygon:
+    """A small area of the arm axis, which stands near its edge."""
+    x, y = base[:2] + rot_z(base[2])[:2, :2] @ mount[:2]
+    return shapely.box(x - 0.2, y - 0.2, x + 0.02, y + 0.02)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -69,6 +72,21 @@ def test_arms_that_people_own_meet_every_target(name: str) -> None:
         assert_met(robot, found, tool)
         iterations.append(found.iterations)
     assert np.median(iterations) <= 15  # passes and steps; a restart alone would cost as many
+
+
+@pytest.mark.filterwarnings("ignore:.*this pair is not checked")
+@pytest.mark.parametrize(
+    ("count", "targets"), [(3, 5), pytest.param(40, 60, marks=pytest.mark.slow)], ids=["few", "many"]
+)
+@pytest.mark.parametrize("kind", KINDS)
+def test_random_arms_meet_every_target(kind: str, count: int, targets: int) -> None:
+    """Wrists, offsets, slides and tilted axes, also by way of URDF, on a free floor and from small areas."""
+    for k in range(count):
+        robot = random_robot(kind, np.random.default_rng([k, targets]))
+        for base, tool in drawn(robot, targets):
+            for area in (None, around(base, robot.mount)):
+                found = rik.Solver(robot, area, TOLERANCE)(tool[:3, 3], np.zeros(3), started(robot))
+                assert_met(robot, found, tool)
 
 
 def test_where_passes_stall_base_and_arm_are_polished_together() -> None:

@@ -123,6 +123,9 @@ class Rules:
         Largest number of times that the tool may leave the path; None for any.
     avoidance : bool
         Plans lead the arm around obstacles; without it a plan whose arm touches something is refused.
+    smooth : bool
+        Base and arm go on together where they can, and their motion is made smooth. Without it plans are the
+        papers': configurations of M-FABRIK as they were found, the base led on by Algorithm 2 and OMPL.
     solid_floor : bool
         The arm keeps clear of the floor, the plane z = 0, as of any other solid.
     mode : {"continuous", "stops"}
@@ -166,6 +169,7 @@ class Rules:
     reach_margin: float = 0.005
     max_lift_offs: int | None = None
     avoidance: bool = True
+    smooth: bool = True
     solid_floor: bool = True
     mode: Mode = "continuous"
     order: Order = "given"

@@ -16,14 +16,14 @@ from numpy.typing import ArrayLike
 
 from benchmarks.tables.clock import REPEATS, seconds
 from benchmarks.tables.sliding import SlidingRival
-from regionik.mfabrik import Batch, Solver, configurations, solver_for
+from regionik.mfabrik import Solver, configurations, solver_for
 from regionik.papers.rivals.iterative import DampedLeastSquares, PseudoInverse
 from regionik.planners.driving.greedy_steps import greedy_points
 from regionik.planners.geometry.polygons import FlatPolygon, clamp
 from regionik.postures.poses import axis_of
 from regionik.pruning import choose_chain, solvers_along, start_place, start_pose, whole_path
 from regionik.scene import scene_of
-from regionik.values import Configuration
+from regionik.values import Batch, Configuration
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import load_world

@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from benchmarks.tables.batch import solve_batch
-from regionik.mfabrik import Batch
 from regionik.papers.comparison import BASE_JOINTS, by_sliding_base
 from regionik.papers.rivals.iterative import IterativeMethod
-from regionik.values import Configuration
+from regionik.values import Batch, Configuration
 from regionik.worlds.arms import sliding_chain
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain

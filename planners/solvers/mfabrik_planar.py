@@ -137,11 +137,13 @@ class _PlanarGoal(NamedTuple):
 
 @compiled
 def planar_passes(
-    links: PlanarLinks, area: BaseArea, goal: _PlanarGoal, start: _PlanarState, most: int, patience: int
-) -> tuple[float, int, _PlanarState]:
+    links: PlanarLinks, area: BaseArea, goal: _PlanarGoal, start: _PlanarState, most: int, patience: int,
+    history: Array,
+) -> tuple[float, int, _PlanarState]:  # fmt: skip
     """M-FABRIK, Algorithm 1, from one start: error [m], passes and the nearest state met in the area.
 
-    It ends after ``most`` passes, or ``patience`` of them without progress.
+    It ends after ``most`` passes, or ``patience`` of them without progress. As many errors as the history
+    holds are written there, pass by pass.
     """
     x, y, z = start.x, start.y, goal.target[2]
     u, v = direction(start.yaw)
@@ -164,6 +166,7 @@ def planar_passes(
             knots = _shifted(knots, r - before)
         knots = backward_reaching(links, tool, (r, z), knots)  # l. 21
         error = _miss(links, goal, tool, r, knots)  # l. 23
+        history[passes - 1 : passes] = error
         if error < least:
             least, near_x, near_y, near_u, near_v, near = error, x, y, u, v, knots
         if error <= goal.tolerance:
@@ -228,7 +231,7 @@ def _miss(links: PlanarLinks, goal: _PlanarGoal, tool: Pair, r: float, knots: Kn
 @compiled
 def _planar_restarts(
     arm: PlanarLinkage, links: PlanarLinks, restarts: Array, area: BaseArea, goal: _PlanarGoal,
-    start: _PlanarState, most: int,
+    start: _PlanarState, most: int, history: Array,
 ) -> tuple[float, int, _PlanarState]:  # fmt: skip
     """M-FABRIK with restarts: the given posture, then ``restarts`` (k, 3), then the widest one at the base.
 
@@ -244,7 +247,7 @@ def _planar_restarts(
         k, patience = attempt % count, STALL_WINDOW if attempt < count else most + 1
         bends = start.bends if k == 0 else (restarts[k - 1, 0], restarts[k - 1, 1], restarts[k - 1, 2])
         begun = _PlanarState(start.x, start.y, start.yaw, bends)
-        error, passes, found = planar_passes(links, area, goal, begun, most, patience)
+        error, passes, found = planar_passes(links, area, goal, begun, most, patience, history[total:])
         total += passes
         if error <= goal.tolerance:
             if total > 0:  # to the last digit within the limits
@@ -254,6 +257,7 @@ def _planar_restarts(
             least, nearest = error, found
     widest, found = _widest(arm, links, area, goal, start)
     if np.isfinite(widest):
+        history[total : total + 1] = widest
         return widest, total + 1, found
     nearest = _fitted(arm, nearest)
     off = _distance(goal, nearest.x, nearest.y, direction(nearest.yaw), knots_at(links, nearest.bends))
@@ -298,9 +302,11 @@ def _widest(
 
 @compiled
 def solve_planar(
-    setup: PlanarSetup, area: BaseArea, target: Array, base: Array, joints: Array
+    setup: PlanarSetup, area: BaseArea, target: Array, base: Array, joints: Array, history: Array
 ) -> tuple[float, int, bool]:
     """Move base (3,) and joints (dof,), which are overwritten, so that the tool reaches a target (3,).
+
+    The history (k,) is overwritten with the errors after the first k passes [m].
 
     Returns
     -------
@@ -309,7 +315,7 @@ def solve_planar(
     goal = _PlanarGoal((target[0], target[1], target[2]), setup.facing, setup.pitch, setup.tolerance)
     start = _state_of(setup, base, joints)
     error, passes, found = _planar_restarts(
-        setup.plane, setup.links, setup.restarts, area, goal, start, setup.max_passes
+        setup.plane, setup.links, setup.restarts, area, goal, start, setup.max_passes, history
     )
     fits = _write_state(setup, found, start.bends, base, joints)
     return error, passes, fits and error <= goal.tolerance
@@ -337,16 +343,11 @@ def least_change(setup: PlanarSetup, target: Array, base: Array, joints: Array) 
 def solve_planar_many(
     setup: PlanarSetup, area: BaseArea, targets: Array, bases: Array, joints: Array
 ) -> tuple[Array, Index, Mask]:
-    """`solve_planar` for rows of targets (n, 3), bases (n, 3) and joints (n, dof), the last two overwritten.
-
-    Returns
-    -------
-    errors [m], passes and whether the target is met, each (n,)
-    """
-    n = len(targets)
+    """`solve_planar` for rows of targets (n, 3); bases (n, 3) and joints (n, dof) are overwritten."""
+    n, untold = len(targets), np.empty(0)
     errors, passes, met = np.empty(n), np.empty(n, np.int64), np.empty(n, np.bool_)
     for k in range(n):
-        errors[k], passes[k], met[k] = solve_planar(setup, area, targets[k], bases[k], joints[k])
+        errors[k], passes[k], met[k] = solve_planar(setup, area, targets[k], bases[k], joints[k], untold)
     return errors, passes, met
 
 
@@ -372,7 +373,7 @@ def solve_planar_along(
         The state before the first.
     """
     held = BaseArea(NO_VERTICES, NO_RINGS, False)
-    bases, postures = places.copy(), wished.copy()
+    bases, postures, untold = places.copy(), wished.copy(), np.empty(0)
     yaw, pivot = base[2], joints[0]
     for i in range(len(targets)):
         one, near = setup, wished[i].copy()
@@ -384,7 +385,7 @@ def solve_planar_along(
             one = _at_heading(setup, places[i, 2])
         start = bases[i].copy()
         postures[i] = near
-        _, _, met = solve_planar(one, held, targets[i], bases[i], postures[i])
+        _, _, met = solve_planar(one, held, targets[i], bases[i], postures[i], untold)
         if not met or np.abs(postures[i, 1:] - near[1:]).max() > bend:
             bases[i], postures[i] = start, near
             _, met = least_change(one, targets[i], bases[i], postures[i])

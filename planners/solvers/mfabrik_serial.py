@@ -14,7 +14,7 @@ import numpy as np
 from regionik.planners.geometry.polygons import near_boundary
 from regionik.planners.geometry.vectors import squared
 from regionik.planners.kernels import compiled
-from regionik.planners.solvers.base_placement import BaseArea, move_to_area
+from regionik.planners.solvers.base_placement import BaseArea, Turning, move_to_area, share_turn
 from regionik.planners.solvers.damped_least_squares import (
     MAX_DAMPING,
     MIN_DAMPING,
@@ -62,6 +62,7 @@ def solve_serial(
     aim: Aim,
     effort: Effort,
     joints: Array,
+    history: Array,
 ) -> tuple[float, float, int]:
     """Move arm axis and arm until the tool meets its aim: passes from each start, each end polished.
 
@@ -82,6 +83,8 @@ def solve_serial(
         In the world.
     joints : (dof,) array
         Overwritten with the answer, or with the nearest posture found, as ``place`` is.
+    history : (k,) array
+        Overwritten with the errors after the first k passes and steps of polishing [m].
 
     Returns
     -------
@@ -96,9 +99,11 @@ def solve_serial(
             end[:] = starts[i % count - 1]
         error, angle, used = np.inf, np.inf, 0
         if i < count and effort.most_passes > 0:
-            error, angle, used = serial_passes(bodies, mounting, area, at, aim, effort, end)
+            error, angle, used = serial_passes(bodies, mounting, area, at, aim, effort, end, history[spent:])
         if tolerance_share(error, angle, effort) > 1.0:
-            error, angle, steps = polish_with_base(sliding, mounting, area, at, aim, effort, end)
+            error, angle, steps = polish_with_base(
+                sliding, mounting, area, at, aim, effort, end, history[spent + used :]
+            )
             used += steps
         spent += used
         share = tolerance_share(error, angle, effort)
@@ -121,6 +126,7 @@ def serial_passes(
     aim: Aim,
     effort: Effort,
     joints: Array,
+    history: Array,
 ) -> tuple[float, float, int]:
     """M-FABRIK, Algorithm 1, from one posture, until it stalls: misses [m], [rad] and passes.
 
@@ -148,6 +154,7 @@ def serial_passes(
         _shift(posture, goal, by_x, by_y)
         backward_pass(bodies, posture)  # l. 21
         error, angle = posture_error(bodies, goal, posture, miss)  # l. 23
+        history[passes - 1 : passes] = error
         share = tolerance_share(error, angle, effort)
         if share < best:
             best, best_error, best_angle = share, error, angle
@@ -167,6 +174,7 @@ def polish_with_base(
     aim: Aim,
     effort: Effort,
     joints: Array,
+    history: Array,
 ) -> tuple[float, float, int]:
     """Damped least squares on base and joints together: what is left [m], [rad] and steps tried.
 
@@ -205,8 +213,41 @@ def polish_with_base(
             damping = max(0.2 * damping, MIN_DAMPING)
         else:
             damping *= 8.0
+        history[tried - 1 : tried] = error
     joints[:] = q[2:]
     return error, angle, tried
+
+
+@compiled
+def follow(
+    sliding: SerialArm,
+    pivot: int,
+    turning: Turning,
+    mount: Array,
+    area: BaseArea,
+    aim: Aim,
+    effort: Effort,
+    base: Array,
+    joints: Array,
+) -> tuple[float, float, bool]:
+    """Bring the tool to its aim by `polish_with_base` alone, which goes on from where base and arm are.
+
+    Base (3,) and ``joints`` (dof,) of an arm at a mount (4,) in the base frame are overwritten. Passes would
+    leap: those of a UR5 take it to another posture each time.
+
+    Returns
+    -------
+    error [m], angle error [rad], True where the heading is within its span
+    """
+    n, c, s, now = len(sliding.lower) - 2, math.cos(base[2]), math.sin(base[2]), joints[pivot]
+    place = np.array([base[0] + c * mount[0] - s * mount[1], base[1] + s * mount[0] + c * mount[1]])
+    q, mounting = joints[:n].copy(), ArmMounting(pivot, base[2] + mount[3], mount[2])
+    error, angle, _ = polish_with_base(sliding, mounting, area, place, aim, effort, q, np.empty(0))
+    joints[:n] = q
+    joints[pivot], base[2], fits = share_turn(base[2] + q[pivot], base[2], now, turning)
+    c, s = math.cos(base[2]), math.sin(base[2])
+    base[0], base[1] = place[0] - (c * mount[0] - s * mount[1]), place[1] - (s * mount[0] + c * mount[1])
+    return error, angle, fits
 
 
 @compiled

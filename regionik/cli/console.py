@@ -319,12 +319,16 @@ def plan_summary(plan: Plan, seconds: float, written: Iterable[Path]) -> str:
     length = plan.world.robot.drive.travel(plan.motion.base)
     worst, count = max(c.error for c in plan.setpoints), len(plan.setpoints) + len(plan.skipped)
     done = f"{len(plan.setpoints)} of " * bool(plan.skipped) + count_noun(count, "set-point")
+    spent = [c.iterations for c in plan.setpoints if c.iterations]
     lines = [
-        f"{plan.world.name}: {done} within {worst * 1000:.3f} mm, "
-        f"{count_noun(sum(c.iterations for c in plan.setpoints), 'iteration')}",
+        f"{plan.world.name}: {done} within {worst * 1000:.3f} mm",
         f"  {count_noun(plan.lift_offs, 'lift-off')}, {length:.2f} m of base travel, "
         f"{count_noun(len(plan.motion), 'state')}",
     ]
+    if spent:  # what meets them now may be another posture
+        met = "them" if len(spent) == len(plan.setpoints) else count_noun(len(spent), "set-point")
+        within = f"{1000 * plan.world.rules.tolerance:g} mm"
+        lines.append(f"  M-FABRIK met {met} to {within} in {count_noun(sum(spent), 'iteration')}")
     likely = [stop.probability for stop in plan.stops if stop.probability is not None]
     if likely:
         lines.append(f"  each stop is good after parking with at least {percent_text(min(likely))}")

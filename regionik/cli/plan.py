@@ -71,6 +71,12 @@ def plan_world(
     html: Annotated[Path | None, typer.Option("--html", help="File for an offline page of it.")] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, max=2**31 - 1, help="Same seed, same plan.")] = 0,
     skip: Skip = False,
+    no_smooth: Annotated[
+        bool,
+        typer.Option(
+            "--no-smooth", help="Keep M-FABRIK's configurations as found, and the base's way to them."
+        ),
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Plan the whole tool path of WORLD and verify the plan."""
@@ -81,6 +87,8 @@ def plan_world(
     began = time.monotonic()
     with DelayedProgress("plan", _NOTHING) as progress, explain_no_plan(as_json, progress):
         loaded = skipping(read_world_to_plan(world, progress), skip)
+        if no_smooth:
+            loaded = replace(loaded, rules=replace(loaded.rules, smooth=False))
         from regionik.pipeline import plan
 
         found = plan(loaded, seed=seed, say=progress.say if progress.shown and not as_json else None)

@@ -142,7 +142,8 @@ class PathFollower:
         stride = min(OPTIONS.tool_stride, self.scene.rules.step)
         try:
             for base in self.paths.between(here.component, goal.component, here.pose.base, goal.pose.base):
-                found = self._states(PathSegment(base, ends, joints, families, stride), here.pose)
+                segment = PathSegment(base, ends, joints, families, stride)
+                found = self._states(segment, here.pose, goal.pose)
                 if isinstance(found, Proximity):
                     self.stops.setdefault(i, found)
                     return None
@@ -152,18 +153,21 @@ class PathFollower:
             pass
         return None
 
-    def _states(self, segment: PathSegment, here: Pose) -> list[Pose] | Proximity | None:
+    def _states(self, segment: PathSegment, here: Pose, goal: Pose) -> list[Pose] | Proximity | None:
         """States on a way that keep the tool to its own and the arm clear, or what the arm would touch.
 
-        What holds is taken, up to a hop that does not: that one is halved, as often as it may help.
+        What holds is taken, up to a hop that does not: that one is halved, as often as it may help. The last
+        state is solved anew as the others are; where nothing is smoothed it is the goal as it was found.
         """
         ahead = segment.places()[::-1]  # the next one last
         passed, at = [here], SegmentPoint(0, 0.0)
+        before = at
         while ahead:
             tried = [at, *ahead[: -OPTIONS.max_states_at_once - 1 : -1]]
             states, missing = self._solved(segment, tried, passed[-1])
             count, proximity = self._proven(segment, tried[: len(states) + 1], [passed[-1], *states])
             passed += states[:count]
+            before = tried[count - 1] if count else before
             at, ahead = tried[count], ahead[: len(ahead) - count]
             if count == len(states) and not missing:
                 continue
@@ -178,6 +182,8 @@ class PathFollower:
                 return None
             done = at.share if at.leg == leg else 0.0
             ahead += [SegmentPoint(leg, share, depth + 1), SegmentPoint(leg, (done + share) / 2, depth + 1)]
+        if not self.scene.rules.smooth and self._proven(segment, [before, at], [passed[-2], goal])[0]:
+            passed[-1] = goal
         return passed[1:]
 
     def _solved(self, segment: PathSegment, tried: list[SegmentPoint], near: Pose) -> tuple[list[Pose], bool]:

@@ -27,6 +27,7 @@ Goal = Literal["point", "direction", "orientation"]
 
 CONE_SHARE = 0.5  # of a cone that arms are solved to; the rest is left for the way between two states
 ANGLE_SLACK = 1e-9  # rounding allowed at the edge of a cone [rad]
+UNTOLD = np.empty(0)  # history of a solve that nobody asks for
 _ANY_TURN = np.zeros((3, 3))  # for kernels that do not read it
 
 
@@ -46,9 +47,19 @@ class Arm(Protocol):
     """Inverse kinematics of an arm on a base with a given heading."""
 
     def reach(
-        self, target: Target, axis: Array, yaw: float, joints: Array, area: FlatPolygon, mobile: bool
+        self,
+        target: Target,
+        axis: Array,
+        yaw: float,
+        joints: Array,
+        area: FlatPolygon,
+        mobile: bool,
+        history: Array = UNTOLD,
     ) -> ArmSolution:
-        """Bring the tool to a target; a mobile base follows inside the area, any other stays."""
+        """Bring the tool to a target; a mobile base follows inside the area, any other stays.
+
+        Of a point and a mobile base as many errors as the history holds are written there, by iteration [m].
+        """
 
     def least_change(self, target: Target, axis: Array, yaw: float, joints: Array) -> ArmSolution | None:
         """Return the posture on target that changes least, on a fixed base."""

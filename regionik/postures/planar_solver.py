@@ -30,7 +30,7 @@ from regionik.planners.solvers.posture_criteria import (
     posture_margin,
     posture_within_thresholds,
 )
-from regionik.postures.arm import ANGLE_SLACK, CONE_SHARE, ArmSolution, deviation
+from regionik.postures.arm import ANGLE_SLACK, CONE_SHARE, UNTOLD, ArmSolution, deviation
 from regionik.postures.families import (
     Family,
     families_of,
@@ -82,7 +82,14 @@ class PlanarSolver:
         return self.setup(np.zeros(4), Turning(-np.inf, np.inf, FIXED, -np.inf, np.inf))
 
     def reach(
-        self, target: Target, axis: Array, yaw: float, joints: Array, area: FlatPolygon, mobile: bool
+        self,
+        target: Target,
+        axis: Array,
+        yaw: float,
+        joints: Array,
+        area: FlatPolygon,
+        mobile: bool,
+        history: Array = UNTOLD,
     ) -> ArmSolution:
         """Bring the tool to a target; see `Arm`. Of the kinds of posture the first that meets it."""
         if not mobile and target.direction is not None and not self._holds_direction(target, axis):
@@ -96,7 +103,7 @@ class PlanarSolver:
                 base[:2] = _swung(kind, target.position, axis)
             setup, position = self._alone._replace(pitch=kind.pitch), np.array(target.position)
             places = BaseArea(area.vertices, area.starts, mobile)
-            error, passes, _ = solve_planar(setup, places, position, base, q)
+            error, passes, _ = solve_planar(setup, places, position, base, q, history)
             angle = self._rolled(target, yaw, q, joints)
             found = self._meeting(kind, target, ArmSolution(base[:2], q, error, passes, angle), yaw, joints)
             if self._worth(found) <= (False, False, self.tolerance):

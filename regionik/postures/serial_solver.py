@@ -19,7 +19,7 @@ from regionik.planners.solvers.mfabrik_serial import ArmMounting, in_arm_frame, 
 from regionik.planners.solvers.multistart_ik import Effort, solve_ik
 from regionik.planners.solvers.rigid_bodies import RigidBodies, arm_model, span
 from regionik.planners.solvers.serial_chain import SerialArm, serial_arm
-from regionik.postures.arm import CONE_SHARE, ArmSolution, aim_of
+from regionik.postures.arm import CONE_SHARE, UNTOLD, ArmSolution, aim_of
 from regionik.postures.options import POSTURES
 from regionik.worlds.arms import pivot_index, reach_bound, sliding_chain, with_pivot, with_pivot_limits
 from regionik.worlds.arrays import Array
@@ -45,7 +45,14 @@ class SerialSolver:
     demand: PostureDemand | None = None
 
     def reach(
-        self, target: Target, axis: Array, yaw: float, joints: Array, area: FlatPolygon, mobile: bool
+        self,
+        target: Target,
+        axis: Array,
+        yaw: float,
+        joints: Array,
+        area: FlatPolygon,
+        mobile: bool,
+        history: Array = UNTOLD,
     ) -> ArmSolution:
         """Bring the tool to a target; see `Arm`. Of the postures there, one that meets the demand.
 
@@ -53,7 +60,7 @@ class SerialSolver:
         postures that the reach was sampled by, and restarts.
         """
         goal = self.goal_for(target)
-        found = self._reach_any(target, goal, axis, yaw, joints, area, mobile)
+        found = self._reach_any(target, goal, axis, yaw, joints, area, mobile, history)
         if self.demand is None or not goal.is_met_by(found):
             return found
         led = self._within_demand(goal, found, yaw)
@@ -74,11 +81,12 @@ class SerialSolver:
         joints: Array,
         area: FlatPolygon,
         mobile: bool,
+        history: Array,
     ) -> ArmSolution:
         """`reach` by any posture."""
         if target.direction is None:
             if mobile:
-                found = self._followed(goal, goal.starts, axis, yaw, joints, area)
+                found = self._followed(goal, goal.starts, axis, yaw, joints, area, history)
             else:
                 found = self._fixed_base(goal, axis, yaw, joints)
             return found if goal.is_met_by(found) else self._walked(target, found, yaw)
@@ -94,14 +102,21 @@ class SerialSolver:
         return known or self._followed(goal, goal.starts, axis, yaw, joints, area)
 
     def _followed(
-        self, goal: SerialGoal, starts: Array, axis: Array, yaw: float, joints: Array, area: FlatPolygon
+        self,
+        goal: SerialGoal,
+        starts: Array,
+        axis: Array,
+        yaw: float,
+        joints: Array,
+        area: FlatPolygon,
+        history: Array = UNTOLD,
     ) -> ArmSolution:
         """M-FABRIK: passes with the base after the root, base and arm polished together, then restarts."""
         q, place = np.array(joints), np.array(axis)
         mounting = ArmMounting(pivot_index(self.chain), yaw, self.height)
         free = BaseArea(area.vertices, area.starts, True)
         error, angle, passes = solve_serial(
-            goal.bodies, goal.sliding, mounting, starts, free, place, goal.aim, goal.effort, q
+            goal.bodies, goal.sliding, mounting, starts, free, place, goal.aim, goal.effort, q, history
         )
         return goal.solution(place, q, error, angle, passes)
 

@@ -16,7 +16,8 @@ from regionik.worlds.readers.text import clip
 from regionik.worlds.scene import Target, World
 
 PARTS = ("robot", "floor", "obstacles", "start", "rules")
-PASSED_OVER = ("visuals", "skip_unreachable")  # what is only drawn; what was left out is told by itself
+# what is only drawn; what was left out is told by itself; a plan holds however it was made
+PASSED_OVER = ("visuals", "skip_unreachable", "smooth")
 _MISSING = object()
 
 

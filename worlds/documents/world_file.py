@@ -113,6 +113,11 @@ class RulesPart(Strict):
     reach_margin: NotNegative = Rules.reach_margin
     max_lift_offs: Annotated[int, Field(ge=0)] | None = Rules.max_lift_offs
     avoidance: bool = Rules.avoidance
+    smooth: bool = Field(
+        default=Rules.smooth,
+        description="base and arm go on together where they can, and their motion is made smooth; false: "
+        "M-FABRIK's configurations as they were found, the base led on by Algorithm 2 and OMPL",
+    )
     solid_floor: bool = Field(
         default=Rules.solid_floor, description="the arm keeps clear of the floor, as of any other solid"
     )
