@@ -33,7 +33,7 @@ class LeastTimeOptions:
     """Rounds of a linear program in states and times, and what it leaves to the timing that follows."""
 
     max_rounds: int = 30
-    max_last_rounds: int = 8  # that mend what is missed
+    max_last_rounds: int = 4  # that mend what is missed
     # Largest change of a coordinate in the first round, in the first of the last ones, in any, and in one
     # after which there is none [m] or [rad]
     first_trust: float = 0.1
@@ -46,7 +46,7 @@ class LeastTimeOptions:
     # By which spans of time change in a round, at the first trust, and by which beside one another's
     span_share: float = 0.15
     neighbour_share: float = 0.03
-    min_gain: float = 2e-3  # of the time in a round, by its part
+    min_gain: float = 4e-3  # of the time in a round, by its part
     patience: int = 2  # rounds in turn that gain less, after which it ends
     # Costs that choose among motions that take the same time: of squared changes of coordinates by the trust
     # region, and of squared accelerations by their limits [s]

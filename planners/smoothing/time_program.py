@@ -176,63 +176,69 @@ class TimeProgram:
         parts = [(section, change), (section + sections, excess)]
         return _sparse(np.arange(len(section)), parts, (len(section), 2 * sections))
 
-    @cached_property
+    @property
     def _limits(self) -> tuple[csr_array, Array]:
-        """Rows and least values for limits of speed and acceleration."""
+        """Rows and least values for limits of speed and acceleration, and for how unevenly spans change."""
+        parts = self._speeds, self._accelerations, self._tool_speeds, self._neighbours
+        return csr_array(vstack([one for one, _ in parts])), np.concatenate([least for _, least in parts])
+
+    def _rows(self, states: csr_array | None, bent: csr_array | None, slower: csr_array) -> csr_array:
+        """Rows by states, by accelerations, and by what spans change and sections exceed."""
+        count, (n, m) = slower.shape[0], self.timed.states.shape
+        by_state = csr_array((count, n * m)) if states is None else states
+        by_bend = csr_array((count, self.bend_count * m)) if bent is None else bent
+        return csr_array(hstack([by_state, by_bend, csr_array((count, len(self.edges) * m)), slower]))
+
+    @property
+    def _speeds(self) -> tuple[csr_array, Array]:
+        """Mean speeds of segments, where the trust region lets them come to their limits."""
+        problem, (units, part) = self.problem, _units(self.timed.states.shape[1])
+        change = np.diff(self.timed.states, axis=0)[problem.moving] @ units.T
+        most = self._span[:, None] * problem.velocity[part]
+        reach = 2 * self.trust * np.abs(units).sum(axis=1) + OPTIONS.span_share * most
+        some = (most - change < reach).ravel()
+        own = np.repeat(problem.section[problem.moving], len(part))[some]
+        by_state = csr_array(kron(-self._hop, units))[some]
+        allowed = most.ravel()[some]
+        return self._rows(by_state, None, self._slower(own, allowed, allowed)), (change - most).ravel()[some]
+
+    @property
+    def _accelerations(self) -> tuple[csr_array, Array]:
+        """Accelerations at both ends of segments."""
+        units, part = _units(self.timed.states.shape[1])
+        own = np.repeat(section_of_bend(self.problem), len(part))
+        most = np.tile(self.problem.acceleration[part], self.bend_count)
+        by_bend = csr_array(kron(-eye_array(self.bend_count), units))
+        return self._rows(None, by_bend, self._slower(own, 2 * most, most)), -most
+
+    @property
+    def _tool_speeds(self) -> tuple[csr_array, Array]:
+        """Mean speeds of the tool on segments."""
         problem, (n, m) = self.problem, self.timed.states.shape
-        edges, own = len(self.edges) * m, problem.section[problem.moving]
-        change = np.diff(self.timed.states, axis=0)[problem.moving]
-        rows, least = list[csr_array](), list[Array]()
-        for unit, part in _units(m):
-            most = problem.velocity[part]
-            spare = most * self._span - change @ unit
-            reach = 2 * self.trust * np.abs(unit).sum() + OPTIONS.span_share * most * self._span
-            some = np.flatnonzero(spare < reach)
-            longer = self._slower(own[some], most * self._span[some], most * self._span[some])
-            by_state = kron(-self._hop[some], unit[None])
-            rows.append(
-                csr_array(hstack([by_state, csr_array((len(some), self.bend_count * m + edges)), longer]))
-            )
-            least.append(-spare[some])
-            most, at = problem.acceleration[part], section_of_bend(problem)
-            longer = self._slower(at, np.full(len(at), 2 * most), np.full(len(at), most))
-            by_bend = kron(-eye_array(len(at)), unit[None])
-            rows.append(
-                csr_array(hstack([csr_array((len(at), n * m)), by_bend, csr_array((len(at), edges)), longer]))
-            )
-            least.append(np.full(len(at), -most))
         slow = np.flatnonzero(np.isfinite(problem.tool_velocity[problem.moving]))
-        if len(slow):
-            k = problem.moving[slow]
-            way, J = problem.tool_ways(self.timed.states)
-            where = (k[:, None] * m + np.arange(2 * m)).ravel()
-            row = np.repeat(np.arange(len(k)), 2 * m)
-            most = problem.tool_velocity[k] * self._span[slow]
-            longer = self._slower(own[slow], most, most)
-            by_state = _sparse(row, [(where, -J[k].ravel())], (len(k), n * m))
-            rows.append(
-                csr_array(hstack([by_state, csr_array((len(k), self.bend_count * m + edges)), longer]))
-            )
-            least.append(way[k] - most)
-        pairs = np.arange(len(self.timed.spans) - 1)
-        width = rows[0].shape[1]
-        for sign in (1.0, -1.0):
-            beside = _sparse(
-                pairs, [(pairs, sign), (pairs + 1, -sign)], (len(pairs), 2 * len(self.timed.spans))
-            )
-            rows.append(csr_array(hstack([csr_array((len(pairs), width - beside.shape[1])), beside])))
-            least.append(
-                np.full(len(pairs), -OPTIONS.neighbour_share * min(self.trust / OPTIONS.first_trust, 1.0))
-            )
-        return csr_array(vstack(rows)), np.concatenate(least)
+        k = problem.moving[slow]
+        way, J = problem.tool_ways(self.timed.states)
+        where, row = (k[:, None] * m + np.arange(2 * m)).ravel(), np.repeat(np.arange(len(k)), 2 * m)
+        most = problem.tool_velocity[k] * self._span[slow]
+        by_state = _sparse(row, [(where, -J[k].ravel())], (len(k), n * m))
+        return self._rows(by_state, None, self._slower(problem.section[k], most, most)), way[k] - most
+
+    @property
+    def _neighbours(self) -> tuple[csr_array, Array]:
+        """Changes of spans beside those of the next section."""
+        count = len(self.timed.spans) - 1
+        rows, first = np.arange(2 * count), np.tile(np.arange(count), 2)
+        sign = np.repeat([1.0, -1.0], count)
+        beside = _sparse(rows, [(first, sign), (first + 1, -sign)], (2 * count, 2 * count + 2))
+        share = OPTIONS.neighbour_share * min(self.trust / OPTIONS.first_trust, 1.0)
+        return self._rows(None, None, beside), np.full(2 * count, -share)
 
 
-def _units(m: int) -> list[tuple[Array, int]]:
-    """Directions (m,) in which rates are limited, and the limit of each: a polygon for the base."""
-    ways = np.column_stack([WAYS, np.zeros((len(WAYS), m - 2))])
-    return [(way, 0) for way in ways] + [
-        (sign * np.eye(m)[j], j - 1) for j in range(2, m) for sign in (1, -1)
-    ]
+def _units(m: int) -> tuple[Array, Index]:
+    """Directions (k, m) in which rates are limited, and the limit of each (k,): a polygon for the base."""
+    ways, others = np.hstack([WAYS, np.zeros((len(WAYS), m - 2))]), np.eye(m)[2:]
+    part = np.concatenate([np.zeros(len(WAYS), dtype=np.int64), np.tile(np.arange(1, m - 1), 2)])
+    return np.concatenate([ways, others, -others]), part
 
 
 def _sparse(row: Index, parts: Sequence[tuple[Index, Array | float]], shape: tuple[int, int]) -> csr_array:

@@ -22,7 +22,7 @@ from regionik.planners.smoothing.least_time import kept_within, least_time
 from regionik.planners.smoothing.path_smoothing import HalfSpaces
 from regionik.planners.smoothing.timed_states import LeastTimeProblem, TimedStates, states_between
 from regionik.planners.solvers.aims import ANGLE_LENGTH, in_columns, missed_by, tool_jacobians
-from regionik.planners.solvers.damped_least_squares import Aims
+from regionik.planners.solvers.damped_least_squares import DIRECTION, Aims
 from regionik.postures.arm import aim_of, goal_between
 from regionik.scene import Scene, scene_of
 from regionik.timing.limits import MotionLimits
@@ -56,8 +56,7 @@ def optimised(limits: MotionLimits, plan: Plan, trial: Trial) -> tuple[Plan, Rep
         Times and verifies other motions.
     """
     layout = _layout(limits, plan)
-    timed, demanded = layout.timed, np.zeros(len(layout.segment))
-    timed = least_time(layout.problem(demanded), timed)
+    timed, demanded = least_time(layout.problem(), layout.timed), np.zeros(len(layout.segment))
     for _ in range(OPTIONS.max_tries):
         timed = kept_within(layout.problem(demanded), timed)
         found, report = trial(layout.motion(timed))
@@ -82,32 +81,21 @@ class _TimedLayout:
     section: Index  # (n - 1,) as in `LeastTimeProblem`
     lifted: Mask  # (n - 1,) segments with the tool lifted
 
-    def problem(self, demanded: Array) -> LeastTimeProblem:
-        """The problem with so much more distance in the places of half-spaces (p,) [m]."""
-        limits, speeds = self.limits, self.limits.speeds
+    def problem(self, demanded: Array | None = None) -> LeastTimeProblem:
+        """The problem, with so much more distance in the places of half-spaces (p,) [m]."""
+        limits, speeds, rules = self.limits, self.limits.speeds, self.scene.rules
         base = (
             [speeds.base_velocity, speeds.turn_velocity],
             [speeds.base_acceleration, speeds.turn_acceleration],
         )
         tool = np.inf if speeds.tool_velocity is None else speeds.tool_velocity
-        scene = self.scene
-        room = StateConstraints(
-            scene.robot,
-            scene.collision,
-            scene.footprint,
-            None,
-            demanded,
-            OPTIONS.cost,
-            OPTIONS.cost,
-            OPTIONS.margin,
-            OPTIONS.margin,
-        )
 
         def half_spaces(states: Array) -> HalfSpaces:
-            near, deepest = room.half_spaces(states), scene.rules.deepest_contact
+            more, deepest = np.zeros(len(states)) if demanded is None else demanded, rules.deepest_contact
+            near = self._clearances(more).half_spaces(states)
             # What may be touched is looked at from the deepest contact on, and told with all of its depth.
             deep = np.where(near.least > deepest, near.least - deepest, near.least)
-            parts = replace(near, least=deep), self._tool_half_spaces(states, demanded)
+            parts = replace(near, least=deep), self._tool_half_spaces(states, more)
             columns = ((one.state, one.normal, one.least, one.cost) for one in parts)
             return HalfSpaces(*(np.concatenate(column) for column in zip(*columns, strict=True)))
 
@@ -122,9 +110,14 @@ class _TimedLayout:
             np.where(self.lifted | (self.section < 0), np.inf, tool),
         )
 
+    def _clearances(self, demanded: Array) -> StateConstraints:
+        scene, cost, margin = self.scene, OPTIONS.cost, OPTIONS.margin
+        room = scene.robot, scene.collision, scene.footprint, None
+        return StateConstraints(*room, demanded, cost, cost, margin, margin)
+
     @cached_property
     def _bare(self) -> LeastTimeProblem:
-        return self.problem(np.empty(0))
+        return self.problem()
 
     @property
     def _places(self) -> tuple[Index, Array]:
@@ -193,9 +186,7 @@ class _TimedLayout:
         tool = self._aims.positions - missed.miss[:, :3]
         normal = -np.einsum("ki,kij->kj", direction, missed.J[place, :3])
         least = np.einsum("ki,ki->k", direction, tool[place]) - most + wanted
-        turned = np.flatnonzero(self._aims.kinds > 0)
-        turned = turned[self._aims.cones[turned] > 0]
-        at, way = np.repeat(turned, len(_DIRECTIONS)), np.tile(_DIRECTIONS, (len(turned), 1))
+        at, way = self._turns
         turn = np.einsum("ki,kij->kj", way, missed.J[at, 3:])
         left = np.einsum("ki,ki->k", way, missed.miss[at, 3:])
         beyond = left - ANGLE_LENGTH * OPTIONS.cone_share * self._aims.cones[at]
@@ -216,6 +207,16 @@ class _TimedLayout:
             else:
                 aims.append(aim_of(goal_between(task[i], task[j], (k - first[k] + s) / count[k])))
         return in_columns(aims)
+
+    @cached_property
+    def _turns(self) -> tuple[Index, Array]:
+        """Places in which the tool's axis or frame is asked for, and directions of turns from it."""
+        aims = self._aims
+        ways = [
+            _across(turn[:, 2]) if kind == DIRECTION else _DIRECTIONS if kind else _DIRECTIONS[:0]
+            for kind, turn in zip(aims.kinds.tolist(), aims.turns, strict=True)
+        ]
+        return np.repeat(np.arange(len(ways)), [len(one) for one in ways]), np.concatenate(ways)
 
     @cached_property
     def _section_ends(self) -> tuple[Index, Index]:

@@ -111,7 +111,7 @@ class RuleOptions:
 class OptimisationOptions:
     """The time-optimal pass over a whole motion, base, joints and times together."""
 
-    period: float = 0.06  # between states that are optimised, at most, as the motion was timed before [s]
+    period: float = 0.1  # between states that are optimised, at most, as the motion was timed before [s]
     state_period: float = 0.02  # between those that are laid out of what is found, at most [s]
     max_tries: int = 5  # of what is found, with more distance where it breaks a rule
     cost: float = 30.0  # of what is missing of a clearance or of the tool's path [s/m]
