@@ -43,8 +43,8 @@ def pace(state: Array, end: Array, count: int, velocity: float) -> LeastTimeProb
         upper,
         lambda states: nothing,
         lambda states: 0 * states,
-        lambda states: (np.zeros(n - 1), np.zeros((n - 1, 2, m))),
-        np.full(n - 1, np.inf),
+        lambda states: (nothing.state, np.empty(0), np.empty((0, 2, m))),
+        np.inf,
     )
 
 

@@ -82,11 +82,12 @@ def _excess(problem: LeastTimeProblem, timed: TimedStates) -> Array:
     own = problem.section[problem.moving]
     span = timed.spans[own]
     speed = by_part(np.diff(timed.states, axis=0)[problem.moving]) / span[:, None] / problem.velocity
-    way = (problem.tool_ways(timed.states)[0] / problem.tool_velocity)[problem.moving] / span
-    factor = np.maximum(speed.max(axis=1), way)
+    slow, way, _ = problem.tool_ways(timed.states)
     gain, at = by_part(bends(problem, timed)) / problem.acceleration, section_of_bend(problem)
     found = np.ones(len(timed.spans))
-    np.maximum.at(found, own, factor)
+    np.maximum.at(found, own, speed.max(axis=1))
+    slow = problem.section[slow]
+    np.maximum.at(found, slow, way / timed.spans[slow] / problem.tool_velocity)
     np.maximum.at(found, at, gain.max(axis=1) / timed.spans[at] ** 2)
     return found - 1
 
@@ -115,6 +116,8 @@ def _step(
     at = np.cumsum([n * m, program.bend_count * m, len(edges) * m, len(timed.spans)])
     moved, _, rates, longer, _ = np.split(found, at)
     moved = np.clip(moved.reshape(n, m), program.lower, program.upper)
+    rests = np.flatnonzero(problem.section < 0)
+    moved[rests + 1] = moved[rests]
     new, sides = np.zeros((2, *timed.rates.shape))
     found = np.zeros_like(timed.rates)
     found[edges] = rates.reshape(-1, m)

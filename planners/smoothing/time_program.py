@@ -214,14 +214,12 @@ class TimeProgram:
     @property
     def _tool_speeds(self) -> tuple[csr_array, Array]:
         """Mean speeds of the tool on segments."""
-        problem, (n, m) = self.problem, self.timed.states.shape
-        slow = np.flatnonzero(np.isfinite(problem.tool_velocity[problem.moving]))
-        k = problem.moving[slow]
-        way, J = problem.tool_ways(self.timed.states)
+        (n, m), (k, way, J) = self.timed.states.shape, self.problem.tool_ways(self.timed.states)
         where, row = (k[:, None] * m + np.arange(2 * m)).ravel(), np.repeat(np.arange(len(k)), 2 * m)
-        most = problem.tool_velocity[k] * self._span[slow]
-        by_state = _sparse(row, [(where, -J[k].ravel())], (len(k), n * m))
-        return self._rows(by_state, None, self._slower(problem.section[k], most, most)), way[k] - most
+        own = self.problem.section[k]
+        most = self.problem.tool_velocity * self.timed.spans[own]
+        by_state = _sparse(row, [(where, -J.ravel())], (len(k), n * m))
+        return self._rows(by_state, None, self._slower(own, most, most)), way - most
 
     @property
     def _neighbours(self) -> tuple[csr_array, Array]:

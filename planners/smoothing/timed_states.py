@@ -47,10 +47,10 @@ class LeastTimeProblem:
     half_spaces_at: Callable[[Array], HalfSpaces]
     # Changes of states (n, m) that bring the tool back to where it has to be, (n, m)
     back_on_path: Callable[[Array], Array]
-    # Ways of the tool from state to state (n, m), (n - 1,) [m], how states change them (n - 1, 2, m), and the
-    # limit of its speed on each segment, infinite for none (n - 1,)
-    tool_ways: Callable[[Array], tuple[Array, Array]]
-    tool_velocity: Array
+    # Ways of the tool in some directions on some segments by states (n, m): the segments (k,), ways (k,) [m],
+    # and how states at both ends change them (k, 2, m)
+    tool_ways: Callable[[Array], tuple[Index, Array, Array]]
+    tool_velocity: float  # limit of its speed there [m/s]
 
     @cached_property
     def moving(self) -> Index:

@@ -88,7 +88,6 @@ class _TimedLayout:
             [speeds.base_velocity, speeds.turn_velocity],
             [speeds.base_acceleration, speeds.turn_acceleration],
         )
-        tool = np.inf if speeds.tool_velocity is None else speeds.tool_velocity
 
         def half_spaces(states: Array) -> HalfSpaces:
             more, deepest = np.zeros(len(states)) if demanded is None else demanded, rules.deepest_contact
@@ -107,7 +106,7 @@ class _TimedLayout:
             half_spaces,
             self._back_on_path,
             self._tool_ways,
-            np.where(self.lifted | (self.section < 0), np.inf, tool),
+            np.inf if speeds.tool_velocity is None else speeds.tool_velocity,
         )
 
     def _clearances(self, demanded: Array) -> StateConstraints:
@@ -150,19 +149,20 @@ class _TimedLayout:
         fixed[0] |= scene.start is not None
         return np.where(fixed, states, lower), np.where(fixed, states, upper)
 
-    def _tool_ways(self, states: Array) -> tuple[Array, Array]:
-        """Ways of the tool from state to state and how states change them; see `LeastTimeProblem`."""
-        n, m = states.shape
-        if self.limits.speeds.tool_velocity is None:
-            return np.zeros(n - 1), np.zeros((n - 1, 2, m))
+    def _tool_ways(self, states: Array) -> tuple[Index, Array, Array]:
+        """Ways of the tool on segments, in directions about its own; see `LeastTimeProblem`."""
+        m = states.shape[1]
+        slow = np.flatnonzero(~self.lifted & (self.section >= 0))
+        if self.limits.speeds.tool_velocity is None or not len(slow):
+            return np.empty(0, dtype=np.int64), np.empty(0), np.empty((0, 2, m))
         frames, J = tool_jacobians(self.scene.robot, states)
-        moved = np.diff(frames[:, :3, 3], axis=0)
-        way = np.linalg.norm(moved, axis=1)
-        unit = moved / np.maximum(way, 1e-12)[:, None]
-        parts = [
-            sign * np.einsum("ki,kij->kj", unit, one[:, :3]) for sign, one in ((-1.0, J[:-1]), (1.0, J[1:]))
-        ]
-        return way, np.stack(parts, axis=1)
+        moved = frames[slow + 1, :3, 3] - frames[slow, :3, 3]
+        along = moved / np.maximum(np.linalg.norm(moved, axis=1), SAME)[:, None]
+        directions = np.stack([_about(way) for way in along])
+        segment, way = np.repeat(slow, directions.shape[1]), directions.reshape(-1, 3)
+        by_end = [np.einsum("ki,kij->kj", way, J[segment + k, :3]) for k in (0, 1)]
+        ways = np.einsum("ski,si->sk", directions, moved).ravel()
+        return segment, ways, np.stack([-by_end[0], by_end[1]], axis=1)
 
     def _back_on_path(self, states: Array) -> Array:
         """Changes that bring the tool to its set-points, linear between them; see `LeastTimeProblem`."""
@@ -291,11 +291,17 @@ class _TimedLayout:
         states = states_between(self._bare, timed, segment, share)
         states = np.concatenate([states, timed.states[-1:]])
         states[first] = timed.states
+        still = self._bare.still[segment] & (timed.states[segment] == timed.states[segment + 1])
+        states[:-1] = np.where(still, timed.states[segment], states[:-1])
         joints = np.clip(states[:, 3:], chain.lower, chain.upper)
         kind = np.append(np.where(self.lifted, "transit", "step")[segment], "step").astype(self.kind.dtype)
         kind[first] = self.kind
+        again = 1 + np.flatnonzero((self.section < 0) & (self.owner[1:] == self.owner[:-1]))  # where it rests
+        following = self.kind[np.minimum(again + 1, len(self.kind) - 1)]
+        kind[first[again]] = np.where(following == "setpoint", "step", following)
         owner = np.append(self.owner[:-1][segment], self.owner[-1])
-        base = np.column_stack([states[:, :2], np.arctan2(np.sin(states[:, 2]), np.cos(states[:, 2]))])
+        turns = 2 * np.pi * np.round(states[:, 2] / (2 * np.pi))
+        base = np.column_stack([states[:, :2], states[:, 2] - turns])
         return Motion(base, joints, kind, owner, np.full(len(base), np.nan))
 
     def near(self, timed: TimedStates, found: Plan, report: Report) -> Index:
@@ -342,6 +348,8 @@ def _layout(limits: MotionLimits, plan: Plan) -> _TimedLayout:
         kind = np.append(np.repeat("transit" if flight else "step", count - 1), motion.kind[b])
         owner = np.append(np.repeat(motion.setpoint[min(a + 1, b - 1)], count - 1), motion.setpoint[b])
         states[-1] = q[b]
+        constant = (np.abs(q[a : b + 1] - q[a]) <= SAME).all(axis=0)
+        states[:, constant], rates[:, constant] = blocks[-1].states[-1, constant], 0.0
         blocks.append(_Block(states, rates, kind, owner))
     states, rates, kind, owner = (np.concatenate(column) for column in zip(*blocks, strict=True))
     return _TimedLayout(
@@ -366,6 +374,14 @@ def _ends(motion: Motion, q: Array) -> tuple[Index, Mask]:
     ends = worked | (edge & ~again)
     ends[[0, -1]] = True
     return np.flatnonzero(ends), edge
+
+
+def _about(way: Array) -> Array:
+    """Unit vectors about a unit vector (3,), itself the first, (k, 3)."""
+    across = _across(way)
+    found = np.concatenate([way[None], *(way + share * across for share in OPTIONS.about)])
+    ways: Array = found / np.linalg.norm(found, axis=1)[:, None]
+    return ways
 
 
 def _across(way: Array) -> Array:

@@ -123,6 +123,10 @@ class OptimisationOptions:
     cone_share: float = 0.95  # of cones
     damping: float = 1e-4  # of changes that bring the tool back to its set-points [m2]
     sides: int = 8  # of the polygon in the path's cross-section
+    about: tuple[float, ...] = (
+        0.4,
+        1.0,
+    )  # slopes of directions about the tool's, in which its speed is limited
     spare_distance: float = 0.003  # that is asked for besides near a state that breaks a rule [m]
     places_beside: int = 2  # on either side of it
 
