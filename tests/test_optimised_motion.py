@@ -45,6 +45,7 @@ def pace(state: Array, end: Array, count: int, velocity: float) -> LeastTimeProb
         lambda states: 0 * states,
         lambda states: (nothing.state, np.empty(0), np.empty((0, 2, m))),
         np.inf,
+        2,
     )
 
 
@@ -129,12 +130,30 @@ def test_an_optimised_plan_is_the_same_every_time(name: str, tmp_path: object) -
     assert texts[0] == texts[1]
 
 
-@pytest.mark.parametrize("name", ["pipe"])
-def test_a_speed_of_the_tool_is_kept_and_never_makes_a_motion_slower(name: str) -> None:
-    slow = rik.Speeds(tool_velocity=0.3)
-    before, after = rik.retime(planned(name), slow), rik.retime(planned(name), slow, optimise=True)
-    assert after.motion.time[-1] <= before.motion.time[-1]
+@pytest.mark.parametrize(
+    ("limits", "share"),
+    [
+        ({"tool_velocity": 0.3}, 0.95),
+        ({"base_jerk": 10.0, "turn_jerk": 20.0, "joint_jerk": 30.0}, 0.9),
+    ],
+    ids=["tool", "jerk"],
+)
+def test_other_limits_are_kept_too(limits: dict[str, float], share: float) -> None:
+    speeds = rik.Speeds(**limits)
+    before, after = (rik.retime(planned("pipe"), speeds, optimise=chosen) for chosen in (False, True))
+    assert after.motion.time[-1] < share * before.motion.time[-1]
     assert rik.verify(after).ok
+
+
+def test_the_base_stands_at_its_stops() -> None:
+    world = rik.load_world("shelf")
+    given = rik.plan(replace(world, rules=replace(world.rules, mode="stops")))
+    before, after = (rik.retime(given, rik.Speeds(), optimise=chosen) for chosen in (False, True))
+    assert after.motion.time[-1] < 0.9 * before.motion.time[-1]
+    assert rik.verify(after).ok
+    for stop in after.stops:
+        bases = [after.setpoints[i].base for i in stop.setpoints]
+        assert bases == pytest.approx(np.tile(stop.base, (len(bases), 1)), abs=1e-9)
 
 
 @pytest.mark.parametrize("name", ["door"])

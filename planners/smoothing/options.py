@@ -53,7 +53,6 @@ class LeastTimeOptions:
     change_cost: float = 1e-2
     bend_cost: float = 1e-5
     sides: int = 16  # of the polygon for the disc of the base's speeds and accelerations
-    places_a_segment: int = 2  # at which half-spaces hold
     excess_cost: float = 2.0  # of shares by which sections exceed limits, against their time
     # Parts of costs by which rounds are judged, as the next one mends what is exceeded or missed
     excess_share: float = 0.15

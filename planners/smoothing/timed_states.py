@@ -51,6 +51,7 @@ class LeastTimeProblem:
     # and how states at both ends change them (k, 2, m)
     tool_ways: Callable[[Array], tuple[Index, Array, Array]]
     tool_velocity: float  # limit of its speed there [m/s]
+    parts: int  # of each segment, at whose ends half-spaces hold
 
     @cached_property
     def moving(self) -> Index:
@@ -79,7 +80,7 @@ class LeastTimeProblem:
     @cached_property
     def places(self) -> tuple[Index, Array]:
         """Segments and shares of them at which half-spaces hold: the states and places between."""
-        shares = np.arange(OPTIONS.places_a_segment) / OPTIONS.places_a_segment
+        shares = np.arange(self.parts) / self.parts
         ends = np.flatnonzero(np.append(self.section[:-1] != self.section[1:], True) & (self.section >= 0))
         ends = ends[np.append(self.section, -1)[ends + 1] < 0]  # before rests and at the end
         segment = np.concatenate([np.repeat(self.moving, len(shares)), ends])

@@ -56,7 +56,9 @@ def optimised(limits: MotionLimits, plan: Plan, trial: Trial) -> tuple[Plan, Rep
         Times and verifies other motions.
     """
     layout = _layout(limits, plan)
-    timed, demanded = least_time(layout.problem(), layout.timed), np.zeros(len(layout.segment))
+    timed = least_time(layout.problem(), layout.timed)
+    layout = replace(layout, parts=OPTIONS.last_parts)
+    demanded = np.zeros(len(layout.segment))
     for _ in range(OPTIONS.max_tries):
         timed = kept_within(layout.problem(demanded), timed)
         found, report = trial(layout.motion(timed))
@@ -80,6 +82,7 @@ class _TimedLayout:
     owner: Index  # (n,) set-point of each
     section: Index  # (n - 1,) as in `LeastTimeProblem`
     lifted: Mask  # (n - 1,) segments with the tool lifted
+    parts: int  # as in `LeastTimeProblem`
 
     def problem(self, demanded: Array | None = None) -> LeastTimeProblem:
         """The problem, with so much more distance in the places of half-spaces (p,) [m]."""
@@ -107,6 +110,7 @@ class _TimedLayout:
             self._back_on_path,
             self._tool_ways,
             np.inf if speeds.tool_velocity is None else speeds.tool_velocity,
+            self.parts,
         )
 
     def _clearances(self, demanded: Array) -> StateConstraints:
@@ -360,6 +364,7 @@ def _layout(limits: MotionLimits, plan: Plan) -> _TimedLayout:
         owner,
         np.array(section, dtype=np.int64),
         np.array(up, dtype=bool),
+        OPTIONS.parts,
     )
 
 

@@ -112,6 +112,9 @@ class OptimisationOptions:
     """The time-optimal pass over a whole motion, base, joints and times together."""
 
     period: float = 0.1  # between states that are optimised, at most, as the motion was timed before [s]
+    # Of the time between two of them, at whose ends clearances and tolerances are kept, and at last
+    parts: int = 2
+    last_parts: int = 5
     state_period: float = 0.02  # between those that are laid out of what is found, at most [s]
     max_tries: int = 5  # of what is found, with more distance where it breaks a rule
     cost: float = 30.0  # of what is missing of a clearance or of the tool's path [s/m]
@@ -128,7 +131,7 @@ class OptimisationOptions:
         1.0,
     )  # slopes of directions about the tool's, in which its speed is limited
     spare_distance: float = 0.003  # that is asked for besides near a state that breaks a rule [m]
-    places_beside: int = 2  # on either side of it
+    places_beside: int = 4  # on either side of it
 
 
 @dataclass(frozen=True)
