@@ -167,14 +167,12 @@ class _Connection:
         begin on it: they cannot be drawn aside.
         """
         yield from self.growth.runs_from(i, end, seeds, [i])
-        guide, midway = (
-            base_guide(self.pruned, reach_bound(self.scene.robot.chain).length, i, end),
-            (i + end) // 2,
-        )
+        areas = [self.pruned.ladder.component[self.pruned.components_at(k)] for k in range(i, end)]
+        guide = base_guide(i, areas, reach_bound(self.scene.robot.chain).length)
         if guide is not None:
             guided = RunGrowth(self.search, guide=None if self._rolls else guide.at)
             yield from guided.runs_from(i, end, partial(self._along, guide, seeds), [i, *guide.narrow])
-        yield from self.growth.runs_from(i, end, seeds, [midway])
+        yield from self.growth.runs_from(i, end, seeds, [(i + end) // 2])
 
     def _along(self, guide: BaseGuide, seeds: Seeds, at: int) -> Iterator[Candidate]:
         """Where a run along a base path may begin: on it, far from joint limits, or anywhere."""

@@ -707,6 +707,20 @@ FAULTS = (
         ("tests/test_smoothing.py",),
     ),
     Fault(
+        "optimisation: accelerations may be twice their limits",
+        "planners/smoothing/time_program.py",
+        "np.tile(self.problem.acceleration[part], self.bend_count)",
+        "np.tile(2 * self.problem.acceleration[part], self.bend_count)",
+        ("tests/test_optimised_motion.py",),
+    ),
+    Fault(
+        "optimisation: a base may drive at its stops",
+        "regionik/timing/optimised_motion.py",
+        'fixed[self.kind != "transit", :3] = True',
+        'fixed[self.kind != "transit", :3] = False',
+        ("tests/test_optimised_motion.py",),
+    ),
+    Fault(
         "footprint: of two corners before a wall one is looked after",
         "regionik/moving/state_constraints.py",
         "for way in (unit, lever)]",

@@ -10,6 +10,7 @@ import pytest
 import shapely
 
 import regionik as rik
+from regionik.areas.layers import Geometries
 from regionik.moving.base_guide import base_guide
 from regionik.moving.options import MOVING
 from regionik.pipeline import search
@@ -30,12 +31,19 @@ def before_a_wall(base: BaseKind, x: float, off: float, *, depth: float = 0.3, c
     return replace(bare, obstacles=(*bare.obstacles, post))
 
 
+def areas_of(world: World) -> tuple[list[Geometries], tuple[int, ...]]:
+    """Return the parts of each set-point's area that pruning leaves, and where the tool has to be lifted."""
+    *_, pruned = whole_path(scene_of(world))
+    kept = [pruned.ladder.component[pruned.components_at(i)] for i in range(pruned.ladder.count)]
+    return kept, pruned.breaks
+
+
 def test_a_base_path_leads_through_the_areas_round_a_post() -> None:
-    *_, pruned = whole_path(scene_of(before_a_wall("omni", 1.1, 0.8)))
-    guide = base_guide(pruned, REACH, 0, pruned.ladder.count)
+    areas, breaks = areas_of(before_a_wall("omni", 1.1, 0.8))
+    assert not breaks
+    guide = base_guide(0, areas, REACH)
     assert guide is not None
-    for i, place in enumerate(guide.places):
-        kept = pruned.ladder.component[pruned.components_at(i)]
+    for kept, place in zip(areas, guide.places, strict=True):
         assert shapely.distance(kept, shapely.Point(place)).min() == 0.0
     longest = MOVING.guide.max_cells * MOVING.guide.spacing * REACH
     assert all(np.linalg.norm(b - a) <= longest + 1e-12 for a, b in pairwise(guide.places))
@@ -47,10 +55,9 @@ def test_a_base_path_leads_through_the_areas_round_a_post() -> None:
 
 def test_no_base_path_leads_round_what_the_arm_does_not_reach_over() -> None:
     """A low block, farther from the wall than the arm reaches."""
-    *_, pruned = whole_path(scene_of(before_a_wall("omni", 1.1, 1.2, depth=2.2)))
-    assert pruned.breaks
-    assert base_guide(pruned, REACH, 0, pruned.ladder.count) is None
-    assert base_guide(pruned, REACH, 0, pruned.breaks[0]) is not None
+    areas, breaks = areas_of(before_a_wall("omni", 1.1, 1.2, depth=2.2))
+    assert base_guide(0, areas, REACH) is None
+    assert base_guide(0, areas[: breaks[0]], REACH) is not None
 
 
 @pytest.mark.slow

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import piqp
-from scipy.sparse import block_diag, csc_array, eye_array, hstack
+from scipy.sparse import block_diag, csc_array, csr_array, eye_array, hstack
 
+from regionik.planners.smoothing.options import LEAST_TIME
 from regionik.worlds.arrays import Array
 
 ACCURACY = 1e-10  # of residuals, after PIQP's own scaling; the least costs are 1e-8
@@ -57,6 +58,38 @@ def minimize_quadratic(
     if solver.solve() != piqp.PIQP_SOLVED:
         return None
     return np.array(solver.result.x)[:n]
+
+
+def minimize_within(
+    hessian: csc_array,
+    gradient: Array,
+    equations: tuple[csr_array, Array],
+    rows: csc_array,
+    least: Array,
+    lower: Array,
+    upper: Array,
+) -> Array | None:
+    """Return the minimum of a quadratic function within linear constraints, None where none is found.
+
+    Parameters
+    ----------
+    hessian : (n, n) sparse array
+        Symmetric, positive semidefinite.
+    gradient : (n,) array
+        At zero.
+    equations : (k, n) sparse array and (k,) array
+        ``equations[0] @ x`` is ``equations[1]``.
+    rows, least : (m, n) sparse array, (m,) array
+        ``rows @ x`` is at least ``least``.
+    lower, upper : (n,) array
+        Bounds of x.
+    """
+    solver = piqp.SparseSolver()
+    solver.settings.eps_abs = solver.settings.eps_rel = LEAST_TIME.accuracy
+    most = np.full(len(least), np.inf)
+    form, right = equations
+    solver.setup(hessian, gradient, csc_array(form), right, rows, least, most, lower, upper)
+    return np.array(solver.result.x) if solver.solve() == piqp.PIQP_SOLVED else None
 
 
 def least_weighted(

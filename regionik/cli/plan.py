@@ -174,10 +174,12 @@ def retime_plan(
     joint_jerk: Annotated[float | None, typer.Option("--joint-jerk", help="Of each joint [rad/s3].")] = None,
     blend: Annotated[float | None, typer.Option("--blend", help="How far corners are cut [m].")] = None,
     hold: Annotated[bool, typer.Option("--hold", help="Refuse a tool speed that cannot be held.")] = False,
+    optimise: Annotated[bool, typer.Option("--optimise", help="Optimise the motion for time.")] = False,
 ) -> None:
     """Time a plan, as fast as its speeds allow.
 
-    Speeds that are not given are the world's, or the robot's.
+    Speeds that are not given are the world's, or the robot's. With --optimise the motion itself is changed,
+    base and arm together, over the same set-points and lift-offs: it takes longer to find, and less to drive.
     """
     check_output(output, PLANS)
     with DelayedProgress("retime") as progress:
@@ -192,7 +194,7 @@ def retime_plan(
         }  # fmt: skip
         given = {key: value for key, value in options.items() if value is not None}
         speeds = replace(found.world.speeds or Speeds(), **given)
-        timed = retime(found, speeds, hold=hold)
+        timed = retime(found, speeds, hold=hold, optimise=optimise)
     timed.save(output)
     print_message(f"{timed.world.name}: {timed.motion.time[-1]:.2f} s, {len(timed.motion)} states")
     if "tool" in timed.stats["timing"]:

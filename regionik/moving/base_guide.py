@@ -9,6 +9,7 @@ searched on a lattice of places. It is a wish: what follows it is proven as ever
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -20,7 +21,6 @@ from scipy.ndimage import distance_transform_edt, minimum_filter1d
 
 from regionik.areas.layers import Geometries
 from regionik.moving.options import MOVING
-from regionik.pruning import Pruned
 from regionik.worlds.arrays import Array, Index
 
 OPTIONS = MOVING.guide
@@ -113,9 +113,11 @@ class _Lattice:
         return corner, depth
 
 
-def base_guide(pruned: Pruned, reach: float, first: int, end: int) -> BaseGuide | None:
-    """Return a base path for the set-points of a run, with an arm of some reach [m]; None for none found."""
-    areas = [pruned.ladder.component[pruned.components_at(i)] for i in range(first, end)]
+def base_guide(first: int, areas: Sequence[Geometries], reach: float) -> BaseGuide | None:
+    """Return a base path from a first set-point on, for an arm of some reach [m]; None where none is found.
+
+    Areas are those of each set-point, one or more.
+    """
     lattice = _Lattice(shapely.total_bounds(areas[0])[:2], reach)
     layers = [lattice.layer(areas[0], None)]
     for some in areas[1:]:

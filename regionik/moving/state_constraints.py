@@ -32,14 +32,19 @@ class StateConstraints:
     robot: Robot
     collision: CollisionChecker
     room: FootprintScene | None  # where the free floor depends on the heading
-    within: Geometries  # (n,) where the arm axis may be in each state
+    within: Geometries | None  # (n,) where the arm axis may be in each state, None for anywhere
     # (n,) distance from the edge of that, and beyond the clearance of links, that is not given up [m]
     demanded: Array
     area_cost: float = OPTIONS.area_cost  # of what is missing of an area, or on the floor [1/m]
+    arm_cost: float = OPTIONS.arm_cost  # of what is missing of a link's clearance [1/m]
+    # Kept where there is room: by the axis and the footprint, and by links [m]
+    area_margin: float = AREA_MARGIN
+    arm_margin: float = ARM_MARGIN
 
     def half_spaces(self, states: Array) -> HalfSpaces:
         """Return the half-spaces about given states; see `path_smoothing`."""
-        parts = [self._inside(states)] if not self.robot.drive.rolls else []
+        bounded = self.within is not None and not self.robot.drive.rolls
+        parts = [self._inside(states)] if bounded else []
         parts += [self.on_floor(states)] if self.room else []
         parts += [self._clear(states)] if self.collision.enabled else []
         if not parts:
@@ -59,7 +64,7 @@ class StateConstraints:
         normal = np.zeros(states.shape)
         normal[:, :2] = unit
         normal[:, 2] = unit[:, 1] * (axis - states[:, :2])[:, 0] - unit[:, 0] * (axis - states[:, :2])[:, 1]
-        least = _least(sign * depth - self.demanded, AREA_MARGIN)
+        least = _least(sign * depth - self.demanded, self.area_margin)
         return HalfSpaces(np.arange(len(states)), normal, least, np.full(len(states), self.area_cost))
 
     def on_floor(self, states: Array) -> HalfSpaces:
@@ -93,14 +98,16 @@ class StateConstraints:
         normal = np.zeros((len(k), states.shape[1]))
         normal[:, :2] = unit
         normal[:, 2] = unit[:, 1] * lever[:, 0] - unit[:, 0] * lever[:, 1]
-        return HalfSpaces(k, normal, _least(room[kept], AREA_MARGIN), np.full(len(k), self.area_cost))
+        return HalfSpaces(k, normal, _least(room[kept], self.area_margin), np.full(len(k), self.area_cost))
 
     def _clear(self, states: Array) -> HalfSpaces:
         """Return half-spaces that keep the clearance of links near obstacles."""
         near = self.near(states)
         room = near.room - self.demanded[near.state]
         normal = self.approach(near, states)
-        return HalfSpaces(near.state, normal, _least(room, ARM_MARGIN), np.full(len(room), OPTIONS.arm_cost))
+        return HalfSpaces(
+            near.state, normal, _least(room, self.arm_margin), np.full(len(room), self.arm_cost)
+        )
 
     def near(self, states: Array) -> NearPairs:
         """Return the pairs of nearby solids in states (n, m)."""

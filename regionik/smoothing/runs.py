@@ -69,9 +69,9 @@ class PathRun:
         """
         mended = states.copy()
         for rows in _windows(failed, len(states)):
-            constraints = replace(
-                self.constraints, within=self.constraints.within[rows], demanded=demanded[rows]
-            )
+            within = self.constraints.within
+            within = None if within is None else within[rows]
+            constraints = replace(self.constraints, within=within, demanded=demanded[rows])
             cost = OPTIONS.stiffer_area_cost * self.constraints.area_cost
             constraints = replace(constraints, area_cost=cost)
             part = self.problem.part(rows, constraints.half_spaces)

@@ -108,6 +108,34 @@ class RuleOptions:
 
 
 @dataclass(frozen=True)
+class OptimisationOptions:
+    """The time-optimal pass over a whole motion, base, joints and times together."""
+
+    period: float = 0.1  # between states that are optimised, at most, as the motion was timed before [s]
+    # Of the time between two of them, at whose ends clearances and tolerances are kept, and at last
+    parts: int = 2
+    last_parts: int = 5
+    state_period: float = 0.02  # between those that are laid out of what is found, at most [s]
+    max_tries: int = 5  # of what is found, with more distance where it breaks a rule
+    cost: float = 30.0  # of what is missing of a clearance or of the tool's path [s/m]
+    margin: float = 1e-3  # of clearances, where there is room [m]
+    tool_share: float = 0.85  # of the tolerances of set-points and path that is used
+    contact_share: float = 0.4  # of that of set-points, where the tool sinks in
+    most_narrowed: float = 0.5  # part of the path's width that is given up near a state that breaks a rule
+    corrected_share: float = 0.97  # of those of set-points, beyond which the tool is brought back at last
+    cone_share: float = 0.95  # of cones
+    same: float = 1e-9  # coordinates that differ by less are the same [m], [rad]
+    damping: float = 1e-4  # of changes that bring the tool back to its set-points [m2]
+    sides: int = 8  # of the polygon in the path's cross-section
+    about: tuple[float, ...] = (
+        0.4,
+        1.0,
+    )  # slopes of directions about the tool's, in which its speed is limited
+    spare_distance: float = 0.003  # that is asked for besides near a state that breaks a rule [m]
+    places_beside: int = 4  # on either side of it
+
+
+@dataclass(frozen=True)
 class FigureOptions:
     """What is told of a timed motion: how much of its limits it uses, and where a tool speed is not held."""
 
@@ -128,6 +156,7 @@ class TimingOptions:
     jerk: JerkOptions = JerkOptions()
     slowing: SlowingOptions = SlowingOptions()
     rules: RuleOptions = RuleOptions()
+    optimisation: OptimisationOptions = OptimisationOptions()
     figures: FigureOptions = FigureOptions()
     max_rows: int = 1_000_000  # of a file of a trajectory
     # From zero to full acceleration of drives between two poses, where no jerk is given [s]

@@ -15,6 +15,7 @@ from regionik.timing.inserted_states import blended, refined, strayed, with_rest
 from regionik.timing.jerk_limited_timing import jerk_limited_motion, stretched
 from regionik.timing.limit_usage import check_tool_speed, slowdowns
 from regionik.timing.limits import MotionLimits, segments_on_path
+from regionik.timing.optimised_motion import optimised
 from regionik.timing.options import TIMING
 from regionik.timing.parametrization import fastest_times, path_of
 from regionik.timing.timing_figures import timing_figures
@@ -29,7 +30,7 @@ from regionik.worlds.robot import Robot
 CORNERS, SLOWING, RULES = TIMING.corners, TIMING.slowing, TIMING.rules
 
 
-def retime(plan: Plan, speeds: Speeds | None = None, *, hold: bool = False) -> Plan:
+def retime(plan: Plan, speeds: Speeds | None = None, *, hold: bool = False, optimise: bool = False) -> Plan:
     """Time a plan: as fast as speeds, accelerations and jerks allow, from rest to rest.
 
     The robot goes on a smooth path through the plan's states, whose points stay within a ``blend`` of the
@@ -46,6 +47,9 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, hold: bool = False) -> P
     hold : bool
         Refuse a tool speed that joints or base cannot give the tool everywhere on the path; without it the
         tool is slower there, and ``stats`` says where.
+    optimise : bool
+        Optimise the motion for time before, base, joints and times together: same set-points, in the same
+        order, same lift-offs and stops. The faster of both counts. Bases on wheels keep their motion.
 
     Returns
     -------
@@ -80,6 +84,9 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, hold: bool = False) -> P
         raise InputError(
             "plan: its motion breaks its own rules, so no smooth motion next to it keeps them; verify it"
         )
+    if optimise and not plan.world.robot.drive.rolls:
+        quicker = optimised(limits, timed, partial(_as_laid_out, limits, plan))
+        timed, report = quicker or (timed, report)
     if hold:
         check_tool_speed(limits, timed.motion)
     figures = {"margins": report.margins, "timing": timing_figures(limits, timed.motion)}
@@ -94,8 +101,7 @@ def _fastest(limits: MotionLimits, plan: Plan) -> tuple[Plan, Report]:
     usual, found = min(limits.blend, Speeds.blend), list[tuple[Plan, Report]]()
     near, most = replace(limits, speeds=replace(limits.speeds, blend=usual)), _most(plan)
     if not limits.robot.drive.rolls and strayed(limits, plan.motion) <= RULES.max_strayed_share:
-        motion, _ = with_rests(plan.motion, _rests(limits, plan.motion, np.zeros(len(plan.motion))))
-        found.append(_verified(limits, plan, _timed(limits, motion)))
+        found.append(_as_laid_out(limits, plan, plan.motion))
     asked = np.where(plan.motion.kind == "transit", max(limits.blend, CORNERS.lifted_blend), limits.blend)
     rounder = not limits.robot.drive.rolls and (asked > usual).any()
     for room in (asked, np.full(len(asked), usual))[not rounder :]:
@@ -104,6 +110,12 @@ def _fastest(limits: MotionLimits, plan: Plan) -> tuple[Plan, Report]:
         if report.ok and flows:
             break
     return min(found, key=lambda one: (not one[1].ok, float(one[0].motion.time[-1])))
+
+
+def _as_laid_out(limits: MotionLimits, plan: Plan, motion: Motion) -> tuple[Plan, Report]:
+    """The plan with a motion timed as its states are, none of its corners rounded, and its report."""
+    resting, _ = with_rests(motion, _rests(limits, motion, np.zeros(len(motion))))
+    return _verified(limits, plan, _timed(limits, resting))
 
 
 def _within(limits: MotionLimits, plan: Plan, allowed: Array, most: Array) -> tuple[Plan, Report, bool]:
