@@ -25,9 +25,13 @@ from regionik.regions import admissible_area
 from regionik.scene import scene_of
 from regionik.timing.retime import retime
 from regionik.values import Plan
+from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import load_world, world_to_document
 from regionik.worlds.limits import Speeds
-from regionik.worlds.scene import Target
+from regionik.worlds.links import BASE, LinkBox
+from regionik.worlds.obstacles import Box
+from regionik.worlds.scene import Floor, Rules, Target, World
+from tests.maths import translation
 from tests.opinion.course import Course, halfway
 from tests.opinion.judge import objections, posture_objections
 from tests.opinion.machine import Facts, Machine
@@ -264,6 +268,16 @@ def test_brute_force_sees_what_the_arm_runs_into() -> None:
     ball = {"name": "ball", "sphere": {"radius": 0.05, "center": spot.tolist()}}
     document = {**document, "obstacles": [ball], "rules": {**document["rules"], "tool_contact": 0.0}}
     assert find_clear(document, machine, {"point": spot}) is None
+
+
+def test_a_claim_is_not_contradicted_by_a_column_in_a_table_top() -> None:
+    """Brute force leaves the arm's obstacles out of account, but not those of what stands on the base."""
+    mast = LinkBox(BASE, "mast", translation(0.0, 0.0, 0.4), np.array([0.1, 0.1, 0.3]))
+    bare, top = robot_named("youbot"), Box("top", np.array([9.0, 9.0, 0.02]), np.array([0.0, 0.0, 0.5]))
+    floor, target = Floor(shapely.box(-1, -1, 1, 1)), Target(np.array([0.0, 0.0, 0.25]))
+    for robot, met in ((bare, True), (replace(bare, base_solids=(mast,)), False)):
+        world = World("under a top", robot, floor, (top,), (target,), Rules())
+        assert (counterexample(world, 0) is not None) == met
 
 
 def test_claims_on_reach_can_be_contradicted(monkeypatch: pytest.MonkeyPatch) -> None:

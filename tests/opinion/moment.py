@@ -57,6 +57,11 @@ class Moment:
         yield from (f"{text} {where}" for text in self._itself(frames))
         yield from (f"{text} {where}" for text in self._path(k, there if share else k, tool))
 
+    def look_at_body(self, k: int) -> Iterator[str]:
+        """Objections to what stands on the base in state k, and to the arm's first link."""
+        self.machine.place(self.course.base[k], self.course.joints[k])
+        yield from self._arm(self.machine.frames(), self.machine.tool()[:3, 3], most=0)
+
     def _base(self, base: Array) -> Iterator[str]:
         c, s = np.cos(base[2]), np.sin(base[2])
         corners = self.outline @ np.array([[c, s], [-s, c]]) + base[:2]
@@ -74,7 +79,8 @@ class Moment:
             if gap < least - FLAT or (deep and shape.area > 0):
                 yield f"clearance: the base is {gap:.6f} m from {thing.name}"
 
-    def _arm(self, frames: Array, tool: Array) -> Iterator[str]:
+    def _arm(self, frames: Array, tool: Array, most: float = np.inf) -> Iterator[str]:
+        """Objections to links up to a number, and to what is fixed to the base."""
         least = self.course.rules["arm_clearance"] + self.course.arm_stray
         spots = np.einsum("nij,nj->ni", frames[:, :3, :3], self.middles) + frames[:, :3, 3]
         if not len(self.pieces) or not len(spots):
@@ -87,7 +93,7 @@ class Moment:
         for p, n in np.argwhere(np.linalg.norm(apart, axis=2) < around):
             part, (i, piece) = self.machine.parts[p], self.pieces[close[n]]
             thing = self.course.things[i]
-            if thing.name == FLOOR and not self.off_floor[p]:
+            if part.link > most or (thing.name == FLOOR and not self.off_floor[p]):
                 continue
             gap = distance_of(part.shape.solid, placed(frames[p]), piece.solid, piece.placed)
             if part.link == self.machine.last and self._works_on(i, tool):

@@ -29,19 +29,20 @@ BERTH = 1e-4  # of base and arm beyond their clearances, so that what is found i
 def find(world: dict[str, Any], machine: Machine, target: dict[str, Any], seed: int = 0) -> Array | None:
     """Base pose and joint values with the tool on a target, the base free on its floor, limits kept.
 
-    Obstacles to the arm are left out of account. None where none was found.
+    Obstacles to the arm are left out of account, but for those to its first link, which hardly leaves its
+    place, and to what stands on the base. None where none was found.
     """
-    return next(_about(world, machine, target, seed), None)
+    found = list(_about(world, machine, target, seed))
+    moment = _moment(world, machine, target, found)
+    return next((one for k, one in enumerate(found) if not any(moment.look_at_body(k))), None)
 
 
 def find_clear(
     world: dict[str, Any], machine: Machine, target: dict[str, Any], seed: int = 0
 ) -> Array | None:
     """The same with an arm that keeps off obstacles, itself and its base as the rules say."""
-    asked = [{**{key: target[key] for key in target if key != "point"}, "points": [target["point"]]}]
     found = [one for k in range(ROUNDS) for one in _about(world, machine, target, seed + k)]
-    states = [{"base": one[:3], "joints": one[3:], "kind": "transit"} for one in found]
-    moment = Moment(Course({"world": {**world, "task": asked}, "states": states}, machine), BERTH)
+    moment = _moment(world, machine, target, found)
     return next((one for k, one in enumerate(found) if not any(moment.look(k, 0.0))), None)
 
 
@@ -49,15 +50,18 @@ def find_clear_at(
     world: dict[str, Any], machine: Machine, target: dict[str, Any], base: Array, seed: int = 0
 ) -> Array | None:
     """Joint values with the tool on a target from one pose of the base (3,), the arm as in `find_clear`."""
-    asked = [{**{key: target[key] for key in target if key != "point"}, "points": [target["point"]]}]
     rng, locked = np.random.default_rng(seed), 1 if world["rules"]["heading"] == "face_target" else 0
     bent = (_bend(machine, base, target, locked, rng) for _ in range(BENT))
     found = [q for q in bent if q is not None and not any(shortfalls(machine, world["rules"], base, q))]
-    states = [{"base": base, "joints": q, "kind": "transit"} for q in found]
-    if not states:
-        return None
-    moment = Moment(Course({"world": {**world, "task": asked}, "states": states}, machine), BERTH)
+    moment = _moment(world, machine, target, [np.concatenate([base, q]) for q in found])
     return next((q for k, q in enumerate(found) if not any(moment.look(k, 0.0))), None)
+
+
+def _moment(world: dict[str, Any], machine: Machine, target: dict[str, Any], found: list[Array]) -> Moment:
+    """Return what looks at configurations for a target, each a state."""
+    asked = [{**{key: target[key] for key in target if key != "point"}, "points": [target["point"]]}]
+    states = [{"base": one[:3], "joints": one[3:], "kind": "transit"} for one in found]
+    return Moment(Course({"world": {**world, "task": asked}, "states": states}, machine), BERTH)
 
 
 def _about(world: dict[str, Any], machine: Machine, target: dict[str, Any], seed: int) -> Iterator[Array]:
