@@ -11,6 +11,7 @@ import pytest
 
 import regionik as rik
 from regionik.planners.smoothing.least_time import least_time
+from regionik.planners.smoothing.options import LEAST_TIME
 from regionik.planners.smoothing.path_smoothing import HalfSpaces
 from regionik.planners.smoothing.timed_states import LeastTimeProblem, TimedStates, states_between
 from regionik.worlds.scene import Heading
@@ -66,6 +67,23 @@ def test_a_free_way_from_rest_to_rest_takes_the_least_time(
     found = least_time(problem, begun)
     assert least * 0.99 < problem.duration(found.spans) < 1.03 * least
     assert found.states[[0, -1]] == pytest.approx(np.stack([np.zeros(4), end]))
+
+
+@pytest.mark.parametrize(("count", "most"), [(12, LEAST_TIME.max_rounds), (600, 7)])
+def test_long_motions_have_fewer_rounds(count: int, most: int) -> None:
+    """Half-spaces are asked for once before the rounds, and once in each."""
+    problem, looks = pace(np.zeros(4), np.ones(4), count, 10.0), list[int]()
+
+    def counted(states: Array) -> HalfSpaces:
+        looks.append(len(states))
+        return HalfSpaces(np.empty(0, dtype=np.int64), np.empty((0, 4)), np.empty(0), np.empty(0))
+
+    rows = np.linspace(0, 1, 2 * count + 1)[:, None]
+    slow = TimedStates(rows * np.ones(4), np.full((2 * count + 1, 4), 0.1), np.full(2, 5 / count))
+    slow.rates[[0, -1]] = 0.0
+    found = least_time(replace(problem, half_spaces_at=counted), slow)
+    assert 1 < len(looks) <= most + 1
+    assert problem.duration(found.spans) < 10.0
 
 
 def test_splines_of_sections_meet_with_one_slope() -> None:

@@ -28,7 +28,8 @@ OPTIONS = LEAST_TIME
 def least_time(problem: LeastTimeProblem, timed: TimedStates) -> TimedStates:
     """Return timed states that take less time than given ones; what half-spaces miss is nearly mended."""
     timed = timed._replace(rates=np.where(problem.still, 0.0, timed.rates))
-    return _improved(problem, timed, OPTIONS.max_rounds, OPTIONS.first_trust, OPTIONS.missed_share)
+    rounds = min(OPTIONS.max_rounds, max(OPTIONS.min_rounds, OPTIONS.max_work // len(timed.states)))
+    return _improved(problem, timed, rounds, OPTIONS.first_trust, OPTIONS.missed_share)
 
 
 def kept_within(problem: LeastTimeProblem, timed: TimedStates) -> TimedStates:

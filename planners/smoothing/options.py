@@ -33,6 +33,9 @@ class LeastTimeOptions:
     """Rounds of a linear program in states and times, and what it leaves to the timing that follows."""
 
     max_rounds: int = 30
+    # Of long motions there are fewer: so many states in all rounds, and at least so many rounds
+    max_work: int = 9000
+    min_rounds: int = 4
     accuracy: float = 1e-6  # of a round's residuals: the next one mends what is left
     max_last_rounds: int = 4  # that mend what is missed
     # Largest change of a coordinate in the first round, in the first of the last ones, in any, and in one
