@@ -1,9 +1,9 @@
 """The motion between configurations: the tool stays on its path wherever areas and obstacles allow it.
 
 Where the tool is turned as asked, and on wheels, runs of base and joints together are grown from
-configurations at one set-point, where they are stuck, and midway. A search of clear configurations follows
-what M-FABRIK found, and tries others of the same set-point where the arm would touch something. Where a run
-ends, the tool is lifted and the base drives over free floor.
+configurations at one set-point, where they are stuck, along a base path through the areas, and midway. A
+search of clear configurations follows what M-FABRIK found, and tries others of the same set-point where the
+arm would touch something. Where a run ends, the tool is lifted and the base drives over free floor.
 """
 
 from __future__ import annotations
@@ -113,9 +113,9 @@ class _Connection:
         """Return the transit to set-point i and the longest run found from there.
 
         Without smoothing the configurations of M-FABRIK come first, as in its paper. With it a base that does
-        for the whole run stands still. Else, where the tool is turned as asked, and on
-        wheels, base and joints go on together, and configurations are searched where they are stuck.
-        Elsewhere they are searched first, those of M-FABRIK before others.
+        for the whole run stands still. Else, where the tool is turned as asked, and on wheels, base and
+        joints go on together, and configurations are searched where they are stuck. Elsewhere they are
+        searched first, those of M-FABRIK before others.
         """
         end = min((k for k in self.pruned.breaks if k > i), default=len(self.scene.task))
         if not self.scene.rules.smooth:
