@@ -6,7 +6,6 @@ import numpy as np
 import piqp
 from scipy.sparse import block_diag, csc_array, csr_array, eye_array, hstack
 
-from regionik.planners.smoothing.options import LEAST_TIME
 from regionik.worlds.arrays import Array
 
 ACCURACY = 1e-10  # of residuals, after PIQP's own scaling; the least costs are 1e-8
@@ -42,32 +41,29 @@ def minimize_quadratic(
     """
     bounded = least > UNBOUNDED
     rows, least, cost = rows[bounded], least[bounded], cost[bounded]
-    solver, (k, n) = piqp.SparseSolver(), rows.shape
-    solver.settings.eps_abs = solver.settings.eps_rel = ACCURACY
-    solver.setup(
+    k, n = rows.shape
+    found = minimize_within(
         csc_array(block_diag([hessian, csc_array((k, k))])),
         np.concatenate([gradient, cost]),
         None,
-        None,
         csc_array(hstack([rows, eye_array(k)])),
         least,
-        np.full(k, np.inf),
         np.concatenate([lower, np.zeros(k)]),
         np.concatenate([upper, np.full(k, np.inf)]),
+        ACCURACY,
     )
-    if solver.solve() != piqp.PIQP_SOLVED:
-        return None
-    return np.array(solver.result.x)[:n]
+    return None if found is None else found[:n]
 
 
 def minimize_within(
     hessian: csc_array,
     gradient: Array,
-    equations: tuple[csr_array, Array],
+    equations: tuple[csr_array, Array] | None,
     rows: csc_array,
     least: Array,
     lower: Array,
     upper: Array,
+    accuracy: float,
 ) -> Array | None:
     """Return the minimum of a quadratic function within linear constraints, None where none is found.
 
@@ -77,18 +73,20 @@ def minimize_within(
         Symmetric, positive semidefinite.
     gradient : (n,) array
         At zero.
-    equations : (k, n) sparse array and (k,) array
+    equations : (k, n) sparse array and (k,) array, or None for none
         ``equations[0] @ x`` is ``equations[1]``.
     rows, least : (m, n) sparse array, (m,) array
         ``rows @ x`` is at least ``least``.
     lower, upper : (n,) array
         Bounds of x.
+    accuracy : float
+        Of residuals, after PIQP's own scaling.
     """
     solver = piqp.SparseSolver()
-    solver.settings.eps_abs = solver.settings.eps_rel = LEAST_TIME.accuracy
+    solver.settings.eps_abs = solver.settings.eps_rel = accuracy
     most = np.full(len(least), np.inf)
-    form, right = equations
-    solver.setup(hessian, gradient, csc_array(form), right, rows, least, most, lower, upper)
+    form, right = (None, None) if equations is None else (csc_array(equations[0]), equations[1])
+    solver.setup(hessian, gradient, form, right, rows, least, most, lower, upper)
     return np.array(solver.result.x) if solver.solve() == piqp.PIQP_SOLVED else None
 
 

@@ -99,6 +99,7 @@ class TimeProgram:
             np.concatenate([least, most]),
             np.concatenate([self.lower.ravel(), -strong, slowest, -longest, none]),
             np.concatenate([self.upper.ravel(), strong, quickest, longest, none + np.inf]),
+            OPTIONS.accuracy,
         )
 
     @cached_property
