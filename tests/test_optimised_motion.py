@@ -18,8 +18,8 @@ from regionik.worlds.scene import Heading
 from tests.maths import Array
 from tests.planned import planned
 from tests.test_known_motions import WAVE, along, through
+from tests.timed import check_limits, each_millisecond
 
-SLACK = 1 + 1e-6
 WORLDS = ["pipe", "shelf", *(pytest.param(name, marks=pytest.mark.slow) for name in ("slab", "wall", "tao2"))]
 
 
@@ -123,15 +123,8 @@ def test_set_points_lift_offs_and_start_stay(name: str) -> None:
 @pytest.mark.parametrize("name", WORLDS)
 def test_no_limit_is_exceeded_at_a_thousand_hertz(name: str) -> None:
     found, speeds = both(name)[1], rik.Speeds()
-    motion = rik.trajectory(found)
-    look = motion.sample(np.append(np.arange(0.0, motion.duration, 1e-3), motion.duration))
-    velocity, acceleration = speeds.joint_limits(found.world.robot.chain)
-    assert (np.abs(look.joint_velocity) <= velocity * SLACK).all()
-    assert (np.abs(look.joint_acceleration) <= acceleration * SLACK).all()
-    assert np.hypot(*look.base_velocity[:, :2].T).max() <= speeds.base_velocity * SLACK
-    assert np.hypot(*look.base_acceleration[:, :2].T).max() <= speeds.base_acceleration * SLACK
-    assert np.abs(look.base_velocity[:, 2]).max() <= speeds.turn_velocity * SLACK
-    assert np.abs(look.base_acceleration[:, 2]).max() <= speeds.turn_acceleration * SLACK
+    look = each_millisecond(found)
+    check_limits(look, speeds, found.world.robot.chain)
     step = np.diff(look.time)[:, None]
     mean = np.diff(look.joints, axis=0) / step - (look.joint_velocity[1:] + look.joint_velocity[:-1]) / 2
     assert np.abs(mean).max() < 5e-3

@@ -19,7 +19,7 @@ from regionik.timing import retime as stage
 from regionik.timing.limits import MotionLimits, segments_on_path, tool_velocity
 from regionik.timing.parametrization import path_of
 from regionik.timing.retime import retime
-from regionik.timing.trajectory import TrajectorySample, trajectory
+from regionik.timing.trajectory import trajectory
 from regionik.values import Motion, Plan
 from regionik.verification.verifier import verify
 from regionik.worlds.bundled import robot_named
@@ -33,9 +33,9 @@ from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from tests.maths import Array
 from tests.planned import planned
 from tests.soaked import soaked_world
+from tests.timed import SLACK, check_limits, each_millisecond
 
 WHEELED = Speeds(wheel_velocity=0.5, base_velocity=1.0, turn_velocity=10.0)
-SLACK = 1 + 1e-6
 LONG = ("circle", "pipe", "tao1", "tao2")  # ways, of some seconds to plan or to time each
 TIMED = ["free", "l_shape", "door", *(pytest.param(name, marks=pytest.mark.slow) for name in LONG)]
 
@@ -49,22 +49,11 @@ def timed(name: str) -> Plan:
     return retime(planned(name), speeds_for(name))
 
 
-def each_millisecond(found: Plan) -> TrajectorySample:
-    motion = trajectory(found)
-    return motion.sample(np.append(np.arange(0.0, motion.duration, 1e-3), motion.duration))
-
-
 @pytest.mark.parametrize("name", TIMED)
 def test_no_limit_is_exceeded_at_a_thousand_hertz(name: str) -> None:
     found, speeds = timed(name), speeds_for(name)
     robot, look = found.world.robot, each_millisecond(found)
-    velocity, acceleration = speeds.joint_limits(robot.chain)
-    assert (np.abs(look.joint_velocity) <= velocity * SLACK).all()
-    assert (np.abs(look.joint_acceleration) <= acceleration * SLACK).all()
-    assert np.hypot(*look.base_velocity[:, :2].T).max() <= speeds.base_velocity * SLACK
-    assert np.hypot(*look.base_acceleration[:, :2].T).max() <= speeds.base_acceleration * SLACK
-    assert np.abs(look.base_velocity[:, 2]).max() <= speeds.turn_velocity * SLACK
-    assert np.abs(look.base_acceleration[:, 2]).max() <= speeds.turn_acceleration * SLACK
+    check_limits(look, speeds, robot.chain)
     if speeds.wheel_velocity is not None:
         rolled = np.abs(wheel_travel(look.base, robot.gauge)) / np.diff(look.time)[:, None]
         assert rolled[:-1].max() <= speeds.wheel_velocity * (

@@ -25,7 +25,8 @@ from tests.kinds import BaseKind
 from tests.maths import Array, arc_end
 from tests.plans import drive, plan_of, world_of, youbot
 from tests.soak import against
-from tests.test_retime import SLACK, timed
+from tests.test_retime import timed
+from tests.timed import SLACK
 
 RADIUS = 0.4  # of the car's tightest arc [m]
 SPEEDS = Speeds(base_velocity=0.6, turn_velocity=1.2, turn_acceleration=1.5, steering_velocity=0.7)
