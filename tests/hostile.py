@@ -186,7 +186,7 @@ def samples(kind: str) -> list[Files]:
             programs = (
                 "%\nO1 (a seam)\nG21 G90 G17\nN10 G0 X0 Y0 Z5\nG1 Z0 F100\nX10\nG2 X20 Y10 I0 J10\nM30\n",
                 "g20g91\ng1x1y1 ; away\ng3x1y0r.6\ng18 g2 x1 z0 i.5 k0\n/g1x9\ng4 p1\n",
-                "G90.1 G19\nG1 Y1 Z1\nG2 Y1 Z1 J2 K1 X3\nG91.1 G54\n",
+                "G90.1 G19\nG1 X0 Y1 Z1\nG2 Y1 Z1 J2 K1 X3\nG91.1 G54\n",
             )
             return [{READ[kind]: text.encode()} for text in programs]
         case "urdf":

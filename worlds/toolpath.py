@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from regionik.worlds.arrays import Array, freeze, frozen, transform_points, unit_vector
 from regionik.worlds.errors import InputError
@@ -22,11 +22,15 @@ _DECIMALS = 12
 
 @dataclass(frozen=True, eq=False)
 class ToolPath:
-    """Points of the tool, each with a direction, with an orientation or with neither."""
+    """Points of the tool, each with a direction, with an orientation or with neither.
+
+    Strokes are numbered from 1; 0 are points on the way from one to another.
+    """
 
     points: Array  # (n, 3) [m]
     directions: Array | None = None  # (n, 3) tool axes
     orientations: Array | None = None  # (n, 3, 3) rotations of the tool frame
+    strokes: NDArray[np.int64] | None = None  # (n,) of each point; None where the path tells none
 
     def __post_init__(self) -> None:
         n = len(self.points)
@@ -101,7 +105,7 @@ def turn_with_arc(path: ToolPath, start: float, end: float) -> ToolPath:
     turns[:, 2, 2] = 1.0
     directions = None if path.directions is None else (turns @ path.directions[:, :, None])[:, :, 0]
     orientations = None if path.orientations is None else turns @ path.orientations
-    return ToolPath(path.points, directions, orientations)
+    return replace(path, directions=directions, orientations=orientations)
 
 
 def rotation_from_quaternion(quaternion: ArrayLike) -> Array:
@@ -125,7 +129,8 @@ def transform_path(path: ToolPath, T_world_path: Array) -> ToolPath:
     R = T_world_path[:3, :3]
     directions = None if path.directions is None else path.directions @ R.T
     orientations = None if path.orientations is None else R @ path.orientations
-    return ToolPath(transform_points(T_world_path, path.points), directions, orientations)
+    points = transform_points(T_world_path, path.points)
+    return replace(path, points=points, directions=directions, orientations=orientations)
 
 
 def targets_along(path: ToolPath, cone: float) -> tuple[Target, ...]:

@@ -240,10 +240,10 @@ def _aimed(part: Piece, path: ToolPath) -> ToolPath:
     if part.direction is not None:
         if np.linalg.norm(part.direction) < 1e-9:
             raise InputError("direction: must not be zero")
-        path = ToolPath(path.points, directions=np.tile(part.direction, (n, 1)))
+        path = replace(path, directions=np.tile(part.direction, (n, 1)))
     if part.orientation is not None:
         with located("", "orientation"):
-            path = ToolPath(path.points, orientations=np.tile(_rotation(part.orientation), (n, 1, 1)))
+            path = replace(path, orientations=np.tile(_rotation(part.orientation), (n, 1, 1)))
     if isinstance(part, ArcPiece) and part.follow:
         if not given:
             raise InputError("follow: needs a direction or an orientation beside it")
