@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from regionik.worlds.arrays import Array
+
 Strokes = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
@@ -29,3 +31,10 @@ def worked(strokes: Strokes) -> Mask:
     [True, True, False, False, True]
     """
     return (strokes[1:] == strokes[:-1]) & (strokes[1:] != TRAVEL)
+
+
+def travel(points: Array, strokes: Strokes) -> tuple[int, float]:
+    """Return how many ways lead from one stroke to another, and their length in all [m]."""
+    idle = ~worked(strokes)
+    ways = int((idle & ~np.append(False, idle[:-1])).sum())
+    return ways, float(np.linalg.norm(np.diff(points, axis=0), axis=1)[idle].sum())

@@ -40,7 +40,7 @@ from regionik.worlds.readers.gcode_blocks import (
     read_block,
 )
 from regionik.worlds.readers.text import join_names, read_text
-from regionik.worlds.strokes import numbered_strokes
+from regionik.worlds.strokes import numbered_strokes, travel
 from regionik.worlds.toolpath import ToolPath
 
 MAX_POINTS = 1_000_000  # of a program, as a small chord cuts its arcs into many
@@ -79,7 +79,20 @@ def read_gcode(path: Path, chord: float) -> ToolPath:
     if program.passed_over:
         named = _grouped(program.passed_over)
         warnings.warn(f"{path}: passed over, each from this line on: {named}", FileNote, stacklevel=2)
-    return program.path(str(path))
+    found = program.path(str(path))
+    if program.extrudes:
+        _tell_travel(path, found)
+    return found
+
+
+def _tell_travel(path: Path, found: ToolPath) -> None:
+    """Warn of ways between beads: the tool is led along them as along beads."""
+    assert found.strokes is not None
+    ways, length = travel(found.points, found.strokes)
+    if ways:
+        told = f"{ways} way{'s' * (ways > 1)} without filament, {length:.3f} m in all"
+        text = f"{path}: {told}: the tool is led along as on a bead, lifted where the program lifts it"
+        warnings.warn(text, FileNote, stacklevel=3)
 
 
 Numbered = tuple[int, Block]  # a block, and its line from 1
