@@ -394,7 +394,7 @@ PASSED = (
 REFUSED = (
     "G5 X9 Y9 I1 J1 P1 Q1", "G68 R45", "G92 X0", "G10 P0 X9", "G42 X9", "G81 X9 Z1", "M98 P1", "M206 X9",
     "M290 Z1", "M808 L3", "SET_GCODE_OFFSET Z=1", "RESTORE_GCODE_STATE NAME=a", "FORCE_MOVE DISTANCE=9",
-    "if true", "while true", "G1 X{var.x}", "G1 A9", "O100 call",
+    "G28 G92 E0", "if true", "while true", "G1 X{var.x}", "G1 A9", "O100 call",
 )  # fmt: skip
 FRAME = "M83\nG1 X0 Y0 Z1\nG1 X5 E1\n{0}\nG90\nG21\nG17\nM83\nG1 X5 Y0 Z1\nG1 X7 E1\n"
 

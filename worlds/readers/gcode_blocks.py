@@ -212,6 +212,8 @@ def _block(codes: tuple[str, ...], words: dict[str, float | None]) -> Block:
     axes = words.keys() & _AXES
     homed = frozenset(axes or _AXES) if set(codes) & set(AWAY) else frozenset[str]()
     if own is not None:
+        if "G92" in codes:
+            raise InputError(f"{own}: expected a block of its own, as E may be G92's or its own")
         if own not in AWAY and axes and set(codes) & set(MOVES):
             raise InputError(f"{own}: expected a block of its own, as {min(axes)} may be a move's or its own")
         return Block(codes, None, homed, passed_over)
