@@ -11,9 +11,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from regionik.worlds.arrays import Array, freeze, frozen, transform_points, unit_vector
+from regionik.worlds.arrays import Array, Index, Mask, freeze, frozen, transform_points, unit_vector
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import Target
 
@@ -24,13 +24,13 @@ _DECIMALS = 12
 class ToolPath:
     """Points of the tool, each with a direction, with an orientation or with neither.
 
-    Strokes are numbered from 1; 0 are points on the way from one to another.
+    Strokes are what the tool works in one go, numbered from 1; 0 are points on the way from one to another.
     """
 
     points: Array  # (n, 3) [m]
     directions: Array | None = None  # (n, 3) tool axes
     orientations: Array | None = None  # (n, 3, 3) rotations of the tool frame
-    strokes: NDArray[np.int64] | None = None  # (n,) of each point; None where the path tells none
+    strokes: Index | None = None  # (n,) of each point; None where the path tells none
 
     def __post_init__(self) -> None:
         n = len(self.points)
@@ -93,6 +93,27 @@ def arc(center: ArrayLike, radius: float, start: float, end: float, count: int, 
         return [x + radius * math.cos(angle), y + radius * math.sin(angle), z + rise * s]
 
     return _sampled(count, point)
+
+
+def numbered_strokes(works: Mask) -> Index:
+    """Return the stroke of each of n points, of a path that is worked on some of its n - 1 segments.
+
+    >>> numbered_strokes(np.array([True, True, False, False, True])).tolist()
+    [1, 1, 1, 0, 2, 2]
+    """
+    before, after = np.append(False, works), np.append(works, False)
+    return np.where(before | after, np.cumsum(after & ~before), 0)
+
+
+def travel(points: Array, works: Mask) -> tuple[int, float]:
+    """Return how many ways lead from one stroke to another, and their length in all [m].
+
+    >>> travel(np.array([[0.0, 0, 0], [1, 0, 0], [1, 2, 0], [0, 2, 0]]), np.array([True, False, True]))
+    (1, 2.0)
+    """
+    idle = ~works
+    ways = int((idle & ~np.append(False, idle[:-1])).sum())
+    return ways, float(np.linalg.norm(np.diff(points, axis=0), axis=1)[idle].sum())
 
 
 def turn_with_arc(path: ToolPath, start: float, end: float) -> ToolPath:

@@ -26,6 +26,7 @@ from regionik.worlds.errors import FileNote, InputError
 from regionik.worlds.readers.gcode_blocks import (
     ARCS,
     AWAY,
+    AXES,
     CENTRES,
     ENDS,
     FILAMENTS,
@@ -40,8 +41,7 @@ from regionik.worlds.readers.gcode_blocks import (
     read_block,
 )
 from regionik.worlds.readers.text import join_names, read_text
-from regionik.worlds.strokes import numbered_strokes, travel
-from regionik.worlds.toolpath import ToolPath
+from regionik.worlds.toolpath import ToolPath, numbered_strokes, travel
 
 MAX_POINTS = 1_000_000  # of a program, as a small chord cuts its arcs into many
 MAX_RADIUS_ERROR = 0.005, 1e-3  # by which an arc's ends may differ: in its unit, and as a share of the radius
@@ -65,7 +65,7 @@ def read_gcode(path: Path, chord: float) -> ToolPath:
     Warns
     -----
     FileNote
-        With what was passed over, where it is more than feeds, spindles and tools.
+        With what was passed over, where it is more than feeds, spindles and tools; with ways between beads.
     """
     blocks, refused = _blocks(read_text(path).splitlines())
     program = _Program.of(blocks, chord)
@@ -79,20 +79,7 @@ def read_gcode(path: Path, chord: float) -> ToolPath:
     if program.passed_over:
         named = _grouped(program.passed_over)
         warnings.warn(f"{path}: passed over, each from this line on: {named}", FileNote, stacklevel=2)
-    found = program.path(str(path))
-    if program.extrudes:
-        _tell_travel(path, found)
-    return found
-
-
-def _tell_travel(path: Path, found: ToolPath) -> None:
-    """Warn of ways between beads: the tool is led along them as along beads."""
-    assert found.strokes is not None
-    ways, length = travel(found.points, found.strokes)
-    if ways:
-        told = f"{ways} way{'s' * (ways > 1)} without filament, {length:.3f} m in all"
-        text = f"{path}: {told}: the tool is led along as on a bead, lifted where the program lifts it"
-        warnings.warn(text, FileNote, stacklevel=3)
+    return program.path(path)
 
 
 Numbered = tuple[int, Block]  # a block, and its line from 1
@@ -201,21 +188,29 @@ class _Program:
                 first.setdefault(axis, False)
             if move and block.values and not {"G92"} & set(block.codes):
                 extrudes |= "E" in block.values
-                for axis in block.values.keys() & OFFSETS.keys():
+                for axis in block.values.keys() & AXES:
                     first.setdefault(axis, relative)
         return cls(chord, extrudes, {axis: 0.0 if first.get(axis, True) else math.nan for axis in OFFSETS})
 
-    def path(self, where: str) -> ToolPath:
-        """Return the path that was read, that of a program that extrudes from its first to its last bead."""
-        points, works = np.array(self.points), np.array(self.works)
+    def path(self, file: Path) -> ToolPath:
+        """Return the path that was read, that of a program that extrudes from its first to its last bead.
+
+        Warns of ways between beads: the tool is led along them as along beads.
+        """
+        points, works = np.array(self.points), np.array(self.works)[1:]
         if self.extrudes:
-            beads = np.flatnonzero(works[1:])
+            beads = np.flatnonzero(works)
             if not len(beads):
-                raise InputError(
-                    f"{where}: expected moves on which E grows, as the program has E, M82 or M83"
+                raise InputError(f"{file}: expected moves on which E grows, as the program has E, M82 or M83")
+            points, works = points[beads[0] : beads[-1] + 2], works[beads[0] : beads[-1] + 1]
+            ways, length = travel(points, works)
+            if ways:
+                told = f"{ways} way{'s' * (ways > 1)} without filament, {length:.3f} m in all"
+                text = (
+                    f"{file}: {told}: the tool is led along as on a bead, lifted where the program lifts it"
                 )
-            points, works = points[beads[0] : beads[-1] + 2], works[beads[0] : beads[-1] + 2]
-        return ToolPath(points, strokes=numbered_strokes(works[1:]))
+                warnings.warn(text, FileNote, stacklevel=3)
+        return ToolPath(points, strokes=numbered_strokes(works))
 
     def run(self, block: Block, number: int) -> None:
         """Do a block."""
@@ -228,7 +223,7 @@ class _Program:
             self.filament = values["E"]
         elif block.homed:
             self._leave(block, f"{next(code for code in block.codes if code in AWAY)} in line {number}")
-        elif values.keys() & {"X", "Y", "Z"} or (values.keys() & {"I", "J", "K"} and self.move in ARCS):
+        elif values.keys() & AXES or (values.keys() & {"I", "J", "K"} and self.move in ARCS):
             self._go(values, [code for code in block.codes if code not in MODES], number)
         elif "E" in values:
             self._fed(values)
@@ -273,7 +268,7 @@ class _Program:
         if not self.move:
             raise InputError("expected G0, G1, G2 or G3 before the first position")
         start, end = self.at, dict(self.at)
-        for axis in values.keys() & {"X", "Y", "Z"}:
+        for axis in values.keys() & AXES:
             end[axis] = values[axis] * self.unit + (start[axis] if self.relative else 0.0)
         fed, self.at = self._fed(values), end
         works = fed > LEAST_FILAMENT if self.extrudes else self.move != "G0"

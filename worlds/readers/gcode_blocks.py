@@ -28,10 +28,6 @@ BLOCK_DELETE = "blocks that begin with /"
 _COMMENT = re.compile(r"\([^()]*\)|;.*")
 _CHECKSUM = re.compile(r"\*\s*\d+\s*$")
 _WORD = re.compile(r"([A-Z])([-+]?(?:\d+\.?\d*|\.\d+))?")
-_NUMBERED = re.compile(r"([A-Z])([-+]?(?:\d+\.?\d*|\.\d+))", re.IGNORECASE)
-_MOVE = re.compile(
-    r"\s*(?:N\d+\s+)?G0*([01])((?:\s+[XYZEF][-+]?(?:\d+\.?\d*|\.\d+))+)\s*(?:;.*)?", re.IGNORECASE
-)
 # C and Python write small numbers as 1e-05; the filament of a program without blanks is X10E0.5.
 _EXPONENT = re.compile(r"[\d.]E[-+]0\d", re.IGNORECASE)
 _SMALL_EXPONENT = re.compile(r"[\d.]e[-+]?[\d.]")
@@ -47,7 +43,7 @@ _TOOL = re.compile(r"\s*(?:N\d+\s*)?T[?XC]?\s*$", re.IGNORECASE)  # as multi-mat
 _MACRO = re.compile(r"\s*([A-Z_][A-Z_]{2,}\w*)(?:\s+(.*\S))?\s*$", re.IGNORECASE)
 _SETTING = re.compile(r"\w+\s*=")
 _GROUPS = (MOVES, tuple(PLANES), tuple(UNITS), POSITIONS, CENTRES, FILAMENTS)
-_AXES, _OTHER_AXES = frozenset("XYZ"), frozenset("ABCUVW")
+AXES, _OTHER_AXES = frozenset("XYZ"), frozenset("ABCUVW")
 
 
 def _codes(letter: str, *numbers: float) -> frozenset[str]:
@@ -99,14 +95,8 @@ class Block:
 
 def read_block(line: str) -> Block:
     """Return the block of a line; what cannot be read, or is not followed, is an `InputError`."""
-    move = _MOVE.fullmatch(line)
-    if move is not None:
-        pairs = _NUMBERED.findall(move[2])
-        values = {letter.upper(): float(number) for letter, number in pairs}
-        if len(values) == len(pairs) and max(map(abs, values.values())) <= MAX_NUMBER:
-            return Block((f"G{move[1]}",), values)
     plain = _CHECKSUM.sub("", _COMMENT.sub(" ", line))
-    if not plain or plain.isspace():
+    if not plain.strip():
         return Block()
     if plain.lstrip().startswith("/"):
         return Block(passed_over=(BLOCK_DELETE,))
@@ -183,7 +173,7 @@ def _no_words(text: str) -> InputError:
 
 def _check_codes(codes: tuple[str, ...], words: dict[str, float | None]) -> None:
     """Refuse codes that may move the path and are not followed."""
-    with_axes = bool(words.keys() & (_AXES | _OTHER_AXES | set(OFFSETS.values())))
+    with_axes = bool(words.keys() & (AXES | _OTHER_AXES | set(OFFSETS.values())))
     for code in codes:
         if code in MODES:
             continue
@@ -209,8 +199,8 @@ def _block(codes: tuple[str, ...], words: dict[str, float | None]) -> Block:
     """Return a block whose words are known to belong to one thing."""
     passed_over = tuple(code for code in codes if code not in MODES and code not in _PLAIN)
     own = next((code for code in codes if code in _OWN_WORDS), None)
-    axes = words.keys() & _AXES
-    homed = frozenset(axes or _AXES) if set(codes) & set(AWAY) else frozenset[str]()
+    axes = words.keys() & AXES
+    homed = frozenset(axes or AXES) if set(codes) & set(AWAY) else frozenset[str]()
     if own is not None:
         if "G92" in codes:
             raise InputError(f"{own}: expected a block of its own, as E may be G92's or its own")
