@@ -17,7 +17,7 @@ from regionik.worlds.documents.world_file import world_to_document
 from regionik.worlds.limits import Criteria
 from regionik.worlds.links import BASE, LinkBox
 from regionik.worlds.obstacles import Box
-from regionik.worlds.scene import Floor, Rules, Target, World
+from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from tests.doors import Doors
 from tests.furnished import furnished_world, rising
 from tests.kinds import Mode
@@ -82,6 +82,18 @@ def test_where_no_height_of_a_lift_is_clear_no_area_is() -> None:
     assert shapely.area(open_ & part) > 0.05
     assert narrow.area > 0.05
     assert shapely.area(narrow & part) == 0.0
+
+
+@pytest.mark.parametrize("mode", ["stops", "continuous"])
+def test_a_base_drives_round_what_its_torso_meets_at_each_height(mode: Mode) -> None:
+    world = under_a_ceiling()
+    start = Start(np.array([-0.5, 0.0, 0.0]), world.robot.carry)
+    world = replace(world, start=start, rules=replace(world.rules, mode=mode))
+    slab, across = (Box("slab", np.array([0.4, wide, 0.1]), np.array([0.2, 0.0, 0.75])) for wide in (3.0, 4.0))
+    found = rik.plan(replace(world, obstacles=(*world.obstacles, slab)))
+    assert rik.verify(found).ok
+    with pytest.raises(rik.NoPlanFound, match="slab cuts it off"):
+        rik.plan(replace(world, obstacles=(*world.obstacles, across)))
 
 
 def test_parts_of_a_lift_keep_the_margin_of_its_limits() -> None:
@@ -179,9 +191,12 @@ def test_areas_and_fields_hold_no_place_where_the_body_cannot_stand(seed: int) -
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [580, 688])
+@pytest.mark.parametrize("seed", [580, 688, 502034, 504658])
 def test_where_every_stop_is_confirmed_there_is_a_plan(seed: int) -> None:
-    """The base alone would pass under a table; from between two tables the arm is hardly led out."""
+    """The base alone would pass under a table; from between two tables the arm is hardly led out.
+
+    Then a torso that a column is in the way of at each of its heights, and an arm that no berth keeps clear.
+    """
     doors = Doors(furnished_world(seed))
     doors.stops()
     assert doors.seen["plans"]

@@ -22,7 +22,14 @@ from regionik.areas.options import AREAS
 from regionik.planners.driving.footprint_scene import Outline
 from regionik.planners.geometry.offsets import grown, shrunk
 from regionik.worlds.arrays import Array
-from regionik.worlds.body import BodyPrism, Corners, fixed_prisms, pivot_discs
+from regionik.worlds.body import (
+    BodyPrism,
+    Corners,
+    fixed_prisms,
+    lift_range,
+    lifted_prisms,
+    pivot_discs,
+)
 from regionik.worlds.obstacles import Box, Cylinder, Prism, Shadow, Solid
 from regionik.worlds.scene import World
 from regionik.worlds.self_collision import base_name
@@ -143,10 +150,12 @@ def footprint_layer(world: World) -> BodyLayer:
 def upper_layers(world: World, footprint: BodyLayer, *, inside: bool) -> tuple[BodyLayer, ...]:
     """Return the layers of what is fixed to the base: around it, or ``inside`` it for what surely rejects.
 
-    What a pivot's link takes up in every posture is among both.
+    What a pivot's link takes up in every posture, and what lifts carry at each height, is among both.
     """
-    fixed = layers_of(world, fixed_prisms(world.robot, inside=inside), footprint, inside=inside)
-    return *fixed, *layers_of(world, pivot_discs(world.robot), footprint, inside=True)
+    robot = world.robot
+    fixed = layers_of(world, fixed_prisms(robot, inside=inside), footprint, inside=inside)
+    always = (*pivot_discs(robot), *lifted_prisms(robot, lift_range(robot), inside=True))
+    return *fixed, *layers_of(world, always, footprint, inside=True)
 
 
 def layers_of(

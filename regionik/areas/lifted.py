@@ -44,11 +44,6 @@ class LiftedBody:
         """True where what lifts carry may reject some place of the base."""
         return bool(self._layers_at(lift_range(self.world.robot), inner=True))
 
-    @property
-    def within(self) -> tuple[BodyLayer, ...]:
-        """Layers of what surely rejects, whatever the target: what lifts carry takes it up at each height."""
-        return self._layers_at(lift_range(self.world.robot), inner=False)
-
     def rejection(self, height: float, span: tuple[float, float] = EVERY, *, inner: bool) -> BaseGeometry:
         """Return the places of the arm axis rejected for a tool at a height, at headings of a span.
 

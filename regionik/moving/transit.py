@@ -2,7 +2,7 @@
 
 Where it cannot fold, it goes on as the base drives. Where nothing so simple gets there, RRTConnect looks for
 ways of base and arm together, unless the base is on wheels, then for ways of the arm alone before a drive and
-after it.
+after it, and for the drive of a carried arm that no berth from the floor's edge keeps clear.
 """
 
 from __future__ import annotations
@@ -86,7 +86,10 @@ class TransitPlanner:
                 if unfold is None:
                     continue
                 for out, fold in folds:
-                    drive = self.carried(Pose(out[-1].base, joints), Pose(back[-1].base, joints), piece)
+                    start, end = Pose(out[-1].base, joints), Pose(back[-1].base, joints)
+                    drive = self.carried(start, end, piece)
+                    if drive is None and name == "carry" and len(out) == len(back) == 1:
+                        drive = self._searched(start, end, piece)
                     if drive is not None:
                         return [*out, *fold, *drive, *unfold[::-1], *back[::-1]][1:-1]
         return None
@@ -268,6 +271,13 @@ class TransitPlanner:
             pass
         return None
 
+    def _searched(self, here: Pose, there: Pose, piece: int) -> list[Pose] | None:
+        """States strictly between two poses: a still arm, kept clear by where the base goes and turns."""
+        if self.scene.robot.drive.rolls:
+            return None
+        body = WholeBodyPlanner(self.scene, self.collision, self.driver.shaped(), piece, is_still=True)
+        return body.way(here, there, self.driver.seed, OPTIONS.max_iterations)
+
     def _withdrawal(self, here: Pose, piece: int) -> list[Pose] | None:
         """The shortest clear way from a pose to the carry posture: back with a still arm, then fold."""
         for far in WITHDRAWALS:
@@ -300,6 +310,7 @@ class WholeBodyPlanner:
     driver: Driver
     piece: int
     most: float = np.inf  # [m]
+    is_still: bool = False  # the arm, which is the same at both ends
 
     def way(self, here: Pose, there: Pose, seed: int, iterations: int) -> list[Pose] | None:
         """States strictly between two poses, with clear straight motions from turn to turn."""
@@ -344,5 +355,6 @@ class WholeBodyPlanner:
         high[:2] = np.minimum(extent[1], ends[:, :2].mean(axis=0) + reach)
         if scene.rules.heading != "fixed":
             low[2], high[2] = start[2] - np.pi, start[2] + np.pi
-        low[3:], high[3:] = joint_box(scene.robot.chain, start[3:], goal[3:])
+        joints = start[3:], goal[3:]
+        low[3:], high[3:] = joints if self.is_still else joint_box(scene.robot.chain, *joints)
         return low, high

@@ -11,7 +11,6 @@ import shapely
 from shapely.geometry import MultiPolygon, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.layers import all_taken
 from regionik.postures.poses import axis_of
 from regionik.regions import Area
 from regionik.scene import scene_of
@@ -39,14 +38,20 @@ def shown_floor(world: World, detail: float = OPTIONS.detail) -> ShownFloor:
     rejected is one where a plan that holds has its arm's axis: the part is drawn a little too small, and so
     is the free one, where there is a part between them.
     """
-    scene, floor = scene_of(world), world.floor.polygon
-    some, every = (shapely.union_all(all_taken(scene.lifted.within, inner=inner)) for inner in (True, False))
-    room, sure = scene.ground.outer.free - every, scene.ground.inner.free - some
-    rejected = _simplified(shapely.buffer(floor - room, -detail), detail)
-    if shapely.buffer(room - sure, -detail).is_empty:
+    ground, floor = scene_of(world).ground, world.floor.polygon
+    room, sure = ground.outer.free, ground.inner.free
+    rejected = _simplified(_shrunk(floor - room, detail), detail)
+    if _shrunk(room - sure, detail).is_empty:
         return ShownFloor(floor - rejected, Polygon(), rejected)
-    free = _simplified(shapely.buffer(sure, -detail), detail) - rejected
+    free = _simplified(_shrunk(sure, detail), detail) - rejected
     return ShownFloor(free, floor - rejected - free, rejected)
+
+
+def _shrunk(shape: BaseGeometry, by: float) -> BaseGeometry:
+    """Places deeper inside, part by part: all at once take twenty times as long for a noisy map."""
+    parts = shapely.get_parts(shapely.buffer(shapely.get_parts(shape), -by))
+    shrunk: BaseGeometry = shapely.multipolygons(parts[~shapely.is_empty(parts)])
+    return shrunk
 
 
 def _simplified(shape: BaseGeometry, detail: float) -> BaseGeometry:

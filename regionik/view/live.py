@@ -189,10 +189,9 @@ def live_picture(areas: LiveAreas) -> Picture:
 def live_meshes(areas: LiveAreas) -> list[SceneMesh]:
     """Floor, obstacles with what they reject, areas, and the tool path, but not the robot."""
     world = areas.world
-    scene = scene_of(world)
-    layers = (*scene.ground.within, *scene.lifted.within)
+    within = scene_of(world).ground.within
     obstacles = (
-        _obstacle_meshes(solid, k, surely_taken(layers, solid.name))
+        _obstacle_meshes(solid, k, surely_taken(within, solid.name))
         for k, solid in enumerate(world.obstacles)
     )
     return [
