@@ -89,7 +89,8 @@ def test_a_base_drives_round_what_its_torso_meets_at_each_height(mode: Mode) -> 
     world = under_a_ceiling()
     start = Start(np.array([-0.5, 0.0, 0.0]), world.robot.carry)
     world = replace(world, start=start, rules=replace(world.rules, mode=mode))
-    slab, across = (Box("slab", np.array([0.4, wide, 0.1]), np.array([0.2, 0.0, 0.75])) for wide in (3.0, 4.0))
+    place = np.array([0.2, 0.0, 0.75])
+    slab, across = (Box("slab", np.array([0.4, wide, 0.1]), place) for wide in (3.0, 4.0))
     found = rik.plan(replace(world, obstacles=(*world.obstacles, slab)))
     assert rik.verify(found).ok
     with pytest.raises(rik.NoPlanFound, match="slab cuts it off"):

@@ -52,7 +52,7 @@ class Side:
     @cached_property
     def free(self) -> BaseGeometry:
         """Floor less the rejected parts."""
-        return shapely.difference(self.floor, shapely.union_all(self.parts))
+        return shapely.difference(self.floor, shapely.multipolygons(self.parts))
 
     @cached_property
     def pieces(self) -> Geometries:

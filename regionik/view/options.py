@@ -54,6 +54,7 @@ class SceneOptions:
     """Solids, robots and marks in space."""
 
     facets: int = 24  # round a circle
+    max_cut_corners: int = 3000  # of a floor area that is cut into triangles at once
     tube_sides: int = 5
     mark_radius: float = 0.014  # of set-points [m]
     shaft_radius: float = 0.008  # of arrows [m]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -53,12 +54,27 @@ def split_vertices(part: TriangleMesh) -> TriangleMesh:
 
 def floor_mesh(area: BaseGeometry, z: float = 0.0) -> TriangleMesh:
     """Cut a floor area into triangles at height z [m]."""
-    pieces = [p for p in shapely.get_parts(area) if isinstance(p, Polygon) and p.area > 0]
+    pieces = [small for part in shapely.get_parts(area) for small in _small_pieces(part)]
     cut = [shapely.get_parts(shapely.constrained_delaunay_triangles(p)) for p in pieces]
     corners = (
         shapely.get_coordinates(np.concatenate(cut)).reshape(-1, 4, 2)[:, :3] if cut else np.zeros((0, 3, 2))
     )
     return _from_corners(np.dstack([corners, np.full(corners.shape[:2], z)]))
+
+
+def _small_pieces(area: BaseGeometry) -> Iterator[Polygon]:
+    """Polygons of an area cut in halves until they have few corners: triangles of many take their square."""
+    if not isinstance(area, Polygon) or area.area == 0:
+        return
+    if shapely.get_num_coordinates(area) <= OPTIONS.max_cut_corners:
+        yield area
+        return
+    x0, y0, x1, y1 = area.bounds
+    x, y = (x0 + x1) / 2, (y0 + y1) / 2
+    wide = x1 - x0 > y1 - y0
+    for half in ((x0, y0, x, y1), (x, y0, x1, y1)) if wide else ((x0, y0, x1, y), (x0, y, x1, y1)):
+        for part in shapely.get_parts(shapely.clip_by_rect(area, *half)):
+            yield from _small_pieces(part)
 
 
 def extrude(area: BaseGeometry, bottom: float, top: float) -> TriangleMesh:

@@ -87,7 +87,7 @@ def shown_start(world: World, area: BaseGeometry | None = None) -> tuple[Array, 
     bases = [pose_of(robot, spot, 0.0) for spot in edge[:: 1 + len(edge) // OPTIONS.start_places]]
     if not bases:
         return None
-    bodies = bodies_around(world)
+    bodies = bodies_around(scene_of(world).within_reach(np.array(bases)).world)
     gaps = [nearest(bodies, base, robot.carry).distance for base in bases]
     best = int(np.argmax(gaps))
     return (bases[best], robot.carry) if gaps[best] > 0 else None
