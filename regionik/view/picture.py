@@ -96,6 +96,7 @@ class Picture:
     extent: float  # radius about the camera's centre that holds the floor [m]
     tracks: tuple[KeyframeTrack, ...] = ()  # all end at the same time
     timeline: Timeline | None = None  # None where nothing moves
+    setpoints: tuple[str, ...] = ()  # what people call each; none where nobody calls any
 
     @property
     def legend(self) -> tuple[LegendEntry, ...]:
@@ -108,6 +109,12 @@ class Picture:
             LegendEntry(some[0].color, label, tuple(body.path for body in some))
             for label, some in found.items()
         )
+
+
+def setpoint_names(world: World) -> tuple[str, ...]:
+    """Return what people call each set-point; nothing where none has a name."""
+    names = tuple(target.name for target in world.task)
+    return names if any(names) else ()
 
 
 def count_noun(count: int, noun: str) -> str:

@@ -19,7 +19,15 @@ from regionik.scene import scene_of
 from regionik.view import triangle_meshes
 from regionik.view.floor_view import rejected_words, shown_floor
 from regionik.view.options import VIEW
-from regionik.view.picture import Camera, Color, Picture, SceneMesh, camera_for, count_noun
+from regionik.view.picture import (
+    Camera,
+    Color,
+    Picture,
+    SceneMesh,
+    camera_for,
+    count_noun,
+    setpoint_names,
+)
 from regionik.view.timeline import bodies_around
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import planar_pose
@@ -50,7 +58,8 @@ def picture_with_robot(
     pose = shown_start(world, area)
     robot, poses = ([], {}) if pose is None else robot_meshes(world, *pose, ghost=world.start is None)
     camera = camera_for(world, np.empty((0, 3)) if pose is None else robot_points(world.robot, *pose))
-    return Picture(world.name, facts, (*bodies, *robot), poses, camera, floor_radius(world, camera))
+    radius, names = floor_radius(world, camera), setpoint_names(world)
+    return Picture(world.name, facts, (*bodies, *robot), poses, camera, radius, setpoints=names)
 
 
 def world_meshes(world: World, covered: BaseGeometry | None = None) -> list[SceneMesh]:
