@@ -20,6 +20,8 @@ from scipy.spatial.transform import Rotation
 
 import regionik as rik
 from regionik.cli.app import run
+from regionik.view.floor_view import floor_view
+from regionik.view.world_picture import picture_of_world
 from regionik.worlds.documents.world_file import world_from_document, world_to_document
 from regionik.worlds.errors import FileNote
 from tests import examples
@@ -148,6 +150,19 @@ def test_roll_pitch_and_yaw_turn_about_fixed_axes(said: str, turns: float, tmp_p
     wanted = Rotation.from_euler("xyz", angles).as_matrix()
     assert target.orientation is not None
     np.testing.assert_allclose(target.orientation, wanted, atol=1e-12)
+
+
+def test_tool_axes_are_drawn_on_the_side_of_the_tool(tmp_path: Path) -> None:
+    for word, side in (("outward", 1), ("inward", -1)):  # above the set-point, or below it
+        world = world_of(tmp_path, "x,y,z,nx,ny,nz\n0.5,0,0.3,0,0,1\n", direction=word)
+        (axes,) = (one for one in picture_of_world(world).bodies if one.path == "task/axes")
+        above = side * (axes.mesh.vertices[:, 2] - 0.3)
+        assert 0 < above.min() < 0.03
+        assert 0.09 < above.max() < 0.11
+    level = world_of(tmp_path, "x,y,z,nx,ny,nz\n0.5,0,0.3,0,-1,0\n", direction="outward")
+    ((start, end),) = floor_view(level).tool_axes
+    np.testing.assert_allclose(start, [0.5, -0.1], atol=1e-12)
+    assert -0.1 < end[1] < 0
 
 
 @settings(max_examples=examples(30))

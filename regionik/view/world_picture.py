@@ -27,6 +27,7 @@ from regionik.view.picture import (
     camera_for,
     count_noun,
     setpoint_names,
+    tool_axes,
 )
 from regionik.view.timeline import bodies_around
 from regionik.worlds.arrays import Array
@@ -40,6 +41,7 @@ from regionik.worlds.scene import Floor, Target, World
 OPTIONS = VIEW.scene
 
 TOOL = "tool/tip"
+AXES_WORDS = "axis of the tool"
 TURNING_WORDS = "room at some headings only"
 _CAUSE_WORDS = "in the way; the set-point"
 GHOST_WORDS = "robot, where it may stand: the world gives no start"
@@ -264,7 +266,11 @@ def task_meshes(world: World, missing: NDArray[np.bool_] | None = None) -> list[
         ("task/ahead", ~missing, Color.AHEAD, 1.0, "set-points"),
         ("task/missing", missing, Color.MISSING, 1.6, "set-points that fail"),
     )
-    bodies = [SceneMesh("task/path", path, Color.PATH, lit=False, label="tool path asked for")]
+    axes = [triangle_meshes.arrow(start, end, OPTIONS.shaft_radius / 3) for start, end in tool_axes(world)]
+    bodies = [
+        SceneMesh("task/path", path, Color.PATH, lit=False, label="tool path asked for"),
+        SceneMesh("task/axes", triangle_meshes.merge(axes), Color.TOOL_AXIS, lit=False, label=AXES_WORDS),
+    ]
     for node, rows, color, size, label in marks:
         if rows.any():
             mesh = triangle_meshes.spheres(points[rows], size * OPTIONS.mark_radius)
