@@ -279,13 +279,13 @@ def largest_clearance(scene: Scene, target: Target) -> float | None:
 
 
 def checked_targets(targets: ArrayLike | Sequence[Target]) -> Array | list[Target]:
-    """Positions (n, 3) of bare targets, or the targets where any asks for more.
+    """Positions (n, 3) of bare targets, or the targets where any asks for more or has a name.
 
     Raises InputError for targets that are not n rows of three finite numbers.
     """
     if isinstance(targets, Sequence) and all(isinstance(target, Target) for target in targets):
         some = [target for target in targets if isinstance(target, Target)]
-        if any(target.direction is not None for target in some):
+        if any(target.direction is not None or target.name for target in some):
             return some
         targets = np.array([target.position for target in some]).reshape(-1, 3)
     return frozen(np.atleast_2d(np.asarray(targets)), (None, 3), "targets")

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from regionik.worlds.arrays import Array, frozen
-from regionik.worlds.errors import InputError, Verdict
+from regionik.worlds.errors import InputError, ReasonCode, Verdict
 from regionik.worlds.prepared import Prepared
 from regionik.worlds.scene import StopCriterion, Target, World
 
@@ -221,12 +221,15 @@ class Skipped:
     verdict : str
         As in an `regionik.worlds.errors.Explanation`.
     reason : str
+    code : str
+        The reason in a word, as in an `Answer`.
     """
 
     setpoint: int
     target: Target
     verdict: Verdict
     reason: str
+    code: ReasonCode = ""
 
     def __repr__(self) -> str:
         return f"Skipped(set-point {self.setpoint + 1}, {self.verdict})"
@@ -324,6 +327,11 @@ def _pose_text(base: Array) -> str:
     return f"x {x:.3f} m, y {y:.3f} m, yaw {yaw:.3f} rad"
 
 
+def answer_titles(joint_names: Sequence[str]) -> tuple[str, ...]:
+    """Return the titles of a table of answers."""
+    return ("name", "x", "y", "z", "verdict", "code", "base_x", "base_y", "base_yaw", *joint_names, "reason")
+
+
 @dataclass(frozen=True, eq=False)
 class Answer:
     """Reachability of n targets.
@@ -345,6 +353,10 @@ class Answer:
         One for each target; empty where it is reachable.
     gap : (n,) array
         Diameter of the largest circle of undecided places for the arm axis; 0 for a decided target [m].
+    name : list of str
+        What people call each target; empty for one without a name.
+    code : list of str
+        The reason in a word, one of `regionik.worlds.errors.ReasonCode`; empty where it is reachable.
     """
 
     targets: Array
@@ -354,6 +366,28 @@ class Answer:
     joints: Array
     reason: list[str]
     gap: Array
+    name: list[str]
+    code: list[ReasonCode]
+
+    def columns(self, joint_names: Sequence[str] = ()) -> dict[str, list[Any]]:
+        """Return the `answer_titles` of a table and their columns; None where a target has no base.
+
+        Joints go by the names given, as ``world.robot.chain.names`` has them; else they are numbered.
+        """
+        joint_names = joint_names or [f"joint_{k + 1}" for k in range(self.joints.shape[1])]
+        found = np.column_stack([self.base, self.joints]).astype(object)
+        found[~self.reachable] = None
+        asked, told = [self.name, *self.targets.T.tolist()], [self.verdict.tolist(), self.code]
+        columns = [*asked, *told, *found.T.tolist(), self.reason]
+        return dict(zip(answer_titles(joint_names), columns, strict=True))
+
+    def to_pandas(self, joint_names: Sequence[str] = ()) -> Any:
+        """Return `columns` as a ``pandas.DataFrame``; an InputError where pandas is not installed."""
+        try:
+            from pandas import DataFrame
+        except ImportError as error:
+            raise InputError(f"to_pandas needs pandas (pip install pandas): {error}") from None
+        return DataFrame(self.columns(joint_names))
 
     def __repr__(self) -> str:
         counts = dict(zip(*np.unique(self.verdict, return_counts=True), strict=True))

@@ -30,7 +30,7 @@ from regionik.output.urdf import robot_to_urdf
 from regionik.storage.files import open_partial
 from regionik.worlds.documents.world_file import load_world, world_to_document
 from regionik.worlds.errors import InputError
-from regionik.worlds.readers.csv_path import index_csv, read_csv, read_csv_columns
+from regionik.worlds.readers.csv_path import CsvFormat, index_csv, read_csv
 from regionik.worlds.readers.gcode import read_gcode
 from regionik.worlds.readers.occupancy_map import load_map
 from regionik.worlds.urdf.loader import load_robot
@@ -74,7 +74,7 @@ def read(kind: str, path: Path) -> None:
                 table.block(k).path()
         case "columns":
             titles = {"x": "X (mm)", "y": "Y (mm)", "z": "Z"} | {key: key for key in ("qx", "qy", "qz", "qw")}
-            read_csv_columns(path, titles, "semicolon")
+            read_csv(path, CsvFormat(titles, "semicolon"))
         case "gcode":
             read_gcode(path, 1e-4)
         case "urdf":

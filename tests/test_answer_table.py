@@ -77,8 +77,8 @@ def test_blocks_are_the_file(
 @pytest.mark.parametrize(
     ("line", "expected"),
     [
-        ("1,2", "line 90: expected x,y,z or .* got 2 columns"),
-        ("1,2,3,0,0,1", "line 90: expected 3 columns as in line 3, got 6"),
+        ("1,2", "line 90: z: expected a finite number, got ''"),
+        ("1,2,3,0,0,1", "line 90: expected 3 columns as in line 2, got 6"),
         ("1,2,high", "line 90: z: expected a finite number"),
         ("1,2,nan", "line 90: z: expected a finite number"),
         ("x,y,z", "line 90: x: expected a finite number"),

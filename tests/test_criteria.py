@@ -395,7 +395,8 @@ def test_a_plan_that_criteria_forbid_says_so() -> None:
     world = replace(bare, rules=replace(bare.rules, criteria=Criteria(manipulability=0.2)))
     with pytest.raises(NoPlanFound, match="Without the criteria of the rules it could be reached") as refused:
         plan(world)
-    assert refused.value.explanation.causes[0].kind == "criteria"
+    told = refused.value.explanation
+    assert told.causes[0].kind == told.code == "criteria"
 
 
 # --- what is refused

@@ -135,15 +135,15 @@ def test_csv_of_points_directions_and_orientations(tmp_path: Path) -> None:
     [
         ("", "at least one line"),
         ("x,y,z\n", "at least one line"),
-        ("1,2,3\n1,2\n", "line 2: expected x,y,z or .*got 2 columns"),
-        ("x,y,z,qw,qx,qy,qz\n1,2,3,1,0,0,0\n", "line 1: expected the columns .* in this order, got x,y,z,qw"),
+        ("1,2,3\n1,2\n", "line 2: z: expected a finite number, got ''"),
+        ("x,y,z,qw,qx,qy\n1,2,3,1,0,0\n", "line 1: expected titles for x,y,z, .*: qz missing, titles: "),
         ("1,2,3\n\n1,2,3,0,0,1\n", "line 3: expected 3 columns as in line 1, got 6"),
         ("1,2,3\n1,two,3\n", "line 2: y: expected a finite number, got 'two'"),
         ("1,2,nan\n", "line 1: z: expected a finite number"),
         ("1,2,3\nx,y,z\n", "line 2: x"),
         ("1,2,3,0,0,0\n", "line 1: dx,dy,dz must not be zero"),
         ("1,2,3,0,0,0,1\n1,2,3,1,1,0,0\n", "line 2: qx,qy,qz,qw: expected a unit quaternion"),
-        ("1;2;3\n", "line 1: expected x,y,z"),
+        ("1,5;2,5;3,5\n", "line 1: expected x,y,z or .* got 4 columns"),
     ],
 )
 def test_bad_rows_are_named_by_their_line(text: str, message: str, tmp_path: Path) -> None:

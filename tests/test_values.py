@@ -88,7 +88,15 @@ def test_results_show_themselves_in_one_line() -> None:
             "unreachable", 0, "too\nhigh"
         ),
         "Answer(1 target: 1 reachable)": Answer(
-            ONE[None], np.array([True]), np.array(["reachable"]), ONE[None], ONE[None], [""], NONE[:1]
+            ONE[None],
+            np.array([True]),
+            np.array(["reachable"]),
+            ONE[None],
+            ONE[None],
+            [""],
+            NONE[:1],
+            [""],
+            [""],
         ),
         "Field(hall: 2 x 1 cells of 0.1 m, the best place reaches 1 of 1 targets, by areas alone)": Field(
             "hall",

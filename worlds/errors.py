@@ -22,6 +22,24 @@ CauseKind = Literal[
     "criteria",
     "execution",
 ]
+ReasonCode = Literal[
+    "",  # none: it is reachable, or what is said has to do with a path
+    "too-high",  # above all that the arm reaches
+    "too-low",
+    "too-far",  # beyond where the base may stand, or beyond the reach from its one pose
+    "no-posture",  # none within limits brings the tool there, wherever it points
+    "tool-direction",  # none does with the wanted direction or orientation
+    "no-room",  # nowhere on the floor is room for the base
+    "base-blocked",  # the base is too near to obstacles wherever the arm reaches it from, or at its one pose
+    "body-blocked",  # what stands on the base is, as under a table
+    "off-floor",  # the one pose of the base is
+    "wrong-heading",  # of the one pose, by the rules
+    "in-obstacle",  # the target is, or nearer to it than the end of the arm may come
+    "arm-blocked",  # in each posture the arm touches something
+    "criteria",  # the rules' criteria rule out what else would reach it
+    "no-place",  # each place is ruled out, one for this reason and one for that
+    "not-found",  # neither a posture nor a proof that there is none
+]
 RepairKind = Literal[
     "clearance", "move-target", "move-obstacle", "move-start", "cone", "raise", "lift-off", "stop-tolerance"
 ]
@@ -74,6 +92,7 @@ class SetpointFailure:
     setpoint: int
     verdict: Verdict
     reason: str
+    code: ReasonCode = ""
 
 
 @dataclass(frozen=True)
@@ -84,6 +103,7 @@ class Explanation:
     none is ruled out; "ladder-broken" and "no-posture" say that no way and no posture was found.
     ``setpoint`` counts from 0; ``reason`` counts from 1, as people do. ``failures`` are all the set-points
     that cannot be done themselves, ``setpoint`` among them; none where it is the way between two that fails.
+    ``code`` is the reason in a word, where it is about a target by itself.
     """
 
     verdict: Verdict
@@ -92,6 +112,7 @@ class Explanation:
     causes: tuple[Cause, ...] = ()
     repairs: tuple[Repair, ...] = ()
     failures: tuple[SetpointFailure, ...] = ()
+    code: ReasonCode = ""
 
     def __repr__(self) -> str:
         counts = f"{len(self.causes)} causes, {len(self.repairs)} repairs"

@@ -43,9 +43,18 @@ def check_frame_name(name: str) -> None:
         raise InputError(f"expected the name of a frame, as map or odom, without a slash; got {name!r}")
 
 
+def checked_name(name: str) -> str:
+    """Return the name of a set-point itself, once it is known to fit on a line."""
+    if len(name) > MAX_TARGET_NAME or not name.isprintable():
+        text = f"expected at most {MAX_TARGET_NAME} printable characters"
+        raise InputError(f"{text}, got {name[:MAX_TARGET_NAME]!r}")
+    return name
+
+
 Heading = Literal["free", "face_target", "fixed"]
 Mode = Literal["continuous", "stops"]
 Order = Literal["given", "any"]
+MAX_TARGET_NAME = 80  # [characters]
 FLOOR_THICKNESS = 30.0  # thickness of the solid floor, and how far it goes on beyond the floor's edge [m]
 StopCriterion = Literal["tolerance", "clearance", "manipulability", "effort", "distance", "probability"]
 
@@ -65,6 +74,8 @@ class Target:
         direction nor an orientation.
     orientation : (3, 3) array or None
         Full tool orientation; its third column is ``direction``.
+    name : str
+        What people call it, in messages, answers and files; empty for none.
 
     Examples
     --------
@@ -76,8 +87,12 @@ class Target:
     direction: Array | None = None
     cone: float = 0.05
     orientation: Array | None = None
+    name: str = ""
 
     def __post_init__(self) -> None:
+        if self.name:
+            with located("target", "name"):
+                checked_name(self.name)
         freeze(self, "target", position=(3,))
         check_near_origin(self.position, "target: position")
         if self.orientation is not None:

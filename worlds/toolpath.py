@@ -18,6 +18,7 @@ from regionik.worlds.errors import InputError
 from regionik.worlds.scene import Target
 
 _DECIMALS = 12
+_LEAST_ACROSS = 1e-3  # part of a step across the tool's axis that gives its x axis a direction
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +32,7 @@ class ToolPath:
     directions: Array | None = None  # (n, 3) tool axes
     orientations: Array | None = None  # (n, 3, 3) rotations of the tool frame
     strokes: Index | None = None  # (n,) of each point; None where the path tells none
+    names: tuple[str, ...] = ()  # of the points, n; or none, where no point has one
 
     def __post_init__(self) -> None:
         n = len(self.points)
@@ -39,6 +41,8 @@ class ToolPath:
             freeze(self, "tool path", directions=(n, 3))
         if self.orientations is not None:
             freeze(self, "tool path", orientations=(n, 3, 3))
+        if self.names and len(self.names) != n:
+            raise InputError(f"names: expected one for each of {n} points, got {len(self.names)}")
 
 
 def line(start: ArrayLike, end: ArrayLike, count: int) -> Array:
@@ -129,6 +133,38 @@ def turn_with_arc(path: ToolPath, start: float, end: float) -> ToolPath:
     return replace(path, directions=directions, orientations=orientations)
 
 
+def turn_along_path(path: ToolPath) -> ToolPath:
+    """Return a path whose tool, its axis given, has its x axis along the path, square to that axis.
+
+    At a point in between that is along the line through its neighbours.
+
+    Raises
+    ------
+    InputError
+        Where the tool's axis is not given, or there is no such line or it lies along that axis.
+
+    Examples
+    --------
+    >>> flat = ToolPath(line([0, 0, 0], [0, 1, 0], 2), directions=[[0, 0, -1], [0, 0, -1]])
+    >>> (turn_along_path(flat).orientations[0] + 0.0).tolist()
+    [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]
+    """
+    if path.directions is None:
+        raise InputError("x_axis: along_path needs the tool's axis, by directions or normals, and no more")
+    n = len(path.points)
+    before, after = np.maximum(np.arange(n) - 1, 0), np.minimum(np.arange(n) + 1, n - 1)
+    z = path.directions / np.linalg.norm(path.directions, axis=1, keepdims=True)
+    ways = path.points[after] - path.points[before]
+    x = ways - np.einsum("ij,ij->i", ways, z)[:, None] * z
+    lengths = np.linalg.norm(x, axis=1)
+    lost = np.flatnonzero(lengths <= _LEAST_ACROSS * np.maximum(np.linalg.norm(ways, axis=1), 1e-9))
+    if len(lost):
+        text = "the path stands still or goes along the tool's axis there, which leaves its x axis open"
+        raise InputError(f"x_axis: along_path: point {lost[0] + 1} of {n}: {text}")
+    x /= lengths[:, None]
+    return replace(path, directions=None, orientations=np.stack([x, np.cross(z, x), z], axis=2))
+
+
 def rotation_from_quaternion(quaternion: ArrayLike) -> Array:
     """Return the rotation matrix (3, 3) of a unit quaternion x, y, z, w."""
     values = frozen(quaternion, (4,), "quaternion")
@@ -159,9 +195,12 @@ def targets_along(path: ToolPath, cone: float) -> tuple[Target, ...]:
     free = [None] * len(path.points)
     directions = free if path.directions is None else path.directions
     orientations = free if path.orientations is None else path.orientations
+    names = path.names or [""] * len(path.points)
     return tuple(
-        Target(point, direction, cone, orientation)
-        for point, direction, orientation in zip(path.points, directions, orientations, strict=True)
+        Target(point, direction, cone, orientation, name)
+        for point, direction, orientation, name in zip(
+            path.points, directions, orientations, names, strict=True
+        )
     )
 
 

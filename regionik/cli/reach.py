@@ -21,7 +21,6 @@ from regionik.cli.console import (
     explain_no_plan,
     explanation_document,
     file_names,
-    percent_text,
     print_explanation,
     print_json,
     print_message,
@@ -31,13 +30,23 @@ from regionik.cli.console import (
 )
 from regionik.cli.exit_codes import ExitCode
 from regionik.cli.options import COMMANDS
-from regionik.storage.files import json_values
+from regionik.cli.tables import (
+    AngleUnitName,
+    Columns,
+    NormalsWay,
+    Unit,
+    as_counted,
+    csv_format,
+    print_answers,
+    print_stops,
+    unconfirmed,
+)
 from regionik.worlds.errors import InputError
 
 if TYPE_CHECKING:
     from regionik.executors import Pool
     from regionik.reachability.field import Field
-    from regionik.values import Answer, Stop
+    from regionik.values import Stop
     from regionik.worlds.scene import StopCriterion, Target, World
 
 TARGET = "X Y Z [DX DY DZ]"
@@ -50,7 +59,13 @@ def reach_targets(
     target: Annotated[
         list[str] | None, typer.Option("--target", metavar=TARGET, help="A target [m]; may be repeated.")
     ] = None,
-    table: Annotated[Path | None, typer.Option("--csv", help="Targets from a CSV file: x, y, z.")] = None,
+    table: Annotated[
+        Path | None, typer.Option("--csv", help="Targets from a CSV file: x, y, z, and name if you like.")
+    ] = None,
+    columns: Columns = None,
+    unit: Unit = None,
+    angle_unit: AngleUnitName = None,
+    normals: NormalsWay = None,
     base: Annotated[
         tuple[float, float, float] | None,
         typer.Option("--base", metavar="X Y YAW", help="Where the base stands, exactly [m], [rad]."),
@@ -80,6 +95,7 @@ def reach_targets(
     if any target is not reachable.
     """
     check_output(output, (".csv", ".json", ".geojson"), [world, table])
+    form = csv_format(table, "--csv", columns, unit, angle_unit, normals)
     if dask is not None and workers is not None and workers > 1:
         raise InputError("--workers and --dask: expected one of them")
     streams = not target and not as_json and _can_stream(table, output)
@@ -90,9 +106,9 @@ def reach_targets(
         loaded = read_world(world, progress)
         if streams and table is not None and output is not None:
             with _executor(workers or workers_for(_lines(table)), dask) as (pool, ahead):
-                count, total = stream_answers(loaded, table, output, pool, ahead, base)
+                count, total = stream_answers(loaded, table, output, pool, ahead, base, form)
         else:
-            asked = parse_targets(loaded, target or [], table)
+            asked = parse_targets(loaded, target or [], table, form)
             with _executor(workers or workers_for(len(asked)), dask) as (pool, _):
                 count, total = _reach_at_once(loaded, asked, base, output, as_json, pool)
     there = "" if base is None else f" from {_pose_text(base)}"
@@ -136,23 +152,8 @@ def _reach_at_once(
     if as_json:
         print_json(answers_document(answer))
     elif output is None:
-        _print_answers(answer)
+        print_answers(answer)
     return int(answer.reachable.sum()), len(answer.verdict)
-
-
-def _print_answers(answer: Answer) -> None:
-    """Print answers as a table on stdout."""
-    from rich.console import Console
-    from rich.table import Column, Table
-
-    right = [Column(name, justify="right") for name in ("x", "y", "z")]
-    rest = "verdict", "base x, y, yaw", Column("reason", overflow="fold")
-    table = Table(*right, *rest, box=None, pad_edge=False)
-    for k, target in enumerate(answer.targets):
-        base = ", ".join(f"{v:z.3f}" for v in answer.base[k]) if answer.reachable[k] else ""
-        verdict = str(answer.verdict[k])
-        table.add_row(*(f"{v:zg}" for v in target), verdict, base, answer.reason[k])
-    Console(markup=False, highlight=False).print(table)
 
 
 def _can_stream(table: Path | None, output: Path | None) -> bool:
@@ -182,6 +183,10 @@ def map_reach(
     targets: Annotated[
         Path | None, typer.Option("--targets", help="Targets from a CSV file, instead of WORLD's own.")
     ] = None,
+    columns: Columns = None,
+    unit: Unit = None,
+    angle_unit: AngleUnitName = None,
+    normals: NormalsWay = None,
     cell: Annotated[float, typer.Option("--cell", metavar="M", help="Side of a cell [m].")] = 0.05,
     height: Annotated[
         float | None, typer.Option("--height", metavar="Z", help="A slice of tool positions at this height.")
@@ -196,6 +201,7 @@ def map_reach(
     With --height it maps where the tool can be at that height. A .tif needs regionik[geotiff].
     """
     check_output(output, FIELD_SUFFIXES, [world, targets])
+    form = csv_format(targets, "--targets", columns, unit, angle_unit, normals)
     if targets is not None and height is not None:
         raise InputError("--targets and --height: expected one of them, a slice has no targets")
     if check and height is not None:
@@ -214,7 +220,7 @@ def map_reach(
             chosen: tuple[Target, ...] = ()
             found = reach_slice(loaded, height, cell)
         else:
-            chosen = loaded.task if targets is None else targets_along(read_csv(targets), Target.cone)
+            chosen = loaded.task if targets is None else targets_along(read_csv(targets, form), Target.cone)
             found = reach_field(loaded, chosen, cell)
         write_field(found, output)
         checked = _checked_text(loaded, found, chosen) if check else ""
@@ -262,19 +268,20 @@ def find_stops(
         _write_stops(loaded, found, output, picture)
     written = [path for path in (output, picture) if path is not None]
     if as_json:
+        from regionik.output.answers import stops_document
         from regionik.storage.plan_document import skipped_document
 
         document = {
             "ok": True,
             "world": loaded.name,
-            "stops": json_values(found),
-            "unconfirmed": _unconfirmed(found),
+            "stops": stops_document(loaded, found),
+            "unconfirmed": unconfirmed(found),
             "stats": parking.stats(len(found)),
             "skipped": skipped_document(skipped),
         }
         print_json({**document, "files": file_names(written)})
     else:
-        _print_stops(found)
+        print_stops(loaded, found)
     count = len(loaded.task)
     served = f"{count - len(skipped)} of {count}" if skipped else f"{count}"
     print_message(
@@ -301,46 +308,22 @@ def _write_stops(world: World, some: tuple[Stop, ...], output: Path | None, pict
         from regionik.output.answers import stops_geojson
         from regionik.storage.files import json_text, write_atomic
 
-        write_atomic(output, json_text(stops_geojson(some)))
+        write_atomic(output, json_text(stops_geojson(world, some)))
     if picture is not None:
         from regionik.view.figures import plot_stops
 
         plot_stops(world, some, picture)
 
 
-def _print_stops(some: tuple[Stop, ...]) -> None:
-    told, doubts = any(stop.probability is not None for stop in some), bool(_unconfirmed(some))
-    more = "  probability    " * told + "  unconfirmed" * doubts
-    print(f"stop  set-points      x [m]     y [m]  yaw [rad]  tolerance [m]{more}".rstrip())
-    for n, stop in enumerate(some, 1):
-        x, y, yaw = stop.base.tolist()
-        span = f"{stop.first + 1} to {stop.last + 1}"
-        likely = "" if stop.probability is None else f"  at least {percent_text(stop.probability)}"
-        doubt = f"  {_as_counted(stop.unconfirmed)}" if stop.unconfirmed else ""
-        if sorted(stop.setpoints) != list(range(stop.first, stop.last + 1)):
-            span = f"{len(stop.setpoints)} of them"
-        print(f"{n:4d}  {span:12s} {x:z9.3f} {y:z9.3f} {yaw:z10.3f} {stop.tolerance:14.4f}{likely}{doubt}")
-
-
-def _unconfirmed(some: tuple[Stop, ...]) -> list[int]:
-    """Set-points at which no clear posture is known from their stop."""
-    return sorted(i for stop in some for i in stop.unconfirmed)
-
-
 def _confirmed_text(some: tuple[Stop, ...]) -> str:
     """Say for how many set-points a clear posture is known, which areas do not look at."""
-    every, doubts = sum(len(stop.setpoints) for stop in some), _unconfirmed(some)
+    every, doubts = sum(len(stop.setpoints) for stop in some), unconfirmed(some)
     if not doubts:
         return f"  confirmed: from its stop each of the {every} set-points has a posture that is clear"
     return (
         f"  confirmed: {every - len(doubts)} set-points have a posture that is clear; unconfirmed, by areas "
-        f"alone: {_as_counted(doubts)} (regionik reach WORLD --base X Y YAW says why)"
+        f"alone: {as_counted(doubts)} (regionik reach WORLD --base X Y YAW says why)"
     )
-
-
-def _as_counted(setpoints: Sequence[int]) -> str:
-    """Return the numbers of set-points as people count them, from 1."""
-    return ", ".join(str(i + 1) for i in setpoints)
 
 
 def explain_world(

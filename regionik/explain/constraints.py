@@ -191,8 +191,9 @@ def setpoint(i: int, count: int) -> str:
 
 
 def setpoint_at(task: Sequence[Target], i: int) -> str:
-    """A set-point as people count, and where it is."""
-    return f"{setpoint(i, len(task))} at {spot(task[i].position)}"
+    """A set-point as people count and call it, and where it is."""
+    name = f" '{task[i].name}'" if task[i].name else ""
+    return f"{setpoint(i, len(task))}{name} at {spot(task[i].position)}"
 
 
 def spot(position: Array) -> str:

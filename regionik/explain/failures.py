@@ -28,10 +28,12 @@ from regionik.values import Violation
 from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import Array
 from regionik.worlds.body import without_body
-from regionik.worlds.errors import Cause, CauseKind, Explanation, Repair, SetpointFailure
+from regionik.worlds.errors import Cause, CauseKind, Explanation, ReasonCode, Repair, SetpointFailure
 from regionik.worlds.obstacles import Shadow
 from regionik.worlds.scene import Target, World
 from regionik.worlds.self_collision import base_name
+
+_Told = tuple[ReasonCode, str, tuple[Cause, ...], tuple[Repair, ...]]  # the reason in a word and in words
 
 
 def no_place(scene: Scene, i: int, targets: Sequence[Target] | None = None) -> Explanation:
@@ -51,22 +53,22 @@ def no_place(scene: Scene, i: int, targets: Sequence[Target] | None = None) -> E
     open_clearance = largest_clearance(scene, target)
     above = _blocked_above(scene, target) if open_clearance is None else []
     if above:
-        reason, causes, repairs = _under(scene, above, lead, proven=proven)
+        code, reason, causes, repairs = _under(scene, above, lead, proven=proven)
     elif open_clearance is None:
-        reason, causes, repairs = _out_of_reach(scene, target, lead, reach, proven=proven)
+        code, reason, causes, repairs = _out_of_reach(scene, target, lead, reach, proven=proven)
         if targets is None and causes[0].kind == "floor" and causes[0].margin is not None:
             places = _places(scene, reach, proven=proven)
             reason += narrow_passage(scene, places, Point(target.position[:2]))
     else:
-        reason, causes, repairs = _crowded_out(scene, lead, reach, open_clearance, proven=proven)
+        code, reason, causes, repairs = _crowded_out(scene, lead, reach, open_clearance, proven=proven)
     if scene.rules.criteria is not None:
         bare = largest_clearance(with_rules(scene, criteria=None), target)
         if bare is not None and bare >= scene.world.base_clearance:
             reason += " Without the criteria of the rules it could be reached."
-            causes = (Cause("criteria", "rules.criteria"), *causes)
+            code, causes = "criteria", (Cause("criteria", "rules.criteria"), *causes)
     if not proven:
         reason += f" It is not ruled out either: {_left_open(scene, target)}."
-    return Explanation("unreachable" if proven else "undecided", i, reason, causes, repairs)
+    return Explanation("unreachable" if proven else "undecided", i, reason, causes, repairs, code=code)
 
 
 def _left_open(scene: Scene, target: Target) -> str:
@@ -92,9 +94,7 @@ def _blocked_above(scene: Scene, target: Target) -> list[RejectedPart]:
     return [part for part in found if part.part != footprint and part.polygon.area > 1e-12]
 
 
-def _under(
-    scene: Scene, blocked: Sequence[RejectedPart], lead: str, *, proven: bool
-) -> tuple[str, tuple[Cause, ...], tuple[Repair, ...]]:
+def _under(scene: Scene, blocked: Sequence[RejectedPart], lead: str, *, proven: bool) -> _Told:
     """Reason where columns, torsos and the like find no room, by the obstacles that take most of it."""
     by_size = sorted(blocked, key=lambda part: -part.polygon.area)
     parts, names = (list(dict.fromkeys(getattr(one, key) for one in by_size)) for key in ("part", "name"))
@@ -104,12 +104,10 @@ def _under(
         f"{lead}: wherever the arm {reach} it from, {join(parts[:3])} of {scene.robot.name}, which the base "
         f"carries, {would} {near} {join(names[:4])}."
     )
-    return reason, tuple(Cause("obstacle", name) for name in names), ()
+    return "body-blocked", reason, tuple(Cause("obstacle", name) for name in names), ()
 
 
-def _out_of_reach(
-    scene: Scene, target: Target, lead: str, reach: BaseGeometry, *, proven: bool
-) -> tuple[str, tuple[Cause, ...], tuple[Repair, ...]]:
+def _out_of_reach(scene: Scene, target: Target, lead: str, reach: BaseGeometry, *, proven: bool) -> _Told:
     span = reach_bound(scene.robot.chain)
     shoulder, length = span.height + float(scene.robot.mount[2]), span.length
     over = abs(float(target.position[2]) - shoulder) - length
@@ -121,7 +119,8 @@ def _out_of_reach(
         )
         text = f"{'raise the arm or lower' if way == 'above' else 'raise'} the target by {over:.3f} m"
         repair = Repair("move-target", "target", over, text)
-        return reason, (Cause("reach", scene.robot.name, over),), (repair,)
+        code: ReasonCode = "too-high" if way == "above" else "too-low"
+        return code, reason, (Cause("reach", scene.robot.name, over),), (repair,)
     ground, places = scene.ground, _places(scene, reach, proven=proven)
     if places.is_empty:
         room = "room" if proven else "known room"
@@ -129,7 +128,7 @@ def _out_of_reach(
             f"{lead}: nowhere on the floor is {room} for the base of {scene.robot.name}, whose footprint "
             f"reaches {ground.far:.3f} m from the arm's axis.{narrow_floor(scene)}"
         )
-        return reason, (Cause("floor", "edge of the floor", None),), ()
+        return "no-room", reason, (Cause("floor", "edge of the floor", None),), ()
     off = places.distance(Point(target.position[:2]))
     if off > 0 and reach.disjoint(places):
         beyond = "where the base may stand" if proven else "known for the base"
@@ -137,12 +136,12 @@ def _out_of_reach(
             f"{lead}: it lies {off:.3f} m beyond the places {beyond}, and the arm of {scene.robot.name} does "
             "not reach that far."
         )
-        return reason, (Cause("floor", "edge of the floor", off),), ()
+        return "too-far", reason, (Cause("floor", "edge of the floor", off),), ()
     kind: CauseKind = "limits" if target.direction is None else "direction"
     anywhere, known = (" from anywhere", "") if reach.is_empty else ("", " is known that")
-    posture = f"no posture {_missing_postures(scene, target)}{known}"
-    reason = f"{lead}{anywhere}: {posture} brings the tool of {scene.robot.name} there."
-    return reason, (Cause(kind, scene.robot.name),), ()
+    code, missing = _missing_postures(scene, target)
+    reason = f"{lead}{anywhere}: no posture {missing}{known} brings the tool of {scene.robot.name} there."
+    return code, reason, (Cause(kind, scene.robot.name),), ()
 
 
 def _places(scene: Scene, reach: BaseGeometry, *, proven: bool) -> BaseGeometry:
@@ -154,23 +153,24 @@ def _places(scene: Scene, reach: BaseGeometry, *, proven: bool) -> BaseGeometry:
     return shapely.union_all([side.free for side in sides])
 
 
-def _missing_postures(scene: Scene, target: Target) -> str:
+def _missing_postures(scene: Scene, target: Target) -> tuple[ReasonCode, str]:
     """Words for the postures that are missing for a target within the arm's height and length."""
     if target.direction is None:
-        return "within limits"
+        return "no-posture", "within limits"
     bare, pointed = Target(target.position), Target(target.position, target.direction, target.cone)
     if largest_clearance(scene, bare) is None:
-        return "within limits, whichever way the tool points,"
+        return "no-posture", "within limits, whichever way the tool points,"
     if target.orientation is None:
-        return "with the wanted tool direction"
+        return "tool-direction", "with the wanted tool direction"
     if largest_clearance(scene, pointed) is None:
-        return "with the tool's axis as its orientation asks"
-    return "with the tool turned about its axis as asked, as its direction alone would let it be,"
+        return "tool-direction", "with the tool's axis as its orientation asks"
+    turned = "with the tool turned about its axis as asked, as its direction alone would let it be,"
+    return "tool-direction", turned
 
 
 def _crowded_out(
     scene: Scene, lead: str, outer: BaseGeometry, open_clearance: float, *, proven: bool
-) -> tuple[str, tuple[Cause, ...], tuple[Repair, ...]]:
+) -> _Told:
     wanted = scene.world.base_clearance
     missing = wanted - open_clearance
     blockers = sorted(rejected_by_obstacles(scene, outer), key=lambda part: -part.polygon.area)
@@ -187,7 +187,7 @@ def _crowded_out(
     )  # for the rule: executions take their part
     text = f"a clearance of {left:.3f} m lets it be reached"
     repairs = (Repair("clearance", "rules.clearance", left, text),) if left >= 0 else ()
-    return reason, causes, repairs
+    return "base-blocked", reason, causes, repairs
 
 
 def too_many_lifts(scene: Scene, breaks: Sequence[int], bridges: Sequence[BaseGeometry]) -> Explanation:

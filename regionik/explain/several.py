@@ -26,7 +26,7 @@ def failures_of(explanation: Explanation) -> tuple[SetpointFailure, ...]:
     """Set-points of an explanation that cannot be done, whichever others are."""
     if explanation.failures or explanation.setpoint is None or explanation.verdict not in ALONE:
         return explanation.failures
-    return (SetpointFailure(explanation.setpoint, explanation.verdict, explanation.reason),)
+    return (SetpointFailure(explanation.setpoint, explanation.verdict, explanation.reason, explanation.code),)
 
 
 def together(explanations: Sequence[Explanation]) -> Explanation:
@@ -133,6 +133,11 @@ def _renamed(reason: str, i: int, remaining: Sequence[int], count: int) -> str:
 
 
 def as_setpoint(reason: str, i: int, count: int) -> str:
-    """A reason about an only target, with the target named as set-point i of several."""
-    name = f"et-point {i + 1} of {count} at ("
-    return reason.replace("The target at (", f"S{name}").replace("the target at (", f"s{name}")
+    """A reason about an only target, with the target told as set-point i of several.
+
+    >>> as_setpoint("No way was found to reach the target 'cup' at (1, 2, 3)", 6, 40)
+    "No way was found to reach set-point 7 of 40 'cup' at (1, 2, 3)"
+    """
+    for before, after in (("The target", "Set-point"), ("the target", "set-point")):
+        reason = re.sub(rf"{before}(?=( '.*')? at \()", f"{after} {i + 1} of {count}", reason)
+    return reason

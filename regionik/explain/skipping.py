@@ -78,7 +78,9 @@ def _without(scene: Scene, failures: Sequence[SetpointFailure]) -> tuple[Scene, 
 
 
 def _skipped(scene: Scene, failure: SetpointFailure) -> Skipped:
-    return Skipped(failure.setpoint, scene.task[failure.setpoint], failure.verdict, failure.reason)
+    return Skipped(
+        failure.setpoint, scene.task[failure.setpoint], failure.verdict, failure.reason, failure.code
+    )
 
 
 def _of_all(

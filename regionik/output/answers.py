@@ -9,6 +9,7 @@ import hashlib
 import json
 import platform
 from collections.abc import Sequence
+from dataclasses import asdict
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -23,28 +24,30 @@ from regionik.reachability.options import REACHABILITY
 from regionik.reachability.reach import reach
 from regionik.storage.files import csv_text, json_text, json_values, open_partial, write_atomic
 from regionik.storage.plan_document import feature, feature_collection
-from regionik.values import Answer, Stop
+from regionik.values import Answer, Stop, answer_titles
 from regionik.worlds.documents.world_file import world_to_document
 from regionik.worlds.errors import InputError, located
-from regionik.worlds.readers.csv_path import CsvBlock, CsvTable, index_csv, read_csv
+from regionik.worlds.readers.csv_path import CsvBlock, CsvFormat, CsvTable, index_csv, read_csv
 from regionik.worlds.scene import Target, World
 from regionik.worlds.toolpath import rotation_from_quaternion, targets_along
 
 FORMATS = (".csv", ".json", ".geojson")
 MAX_IN_MEMORY = 100_000  # targets whose answers are held in memory, as documents are
 BasePose = tuple[float, float, float]  # x, y [m], yaw [rad]
-_AXES, _BASE = ("x", "y", "z"), ("base_x", "base_y", "base_yaw")
+_AXES = ("x", "y", "z")
 _DEPENDENCIES = ("regionik", "numpy", "scipy", "shapely", "numba", "llvmlite")  # answers may vary with them
 
 
-def parse_targets(world: World, positions: Sequence[str], table: Path | None) -> list[Target]:
+def parse_targets(
+    world: World, positions: Sequence[str], table: Path | None, form: CsvFormat | None = None
+) -> list[Target]:
     """Return targets written as numbers, then those of a CSV file; without either, the world's own.
 
     Numbers are x, y, z, or with a tool axis dx, dy, dz behind them, or with an orientation qx, qy, qz, qw.
     """
     targets = [_target(text) for text in positions]
     if table is not None:
-        path = read_csv(table)
+        path = read_csv(table, form)
         if len(path.points) > MAX_IN_MEMORY:
             raise InputError(
                 f"{table}: {len(path.points)} targets are more than the {MAX_IN_MEMORY} that are answered at "
@@ -82,6 +85,7 @@ def answers_document(answer: Answer) -> dict[str, Any]:
         "verdict": str(answer.verdict[first]),
         "setpoint": first,
         "reason": answer.reason[first],
+        "code": answer.code[first],
         "causes": [],
         "repairs": [],
         "answers": _answer_records(answer),
@@ -92,11 +96,13 @@ def _answer_records(answer: Answer) -> list[dict[str, Any]]:
     """Return a dict for each target; base and joints are None where it is unreachable."""
     return [
         {
+            "name": answer.name[k],
             **dict(zip(_AXES, target.tolist(), strict=True)),
             "verdict": str(answer.verdict[k]),
             "reachable": bool(answer.reachable[k]),
             "base": answer.base[k].tolist() if answer.reachable[k] else None,
             "joints": answer.joints[k].tolist() if answer.reachable[k] else None,
+            "code": answer.code[k],
             "reason": answer.reason[k],
         }
         for k, target in enumerate(answer.targets)
@@ -106,8 +112,8 @@ def _answer_records(answer: Answer) -> list[dict[str, Any]]:
 def write_answers(answer: Answer, names: Sequence[str], path: Path) -> None:
     """Write answers to a ``.csv``, ``.json`` or ``.geojson`` file; ``names`` are those of the joints.
 
-    Columns of the table are x, y, z, verdict, base_x, base_y, base_yaw, one per joint name, reason; empty
-    where a target has no base. A GeoJSON point lies on the floor, its height among the properties.
+    Columns of the table are those of `regionik.values.Answer.columns`. A GeoJSON point lies on the
+    floor, its height among the properties.
     """
     match path.suffix.lower():
         case ".csv":
@@ -115,7 +121,7 @@ def write_answers(answer: Answer, names: Sequence[str], path: Path) -> None:
         case ".json":
             text = json_text({"joint_names": names, "answers": _answer_records(answer)})
         case ".geojson":
-            columns = _columns(answer, names)
+            columns = answer.columns(names)
             rows = [dict(zip(columns, cells, strict=True)) for cells in zip(*columns.values(), strict=True)]
             places = ({"type": "Point", "coordinates": [row["x"], row["y"]]} for row in rows)
             text = json_text(feature_collection(map(feature, places, rows)))
@@ -126,30 +132,24 @@ def write_answers(answer: Answer, names: Sequence[str], path: Path) -> None:
 
 def csv_header(names: Sequence[str]) -> str:
     """Return the first line of a table of answers."""
-    return csv_text([(*_AXES, "verdict", *_BASE, *names, "reason")])
+    return csv_text([answer_titles(names)])
 
 
 def csv_rows(answer: Answer, names: Sequence[str]) -> str:
     """Return answers as lines of a table, without its header."""
-    return csv_text(zip(*_columns(answer, names).values(), strict=True))
+    return csv_text(zip(*answer.columns(names).values(), strict=True))
 
 
-def _columns(answer: Answer, names: Sequence[str]) -> dict[str, list[Any]]:
-    """Return each column of the table by its name; cells are None where a target has no base."""
-    found = np.column_stack([answer.base, answer.joints]).astype(object)
-    found[~answer.reachable] = None
-    return {
-        **dict(zip(_AXES, answer.targets.T.tolist(), strict=True)),
-        "verdict": answer.verdict.tolist(),
-        **dict(zip((*_BASE, *names), found.T.tolist(), strict=True)),
-        "reason": list(answer.reason),
-    }
+def stops_document(world: World, stops: Sequence[Stop]) -> list[dict[str, Any]]:
+    """Return stops as JSON documents, the names of their set-points among them."""
+    names = ([world.task[i].name for i in stop.setpoints] for stop in stops)
+    return [{**json_values(stop), "names": called} for stop, called in zip(stops, names, strict=True)]
 
 
-def stops_geojson(stops: Sequence[Stop]) -> dict[str, Any]:
+def stops_geojson(world: World, stops: Sequence[Stop]) -> dict[str, Any]:
     """Return the circles to park in as GeoJSON, one feature for each stop."""
     circles = (mapping(Point(stop.base[:2]).buffer(stop.tolerance)) for stop in stops)
-    return feature_collection(map(feature, circles, map(json_values, stops)))
+    return feature_collection(map(feature, circles, stops_document(world, stops)))
 
 
 def stream_answers(
@@ -159,6 +159,7 @@ def stream_answers(
     executor: Pool | None = None,
     ahead: int = CHUNKS_AHEAD,
     base: BasePose | None = None,
+    form: CsvFormat | None = None,
 ) -> tuple[int, int]:
     """Write the answers to all targets of a CSV file to another; return how many are reachable, and all.
 
@@ -169,7 +170,7 @@ def stream_answers(
     there; the same call resumes with them, and gives the bytes of one uninterrupted call. Parts of another
     run are an `InputError`; workers that are lost again and again are an `EngineError`.
     """
-    blocks = index_csv(table, REACHABILITY.search.targets_at_once)
+    blocks = index_csv(table, REACHABILITY.search.targets_at_once, form)
     with open_partial(output, _manifest(world, blocks, base)) as parts:
         counts = parts.counts()
         for k in track("read", range(0 if counts else len(blocks))):
@@ -190,9 +191,7 @@ def _answer_block(world: World, block: CsvBlock, base: BasePose | None = None) -
     path = block.path()
     if not len(path.points):
         return b"", 0, 0
-    positions_only = path.directions is None and path.orientations is None
-    targets = path.points if positions_only else targets_along(path, Target.cone)
-    answer = reach(world, targets, base=base)
+    answer = reach(world, targets_along(path, Target.cone), base=base)
     rows = csv_rows(answer, world.robot.chain.names)
     return rows.encode(), int(answer.reachable.sum()), len(answer.reachable)
 
@@ -202,6 +201,8 @@ def _manifest(world: World, blocks: CsvTable, base: BasePose | None) -> dict[str
     return {
         "world": hashlib.sha256(document.encode()).hexdigest(),
         "table of targets": blocks.digest,
+        "table of answers": csv_header(world.robot.chain.names),
+        "how it is read": asdict(blocks.layout.form),
         **({} if base is None else {"pose of the base": list(base)}),
         "size of blocks": blocks.size,
         "version of regionik or of what it stands on": {

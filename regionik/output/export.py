@@ -112,7 +112,7 @@ def _plan_to_csv(plan: Plan, rate: float | None = None) -> str:
     rows, robot = sample_plan(plan, rate), plan.world.robot
     sample, timed = rows.sample, is_timed(plan.motion)
     moving = [*_BASE, *robot.chain.names]
-    header = ["index", "kind", "setpoint", "time", *moving, "tool_x", "tool_y", "tool_z"]
+    header = ["index", "kind", "setpoint", "name", "time", *moving, "tool_x", "tool_y", "tool_z"]
     columns = [sample.base, sample.joints, robot.tool(sample.base, sample.joints)[:, :3, 3]]
     if timed:
         header += [f"{name}_{order}" for order in ("velocity", "acceleration") for name in moving]
@@ -120,10 +120,10 @@ def _plan_to_csv(plan: Plan, rate: float | None = None) -> str:
         speed = np.linalg.norm(tool_velocity(robot, *sample.columns[:2]), axis=1)
         columns += [sample.base_velocity, sample.joint_velocity]
         columns += [sample.base_acceleration, sample.joint_acceleration, speed[:, None]]
-    owners = (None if i < 0 else i for i in rows.setpoint.tolist())
+    owners = [(None, "") if i < 0 else (i, plan.world.task[i].name) for i in rows.setpoint.tolist()]
     times = (None if np.isnan(time) else time for time in sample.time.tolist())
     cells = zip(rows.kind, owners, times, np.hstack(columns).tolist(), strict=True)
-    lines = ([k, kind, owner, time, *numbers] for k, (kind, owner, time, numbers) in enumerate(cells))
+    lines = ([k, kind, *owner, time, *numbers] for k, (kind, owner, time, numbers) in enumerate(cells))
     return csv_text([header, *lines])
 
 
@@ -141,7 +141,8 @@ def plan_to_geojson(plan: Plan) -> str:
     ]
     points = [
         feature(
-            {"type": "Point", "coordinates": target.position.tolist()}, {"part": "setpoint", "setpoint": k}
+            {"type": "Point", "coordinates": target.position.tolist()},
+            {"part": "setpoint", "setpoint": k, "name": target.name},
         )
         for k, target in enumerate(plan.world.task)
     ]

@@ -22,7 +22,7 @@ from regionik.storage.plan_document import (
 )
 from regionik.values import Configuration, Motion, Plan, PlannedArea, Skipped, Stop
 from regionik.worlds.documents.world_file import world_from_document
-from regionik.worlds.errors import InputError, Verdict, located
+from regionik.worlds.errors import InputError, ReasonCode, Verdict, located
 from regionik.worlds.readers.text import MAX_BYTES, MAX_NUMBER, Many, Strict, reading, validated
 from regionik.worlds.scene import StopCriterion, Target, World
 
@@ -124,6 +124,8 @@ class SkippedRecord(Strict):
     )
     verdict: Verdict = Field(description="as in an explanation of why not")
     reason: str
+    code: ReasonCode = Field(default="", description="the reason in a word")
+    name: str = Field(default="", description="of the target")
 
 
 class PlanRecord(Strict):
@@ -288,8 +290,9 @@ def _skipped(record: SkippedRecord, where: str) -> Skipped:
         for value in (record.direction, record.orientation)
     )
     with located(where, ""):
-        target = Target(np.array(record.target, dtype=np.float64), direction, record.cone, orientation)
-    return Skipped(record.setpoint, target, record.verdict, record.reason)
+        position = np.array(record.target, dtype=np.float64)
+        target = Target(position, direction, record.cone, orientation, record.name)
+    return Skipped(record.setpoint, target, record.verdict, record.reason, record.code)
 
 
 def _motion(record: PlanRecord, world: World) -> Motion:

@@ -33,6 +33,7 @@ from regionik.reachability.target_search import TargetResult, TargetSearch
 from regionik.scene import Scene
 from regionik.worlds.arms import has_pivot, pivot_index, with_pivot_limits
 from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.errors import ReasonCode
 from regionik.worlds.obstacles import Shadow
 from regionik.worlds.scene import Target
 
@@ -48,11 +49,11 @@ def from_base(scene: Scene, targets: Sequence[Target], base: ArrayLike) -> list[
     """
     placed = scene.once(_placed_scene, *frozen(base, (3,), "base").tolist())
     if placed.blocked:
-        return [_ruled_out(target, placed, placed.blocked) for target in targets]
+        return [_ruled_out(target, placed, *placed.blocked) for target in targets]
     in_reach = placed.may_reach(targets)
     too_far = f"no posture of {scene.robot.name} within its limits brings the tool there from this pose"
     return [
-        _answer_from_base(placed, target) if near else _ruled_out(target, placed, too_far)
+        _answer_from_base(placed, target) if near else _ruled_out(target, placed, "too-far", too_far)
         for target, near in zip(targets, in_reach.tolist(), strict=True)
     ]
 
@@ -63,7 +64,7 @@ class _PlacedScene:
 
     scene: Scene  # its pivot where a rule of facing targets holds it
     base: Array  # (3,)
-    blocked: str  # why nothing can be reached from there; empty where the base can stand
+    blocked: tuple[ReasonCode, str] | None  # why nothing can be reached from there; None where it can stand
     spare: float  # that postures keep beyond what the rules want [m]
 
     @property
@@ -107,27 +108,29 @@ def _placed_scene(scene: Scene, x: float, y: float, yaw: float) -> _PlacedScene:
     blocked, room = _blocked(scene, base), np.inf
     if not blocked and scene.rules.avoidance and scene.robot.base_solids:
         room, said = _body_room(scene, base)
-        blocked = said if room < -EXACT else ""
+        blocked = ("body-blocked", said) if room < -EXACT else None
     return _PlacedScene(scene.once(_facing_ahead), base, blocked, float(np.clip(room / 2, 0.0, MAX_SPARE)))
 
 
-def _blocked(scene: Scene, base: Array) -> str:
-    """Why the base cannot stand at a pose, as far as footprint and heading go; empty where it can."""
+def _blocked(scene: Scene, base: Array) -> tuple[ReasonCode, str] | None:
+    """Why the base cannot stand at a pose, as far as footprint and heading go; None where it can."""
     if scene.rules.heading == "fixed":
         fixed = scene.free_floor.headings[0]
         if abs(wrap(float(base[2]) - fixed)) > EXACT:
-            return f"the rules fix the heading of the base at {fixed:z.4f} rad"
+            return "wrong-heading", f"the rules fix the heading of the base at {fixed:z.4f} rad"
     ground, outline = scene.ground, scene.robot.outline(base)
     if not shapely.covers(shapely.buffer(ground.floor, EXACT), outline):
-        return f"the base stands off the floor there, by {farthest_outside(outline, ground.floor):.4f} m"
+        off = farthest_outside(outline, ground.floor)
+        return "off-floor", f"the base stands off the floor there, by {off:.4f} m"
     name, gap = ground.nearest(outline) or ("", np.inf)
     named = zip(ground.names, ground.shadows, strict=True) if gap == 0.0 else ()
     inside = next((name for name, shadow in named if _holds_some(shadow, outline)), "")
     if inside:
-        return f"the base stands inside {inside} there"
+        return "base-blocked", f"the base stands inside {inside} there"
     if gap >= ground.clearance - EXACT:
-        return ""
-    return f"the base stands {gap:.4f} m from {name} there, and must keep {ground.clearance:.4f} m"
+        return None
+    needed = f"and must keep {ground.clearance:.4f} m"
+    return "base-blocked", f"the base stands {gap:.4f} m from {name} there, {needed}"
 
 
 def _holds_some(shadow: Shadow, outline: BaseGeometry) -> bool:
@@ -168,9 +171,8 @@ def _answer_from_base(placed: _PlacedScene, target: Target) -> TargetResult:
         bodies, contact = search.collision.bodies, search.collision.contact
         name = solid_at_target(bodies, target.position, placed.scene.rules.tolerance, 0.0, contact)
         if name:
-            return _ruled_out(
-                target, placed, f"in every posture the end of the arm is in or too near to {name}"
-            )
+            inside = f"in every posture the end of the arm is in or too near to {name}"
+            return _ruled_out(target, placed, "in-obstacle", inside)
     pose = _continued_posture(placed, search)
     if pose is not None:
         return TargetResult("reachable", pose, 0.0, "")
@@ -198,7 +200,7 @@ def _searched(placed: _PlacedScene, search: TargetSearch) -> TargetResult:
     if can_search(placed.scene) and rules_out_posture(
         placed.scene, search.target, placed.base, OPTIONS.max_held_cells
     ):
-        return _ruled_out(search.target, placed, shut)
+        return _ruled_out(search.target, placed, "arm-blocked", shut)
     pose = search.search()
     if pose is not None:
         return TargetResult("reachable", pose, 0.0, "")
@@ -214,7 +216,7 @@ def _searched(placed: _PlacedScene, search: TargetSearch) -> TargetResult:
     if found:
         return TargetResult("reachable", found[0], 0.0, "")
     if verdict == Verdict.RULED_OUT:
-        return _ruled_out(search.target, placed, shut)
+        return _ruled_out(search.target, placed, "arm-blocked", shut)
     return _undecided(search)
 
 
@@ -226,22 +228,23 @@ def _needed_clearance(search: TargetSearch) -> str:
     return f"keep off its surroundings, itself and its base; in the best of those looked at, {best}"
 
 
-def _ruled_out(target: Target, placed: _PlacedScene, why: str) -> TargetResult:
+def _ruled_out(target: Target, placed: _PlacedScene, code: ReasonCode, why: str) -> TargetResult:
     who = TargetSearch(placed.scene, target).who
-    return TargetResult(
-        "unreachable", None, 0.0, f"{who} cannot be reached from {_place(placed.base)}: {why}"
-    )
+    told = f"{who} cannot be reached from {_place(placed.base)}: {why}"
+    return TargetResult("unreachable", None, 0.0, told, code)
 
 
 def _undecided(search: TargetSearch) -> TargetResult:
     """A target for which no posture was found, and none is ruled out."""
     assert search.fixed_base is not None
     lead, proximity = f"{no_way_to(search.who)} from {_place(search.fixed_base)}", search.proximity
+    code: ReasonCode = "not-found"
     why = "no posture was found, and none is ruled out"
     if proximity is not None:
+        code = "arm-blocked"
         why = f"each of {search.colliding} postures looked at touches something; in the best of them, "
         why += search.collision.words(proximity)
-    return TargetResult("undecided", None, 0.0, f"{lead}: {why}")
+    return TargetResult("undecided", None, 0.0, f"{lead}: {why}", code)
 
 
 def _place(base: Array) -> str:

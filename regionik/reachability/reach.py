@@ -33,7 +33,7 @@ from regionik.regions import checked_targets, path_areas, round_outer_areas
 from regionik.scene import Scene, scene_of
 from regionik.values import Answer, Configuration
 from regionik.worlds.arrays import Array, frozen
-from regionik.worlds.errors import InputError
+from regionik.worlds.errors import InputError, ReasonCode
 from regionik.worlds.scene import Target, World
 
 OPTIONS = REACHABILITY.search
@@ -135,7 +135,8 @@ def answers_for(
         if result.pose is not None:
             bases[i], joints[i] = result.pose.base, result.pose.joints
     reasons, gap = [one.reason for one in results], np.array([one.gap for one in results], dtype=float)
-    return Answer(positions, verdict == "reachable", verdict, bases, joints, reasons, gap)
+    names, codes = [target.name for target in targets], [one.code for one in results]
+    return Answer(positions, verdict == "reachable", verdict, bases, joints, reasons, gap, names, codes)
 
 
 def _decided(scene: Scene, targets: Sequence[Target]) -> list[TargetResult]:
@@ -148,7 +149,8 @@ def _decided(scene: Scene, targets: Sequence[Target]) -> list[TargetResult]:
     ruled_out = {i: area.is_empty for i, area in zip(rest, outer, strict=True)}
     for i in track("targets in doubt", rest):
         if ruled_out[i]:
-            results[i] = TargetResult("unreachable", None, 0.0, no_place(scene, 0, [targets[i]]).reason)
+            told = no_place(scene, 0, [targets[i]])
+            results[i] = TargetResult("unreachable", None, 0.0, told.reason, told.code)
         else:
             results[i] = _closely(scene, targets[i], _largest_first(areas, i))
     return [results[i] for i in range(len(targets))]
@@ -205,9 +207,8 @@ def _closely(scene: Scene, target: Target, likely: Sequence[KnownArea]) -> Targe
         bodies, contact = search.collision.bodies, search.collision.contact
         name = solid_at_target(bodies, target.position, scene.rules.tolerance, 0.0, contact)
         if name:
-            return TargetResult(
-                "unreachable", None, 0.0, f"{search.who} cannot be reached: {_IN.format(name)}"
-            )
+            inside = f"{search.who} cannot be reached: {_IN.format(name)}"
+            return TargetResult("unreachable", None, 0.0, inside, "in-obstacle")
     seen = _everywhere(search)
     if seen.verdict != "undecided":
         return seen
@@ -216,9 +217,11 @@ def _closely(scene: Scene, target: Target, likely: Sequence[KnownArea]) -> Targe
     if pose is not None:
         return TargetResult("reachable", pose, 0.0, "")
     if left.is_empty:
-        return TargetResult("unreachable", None, 0.0, f"{search.who} cannot be reached: {_CLOSELY}")
+        closely = f"{search.who} cannot be reached: {_CLOSELY}"
+        return TargetResult("unreachable", None, 0.0, closely, "no-place")
     gap = min(diameter(left), seen.gap)
-    return TargetResult("undecided", None, gap, _doubt(search, gap, tried))
+    code: ReasonCode = "not-found" if search.proximity is None else "arm-blocked"
+    return TargetResult("undecided", None, gap, _doubt(search, gap, tried), code)
 
 
 def _everywhere(search: TargetSearch) -> TargetResult:
@@ -229,7 +232,8 @@ def _everywhere(search: TargetSearch) -> TargetResult:
     seen = search_any_base(scene, target, OPTIONS.max_cells)
     if seen.verdict == Verdict.RULED_OUT:
         way = _NO_WAY.format(", ".join([*seen.around, "itself and its base"]))
-        return TargetResult("unreachable", None, 0.0, f"{search.who} cannot be reached: {way}")
+        told = f"{search.who} cannot be reached: {way}"
+        return TargetResult("unreachable", None, 0.0, told, "arm-blocked")
     if seen.pose is not None and search.confirms(seen.pose):
         return TargetResult("reachable", seen.pose, 0.0, "")
     gap = np.inf if seen.pose is not None else seen.gap  # an unconfirmed pose bounds nothing

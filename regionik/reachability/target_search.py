@@ -12,7 +12,7 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.free_space import MIN_AREA, into_span, spread
 from regionik.areas.reachable import reach_model
-from regionik.explain.constraints import spot
+from regionik.explain.constraints import setpoint_at
 from regionik.mfabrik import Solver, solver_for
 from regionik.planners.collision.proximity import Proximity
 from regionik.planners.driving.footprint import fits
@@ -26,6 +26,7 @@ from regionik.regions import path_areas
 from regionik.scene import Scene
 from regionik.values import Configuration
 from regionik.worlds.arrays import Array
+from regionik.worlds.errors import ReasonCode
 from regionik.worlds.scene import Target
 
 OPTIONS = REACHABILITY.configurations
@@ -39,6 +40,7 @@ class TargetResult(NamedTuple):
     pose: Pose | None
     gap: float  # diameter of the largest circle of undecided places for the arm axis [m]
     reason: str
+    code: ReasonCode = ""  # of the reason
 
 
 @dataclass(eq=False)
@@ -144,7 +146,7 @@ class TargetSearch:
     @property
     def who(self) -> str:
         """The target in words."""
-        return f"The target at {spot(self.target.position)}"
+        return setpoint_at([self.target], 0)
 
     def _base_may_stand(self, base: tuple[float, float, float]) -> bool:
         """True where the base may stand: on free floor, and as it is held."""

@@ -23,7 +23,7 @@ def unreached(scene: Scene, setpoints: Sequence[int]) -> Iterator[SetpointFailur
     for k in np.flatnonzero(~answer.reachable).tolist():
         verdict: Verdict = "unreachable" if answer.verdict[k] == "unreachable" else "undecided"
         i = setpoints[k]
-        yield SetpointFailure(i, verdict, as_setpoint(answer.reason[k], i, len(scene.task)))
+        yield SetpointFailure(i, verdict, as_setpoint(answer.reason[k], i, len(scene.task)), answer.code[k])
 
 
 def first_unreached(

@@ -169,6 +169,8 @@ def skipped_document(skipped: Iterable[Skipped]) -> list[dict[str, Any]]:
             "cone": float(one.target.cone),
             "verdict": one.verdict,
             "reason": one.reason,
+            "code": one.code,
+            "name": one.target.name,
         }
         for one in skipped
     ]

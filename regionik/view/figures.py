@@ -35,7 +35,7 @@ from regionik.view.floor_view import (
 from regionik.view.options import VIEW
 from regionik.view.picture import Color, count_noun
 from regionik.view.timeline import PlanCurves, plan_curves
-from regionik.view.world_picture import TURNING_WORDS
+from regionik.view.world_picture import AXES_WORDS, TURNING_WORDS
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import World
@@ -355,6 +355,11 @@ def _floor(ax: Axes, floor: FloorView) -> None:
         joined = {"linestyle": ":", "linewidth": 1.0, "label": "order of the stops"}
         line: dict[str, Any] = driven if floor.driven else joined
         key += ax.plot(*floor.axis_path.T, color=_hex(Color.AXIS_PATH), zorder=5, **line)
+    if len(floor.tool_axes):
+        start, end = floor.tool_axes.swapaxes(0, 1)
+        drawn: dict[str, Any] = {"color": _hex(Color.TOOL_AXIS), "zorder": 3}
+        ax.quiver(*start.T, *(end - start).T, angles="xy", scale_units="xy", scale=1, width=0.002, **drawn)
+        key.append(Line2D([], [], linewidth=1.0, label=AXES_WORDS, **drawn))
     key += _dots(ax, floor.setpoints, label="set-points")
     if not floor.circles.is_empty:
         _area(ax, floor.circles, zorder=5, facecolor=_hex(Color.PARKING))

@@ -17,6 +17,7 @@ from regionik.scene import scene_of
 from regionik.values import Plan, Stop
 from regionik.verification.base_clearance import footprint_hulls
 from regionik.view.options import VIEW
+from regionik.view.picture import tool_axes
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 
@@ -131,6 +132,7 @@ class FloorView:
     axis_path: Array  # (n, 2) of the arm's axis
     tool_path: Array  # (n, 2)
     setpoints: Array  # (n, 2)
+    tool_axes: Array  # (k, 2, 2) arrows to some of them along the axis of the tool
     footprints: BaseGeometry  # (p,) outlines of the base at some set-points, first and last among them
     headings: Array  # (p, 2, 2) a stroke inside each of them along its heading
     low: Array  # (2,) corners of the window
@@ -210,6 +212,7 @@ def _floor_view(
         axis_path=axis_path,
         tool_path=tool_path,
         setpoints=setpoints,
+        tool_axes=tool_axes(world)[..., :2],
         footprints=outlines,
         headings=_heading_strokes(base, outlines),
         low=low,

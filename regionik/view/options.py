@@ -58,6 +58,8 @@ class SceneOptions:
     tube_sides: int = 5
     mark_radius: float = 0.014  # of set-points [m]
     shaft_radius: float = 0.008  # of arrows [m]
+    tool_axis: float = 0.1  # length of the arrow that shows from where the tool comes [m]
+    max_tool_axes: int = 200  # that are drawn
     max_wheel_radius: float = 0.05  # [m]
     point_base_radii: tuple[float, float] = (0.03, 0.16)  # of the body of a base that is a point [m]
     ghost_opacity: float = 0.35  # of a robot that stands nowhere in particular

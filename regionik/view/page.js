@@ -69,8 +69,11 @@ function nameAt(x, y) {
   const [name, numbers] = page.names[path], geometry = hit.object.geometry;
   const faces = (geometry.index ?? geometry.attributes.position).count / 3;
   const setpoint = numbers.length ? numbers[Math.floor((hit.faceIndex * numbers.length) / faces)] : null;
-  return { name: setpoint === null ? name : `${name} ${setpoint + 1}`, setpoint };
+  return { name: setpoint === null ? name : `${name} ${setpoint + 1}${called(setpoint)}`, setpoint };
 }
+
+// What people call a set-point, from 0, after a comma; nothing where it has no name.
+const called = (setpoint) => (page.setpoints[setpoint] ? `, ${page.setpoints[setpoint]}` : "");
 
 function tell(event) {
   const found = nameAt(event.clientX, event.clientY), box = stage.getBoundingClientRect();
@@ -286,7 +289,7 @@ const degrees = (angle) => `${(((((angle * 180) / Math.PI + 180) % 360) + 360) %
 
 function readouts() {
   const i = nextSetpoint(), here = Math.abs(motion.setpoints[i] - player.time) < 1e-4, passed = player.time > motion.setpoints[i];
-  const rows = [[here ? "at set-point" : passed ? "after set-point" : "next set-point", `${i + 1} of ${motion.setpoints.length}`]];
+  const rows = [[here ? "at set-point" : passed ? "after set-point" : "next set-point", `${i + 1} of ${motion.setpoints.length}${called(i)}`]];
   rows.push([motion.timed ? "time" : "time (not timed)", `${player.time.toFixed(2)} s`]);
   if (motion.areas.length) {
     rows.push(["area", `${motion.areas[i][0].toFixed(3)} m\u00b2`]);

@@ -75,7 +75,8 @@ def _page_document(picture: Picture) -> dict[str, Any]:
         if len(body.mesh.faces) and (body.name or body.label)
     }
     motion = None if picture.timeline is None else timeline_document(picture.timeline)
-    return {"layers": layers, "names": names, "half": picture.camera.half.tolist(), "motion": motion}
+    half, setpoints = picture.camera.half.tolist(), list(picture.setpoints)
+    return {"layers": layers, "names": names, "half": half, "motion": motion, "setpoints": setpoints}
 
 
 @contextmanager

@@ -32,6 +32,7 @@ class Color:
     SOLID, ROBOT, WHEEL = 0x9AA0A6, 0x44546A, 0x1A1E24
     ARM, HEADING = 0x39434F, 0xF4F6F8
     PATH, AHEAD, PASSED, MISSING = 0x7A5230, 0xFF8A1F, 0x12A347, 0xC1121F  # the tool path, its set-points
+    TOOL_AXIS = 0x8A6D00
     AXIS_PATH, LIFTED, PARKING = 0x1B3F8B, 0x9B30D9, 0x0FA3A3
     CAUSE, REPAIR = 0xC2185B, 0x00838F
 
@@ -96,6 +97,7 @@ class Picture:
     extent: float  # radius about the camera's centre that holds the floor [m]
     tracks: tuple[KeyframeTrack, ...] = ()  # all end at the same time
     timeline: Timeline | None = None  # None where nothing moves
+    setpoints: tuple[str, ...] = ()  # what people call each; none where nobody calls any
 
     @property
     def legend(self) -> tuple[LegendEntry, ...]:
@@ -108,6 +110,25 @@ class Picture:
             LegendEntry(some[0].color, label, tuple(body.path for body in some))
             for label, some in found.items()
         )
+
+
+def setpoint_names(world: World) -> tuple[str, ...]:
+    """Return what people call each set-point; nothing where none has a name."""
+    names = tuple(target.name for target in world.task)
+    return names if any(names) else ()
+
+
+def tool_axes(world: World) -> Array:
+    """Return arrows (k, 2, 3) along the tool's axis to set-points that ask for one, from the tool's side [m].
+
+    Of many set-points only some have one.
+    """
+    scene = VIEW.scene
+    aimed = [(target.position, target.direction) for target in world.task if target.direction is not None]
+    if not aimed:
+        return np.empty((0, 2, 3))
+    tips, ways = np.array(aimed[:: -(-len(aimed) // scene.max_tool_axes)]).swapaxes(0, 1)
+    return np.stack([tips - scene.tool_axis * ways, tips - scene.mark_radius * ways], axis=1)
 
 
 def count_noun(count: int, noun: str) -> str:

@@ -15,7 +15,15 @@ from regionik.timing.trajectory import is_timed, trajectory
 from regionik.values import Plan
 from regionik.view.floor_view import area_words, axis_path, drawn_union, parking_circles, used_areas
 from regionik.view.options import VIEW
-from regionik.view.picture import Color, KeyframeTrack, Picture, SceneMesh, camera_for, count_noun
+from regionik.view.picture import (
+    Color,
+    KeyframeTrack,
+    Picture,
+    SceneMesh,
+    camera_for,
+    count_noun,
+    setpoint_names,
+)
 from regionik.view.timeline import timeline
 from regionik.view.triangle_meshes import TriangleMesh, floor_mesh, merge, spheres, tubes
 from regionik.view.world_picture import (
@@ -149,6 +157,7 @@ def picture_of_plan(plan: Plan, clock: Array | None = None) -> Picture:
         extent=floor_radius(world, camera),
         tracks=tuple(_extended(track, frames.duration) for track in tracks) if moves else (),
         timeline=timeline(plan, clock) if moves else None,
+        setpoints=setpoint_names(world),
     )
 
 

@@ -19,7 +19,16 @@ from regionik.scene import scene_of
 from regionik.view import triangle_meshes
 from regionik.view.floor_view import rejected_words, shown_floor
 from regionik.view.options import VIEW
-from regionik.view.picture import Camera, Color, Picture, SceneMesh, camera_for, count_noun
+from regionik.view.picture import (
+    Camera,
+    Color,
+    Picture,
+    SceneMesh,
+    camera_for,
+    count_noun,
+    setpoint_names,
+    tool_axes,
+)
 from regionik.view.timeline import bodies_around
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import planar_pose
@@ -32,6 +41,7 @@ from regionik.worlds.scene import Floor, Target, World
 OPTIONS = VIEW.scene
 
 TOOL = "tool/tip"
+AXES_WORDS = "axis of the tool"
 TURNING_WORDS = "room at some headings only"
 _CAUSE_WORDS = "in the way; the set-point"
 GHOST_WORDS = "robot, where it may stand: the world gives no start"
@@ -50,7 +60,8 @@ def picture_with_robot(
     pose = shown_start(world, area)
     robot, poses = ([], {}) if pose is None else robot_meshes(world, *pose, ghost=world.start is None)
     camera = camera_for(world, np.empty((0, 3)) if pose is None else robot_points(world.robot, *pose))
-    return Picture(world.name, facts, (*bodies, *robot), poses, camera, floor_radius(world, camera))
+    radius, names = floor_radius(world, camera), setpoint_names(world)
+    return Picture(world.name, facts, (*bodies, *robot), poses, camera, radius, setpoints=names)
 
 
 def world_meshes(world: World, covered: BaseGeometry | None = None) -> list[SceneMesh]:
@@ -255,7 +266,11 @@ def task_meshes(world: World, missing: NDArray[np.bool_] | None = None) -> list[
         ("task/ahead", ~missing, Color.AHEAD, 1.0, "set-points"),
         ("task/missing", missing, Color.MISSING, 1.6, "set-points that fail"),
     )
-    bodies = [SceneMesh("task/path", path, Color.PATH, lit=False, label="tool path asked for")]
+    axes = [triangle_meshes.arrow(start, end, OPTIONS.shaft_radius / 3) for start, end in tool_axes(world)]
+    bodies = [
+        SceneMesh("task/path", path, Color.PATH, lit=False, label="tool path asked for"),
+        SceneMesh("task/axes", triangle_meshes.merge(axes), Color.TOOL_AXIS, lit=False, label=AXES_WORDS),
+    ]
     for node, rows, color, size, label in marks:
         if rows.any():
             mesh = triangle_meshes.spheres(points[rows], size * OPTIONS.mark_radius)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag
@@ -14,7 +14,14 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.chain import check_rotation
 from regionik.worlds.documents.environment import FrameReference, Poses, frame_pose
 from regionik.worlds.errors import InputError, located, located_error
-from regionik.worlds.readers.csv_path import Delimiter, read_csv, read_csv_columns
+from regionik.worlds.readers.csv_path import (
+    AngleUnit,
+    CsvFormat,
+    Delimiter,
+    LengthUnit,
+    Normals,
+    read_csv,
+)
 from regionik.worlds.readers.gcode import read_gcode
 from regionik.worlds.readers.text import (
     FileName,
@@ -28,7 +35,7 @@ from regionik.worlds.readers.text import (
     file_in,
     one_of,
 )
-from regionik.worlds.scene import Target
+from regionik.worlds.scene import Target, checked_name
 from regionik.worlds.toolpath import (
     ToolPath,
     arc,
@@ -37,6 +44,7 @@ from regionik.worlds.toolpath import (
     sine,
     targets_along,
     transform_path,
+    turn_along_path,
     turn_with_arc,
 )
 
@@ -49,11 +57,14 @@ def _rotation_kind(value: Any) -> str:
     return "<matrix>" if isinstance(value, list) and value and isinstance(value[0], list) else "<quaternion>"
 
 
-class ToolAim(Strict):
-    """Direction or orientation of the tool, both free where neither is given; and the frame of all this."""
+def _direction_kind(value: Any) -> str:
+    return "<word>" if isinstance(value, str) else "<vector>"
+
+
+class _Aim(Strict):
+    """Orientation of the tool, or how far it may deviate from a direction; and the frame of all this."""
 
     frame: FrameReference | None = None
-    direction: Vec3 | None = None
     orientation: (
         Annotated[
             Annotated[Vec4, Tag("<quaternion>")] | Annotated[Matrix3, Tag("<matrix>")],
@@ -62,6 +73,13 @@ class ToolAim(Strict):
         | None
     ) = None
     cone: Annotated[float, Field(gt=0, le=3.141592653589793)] | None = None
+    x_axis: Literal["along_path"] | None = None
+
+
+class ToolAim(_Aim):
+    """Direction or orientation of the tool, both free where neither is given."""
+
+    direction: Vec3 | None = None
 
 
 class LineCurve(Strict):
@@ -114,41 +132,59 @@ class ArcPiece(ToolAim):
 
 class PointsPiece(ToolAim):
     points: Annotated[Many[Vec3], Field(min_length=1)]
+    names: Many[str] = Field(default=[], description="of the points, one each; empty for none")
 
     def path(self, _folder: Path) -> ToolPath:
-        return ToolPath(np.array(self.points))
+        for k, name in enumerate(self.names):
+            with located("", f"names[{k}]"):
+                checked_name(name)
+        return ToolPath(np.array(self.points), names=tuple(self.names))
 
 
 class CsvColumns(Strict):
-    """Titles of the columns: of x, y, z, and of nothing more, dx, dy, dz or qx, qy, qz, qw."""
+    """Titles of the columns: of x, y, z, of one way to aim at most, and of names."""
 
     x: OneLine = Field(description="a title")
     y: OneLine = Field(description="a title")
     z: OneLine = Field(description="a title")
+    name: OneLine | None = Field(default=None, description="title of the column of names of set-points")
     dx: OneLine | None = None
     dy: OneLine | None = None
     dz: OneLine | None = None
+    nx: OneLine | None = None
+    ny: OneLine | None = None
+    nz: OneLine | None = None
     qx: OneLine | None = None
     qy: OneLine | None = None
     qz: OneLine | None = None
     qw: OneLine | None = None
+    roll: OneLine | None = None
+    pitch: OneLine | None = None
+    yaw: OneLine | None = Field(
+        default=None, description="title of the column of an angle about a fixed axis"
+    )
 
 
-class CsvPiece(ToolAim):
+class CsvPiece(_Aim):
+    direction: (
+        Annotated[
+            Annotated[Vec3, Tag("<vector>")] | Annotated[Normals, Tag("<word>")],
+            Discriminator(_direction_kind),
+        ]
+        | None
+    ) = None
     csv: FileName
-    scale: Positive = 1.0
+    scale: Positive | None = None
+    unit: LengthUnit | None = None
+    angle_unit: AngleUnit | None = None
     columns: CsvColumns | None = None
-    delimiter: Delimiter = "comma"
+    delimiter: Delimiter | None = None
 
     def path(self, folder: Path) -> ToolPath:
-        if self.columns is None:
-            if self.delimiter != "comma":
-                raise InputError("delimiter: goes with columns")
-            path = read_csv(file_in(folder, self.csv))
-        else:
-            chosen = self.columns.model_dump(exclude_none=True)
-            path = read_csv_columns(file_in(folder, self.csv), chosen, self.delimiter)
-        return replace(path, points=path.points * self.scale)
+        columns = {} if self.columns is None else self.columns.model_dump(exclude_none=True)
+        normals = self.direction if isinstance(self.direction, str) else None
+        form = CsvFormat(columns, self.delimiter, self.unit, self.scale, self.angle_unit, normals)
+        return read_csv(file_in(folder, self.csv), form)
 
 
 class GcodePiece(ToolAim):
@@ -198,6 +234,7 @@ def read_task(
 def without_repeats(task: tuple[Target, ...]) -> tuple[tuple[Target, ...], list[int]]:
     """Return set-points of which none is the one before it given again, and which those were, from 0.
 
+    One with a name of its own is not.
     Where pieces meet end to start the tool would stand, while base and arm went from one posture of that
     point to another.
     """
@@ -208,7 +245,8 @@ def without_repeats(task: tuple[Target, ...]) -> tuple[tuple[Target, ...], list[
 def _is_same(one: Target, other: Target) -> bool:
     aims = (one.direction, other.direction), (one.orientation, other.orientation)
     return (
-        float(np.linalg.norm(one.position - other.position)) <= POINT_TOLERANCE
+        other.name in ("", one.name)
+        and float(np.linalg.norm(one.position - other.position)) <= POINT_TOLERANCE
         and one.cone == other.cone
         and all((a is None) == (b is None) for a, b in aims)
         and all(a is None or b is None or float(np.abs(a - b).max()) <= AIM_TOLERANCE for a, b in aims)
@@ -229,7 +267,9 @@ def _path(part: Piece, where: str, place: str, folder: Path, most: int) -> ToolP
 def _aimed(part: Piece, path: ToolPath) -> ToolPath:
     """Return a path with the direction or orientation of its piece."""
     own = path.directions is not None or path.orientations is not None
-    given = [key for key in ("direction", "orientation") if getattr(part, key) is not None]
+    direction = None if isinstance(part.direction, str) else part.direction  # a word has gone to the reader
+    aims = {"direction": direction, "orientation": part.orientation}
+    given = [key for key, value in aims.items() if value is not None]
     if own and given:
         raise InputError(f"{given[0]}: the CSV file has its own, leave this out")
     if len(given) > 1:
@@ -237,10 +277,10 @@ def _aimed(part: Piece, path: ToolPath) -> ToolPath:
     if part.cone is not None and not own and not given:
         raise InputError("cone: needs a direction or an orientation beside it")
     n = len(path.points)
-    if part.direction is not None:
-        if np.linalg.norm(part.direction) < 1e-9:
+    if direction is not None:
+        if np.linalg.norm(direction) < 1e-9:
             raise InputError("direction: must not be zero")
-        path = replace(path, directions=np.tile(part.direction, (n, 1)))
+        path = replace(path, directions=np.tile(direction, (n, 1)))
     if part.orientation is not None:
         with located("", "orientation"):
             path = replace(path, orientations=np.tile(_rotation(part.orientation), (n, 1, 1)))
@@ -248,7 +288,7 @@ def _aimed(part: Piece, path: ToolPath) -> ToolPath:
         if not given:
             raise InputError("follow: needs a direction or an orientation beside it")
         path = turn_with_arc(path, part.arc.start, part.arc.end)
-    return path
+    return path if part.x_axis is None else turn_along_path(path)
 
 
 def _rotation(orientation: list[float] | list[list[float]]) -> Array:
@@ -261,7 +301,9 @@ def task_to_document(task: tuple[Target, ...]) -> list[dict[str, Any]]:
     pieces: list[dict[str, Any]] = []
     for _, group in groupby(task, key=lambda target: repr(_aim(target))):
         targets = list(group)
-        pieces.append({"points": [target.position.tolist() for target in targets], **_aim(targets[0])})
+        piece = {"points": [target.position.tolist() for target in targets], **_aim(targets[0])}
+        names = [target.name for target in targets]
+        pieces.append({**piece, "names": names} if any(names) else piece)
     return pieces
 
 

@@ -1,8 +1,8 @@
 """Tool paths and targets from CSV files: a short file at once, a long one block by block.
 
-Columns are x, y, z, and either nothing more, or dx, dy, dz (tool axis), or qx, qy, qz, qw (orientation).
-Lines with these names before the first point, empty lines and lines that begin with # are skipped. Of tables
-with a header line, columns may be chosen by their titles.
+With a line of titles columns are found by these, in any order and case; others are passed over, and named
+once. Without one they are x, y, z, and either nothing more, or dx, dy, dz (tool axis), or qx, qy, qz, qw
+(orientation). Empty lines and lines that begin with # are skipped.
 """
 
 from __future__ import annotations
@@ -10,43 +10,103 @@ from __future__ import annotations
 import csv
 import hashlib
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+import re
+import warnings
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
 from regionik.worlds.arrays import Array
-from regionik.worlds.errors import InputError
-from regionik.worlds.readers.text import MAX_NUMBER, clip, read_text, reading
+from regionik.worlds.chain import pose
+from regionik.worlds.errors import FileNote, InputError, located
+from regionik.worlds.readers.text import MAX_NUMBER, clip, join_names, read_text, reading
+from regionik.worlds.scene import checked_name
 from regionik.worlds.toolpath import ToolPath, rotation_from_quaternion
 
 Delimiter = Literal["comma", "semicolon", "tab"]
+LengthUnit = Literal["m", "cm", "mm", "in"]
+AngleUnit = Literal["rad", "deg"]
+Normals = Literal["outward", "inward"]
+_PER_METRE: dict[LengthUnit, float] = {"m": 1.0, "cm": 100.0, "mm": 1000.0, "in": 1 / 0.0254}
 _SIGNS: dict[Delimiter, str] = {"comma": ",", "semicolon": ";", "tab": "\t"}
-COLUMNS = {
-    3: ("x", "y", "z"),
-    6: ("x", "y", "z", "dx", "dy", "dz"),
-    7: ("x", "y", "z", "qx", "qy", "qz", "qw"),
-}
+_POINT, _AXIS, _NORMAL = ("x", "y", "z"), ("dx", "dy", "dz"), ("nx", "ny", "nz")
+_QUATERNION, _ANGLES = ("qx", "qy", "qz", "qw"), ("roll", "pitch", "yaw")
+_AIMS = _AXIS, _NORMAL, _QUATERNION, _ANGLES  # a table has one of them at most
+_UNTITLED = {len(names): names for names in (_POINT, _POINT + _AXIS, _POINT + _QUATERNION)}
+_KNOWN = ("name", *_POINT, *(name for aim in _AIMS for name in aim))
 PIECE = 2**20  # of a long file that is read at once [bytes]
 _NEWLINE = 10
+
+
+@dataclass(frozen=True)
+class CsvFormat:
+    """What is to be known of a table beside what stands in it.
+
+    Attributes
+    ----------
+    columns : dict
+        Titles in the file, by what they stand for: x, y, z, name, dx, ...; empty where these are the titles.
+    delimiter : {"comma", "semicolon", "tab"} or None
+        None for that of them which the first line has most often.
+    unit : {"m", "cm", "mm", "in"} or None
+        Of x, y, z; None for metres.
+    scale : float or None
+        Metres of a unit that has none of these names.
+    angle_unit : {"rad", "deg"} or None
+        Of roll, pitch, yaw.
+    normals : {"outward", "inward"} or None
+        Which way nx, ny, nz point: out of the part, against the tool's axis, or into it, along that.
+    """
+
+    columns: Mapping[str, str] = field(default_factory=dict)
+    delimiter: Delimiter | None = None
+    unit: LengthUnit | None = None
+    scale: float | None = None
+    angle_unit: AngleUnit | None = None
+    normals: Normals | None = None
+
+    def __post_init__(self) -> None:
+        choices = {"delimiter": Delimiter, "unit": LengthUnit, "angle_unit": AngleUnit, "normals": Normals}
+        for key, kind in choices.items():
+            value = getattr(self, key)
+            if value is not None and value not in get_args(kind):
+                raise InputError(f"{key}: expected one of {', '.join(get_args(kind))}, got {clip(value)}")
+        if self.unit is not None and self.scale is not None:
+            raise InputError("unit: expected one of unit, scale")
+        if self.columns:
+            with located("", "columns"):
+                _check_complete(self.columns)
+                if len(set(self.columns.values())) < len(self.columns):
+                    raise InputError("expected a title of its own for each")
+
+
+@dataclass(frozen=True)
+class CsvLayout:
+    """How the lines of one file are read."""
+
+    where: str  # name of the file in error messages
+    header: int  # number of the line of titles, or of the first with a point, counted from 1
+    row: int  # number of the first line with a point
+    width: int  # number of columns
+    sign: str  # between cells
+    places: tuple[tuple[str, str, int], ...]  # what is read, points first: its name, its title, its column
+    form: CsvFormat
 
 
 @dataclass(frozen=True)
 class CsvBlock:
     """Some lines of a CSV file; parsing them needs the file no more."""
 
-    where: str  # name of the file in error messages
-    row: int  # number of the file's first line with a point
-    columns: int  # of that line
+    layout: CsvLayout
     number: int  # number of the first of these lines within the file
     data: bytes
 
     def path(self) -> ToolPath:
         """Return the points of these lines."""
-        lines = _text(self.data, self.where).splitlines()
-        return _path_of_lines(lines, self.where, self.row, self.columns, self.number)
+        return _path_of_lines(_text(self.data, self.layout.where).splitlines(), self.layout, self.number)
 
 
 @dataclass(frozen=True)
@@ -55,8 +115,7 @@ class CsvTable:
 
     file: Path
     digest: str  # SHA-256 of the file
-    row: int
-    columns: int
+    layout: CsvLayout
     size: int  # lines of a block
     ends: tuple[int, ...]  # offset of the end of each block; the first begins at 0 [bytes]
 
@@ -69,20 +128,30 @@ class CsvTable:
         with reading(self.file, None), open(self.file, "rb") as file:
             file.seek(start)
             data = file.read(self.ends[k] - start)
-        return CsvBlock(str(self.file), self.row, self.columns, k * self.size + 1, data)
+        return CsvBlock(self.layout, k * self.size + 1, data)
 
 
-def read_csv(path: Path) -> ToolPath:
-    """Return the tool path in a CSV file."""
+def read_csv(path: Path, form: CsvFormat | None = None) -> ToolPath:
+    """Return the tool path in a CSV file.
+
+    Raises
+    ------
+    InputError
+        With the line of what cannot be read, or can be in more than one way.
+
+    Warns
+    -----
+    FileNote
+        On titles that are passed over.
+    """
     lines = read_text(path).splitlines()
-    row, columns = _first_row(lines, str(path))
-    return _path_of_lines(lines, str(path), row, columns, 1)
+    return _path_of_lines(lines, _layout(lines, str(path), form or CsvFormat()), 1)
 
 
-def index_csv(path: Path, size: int) -> CsvTable:
-    """Return the blocks of ``size`` lines of a CSV file; of its contents only the first row is checked."""
+def index_csv(path: Path, size: int, form: CsvFormat | None = None) -> CsvTable:
+    """Return the blocks of ``size`` lines of a CSV file; of its points only the first is looked at."""
     with reading(path, None), open(path, "rb") as file:
-        row, columns = _first_row((_text(line, str(path)) for line in file), str(path))
+        layout = _layout((_text(line, str(path)) for line in file), str(path), form or CsvFormat())
         file.seek(0)
         digest, after, count, place = hashlib.sha256(), [0], 0, 0
         while piece := file.read(PIECE):
@@ -93,7 +162,7 @@ def index_csv(path: Path, size: int) -> CsvTable:
             count, place = count + len(found), place + len(piece)
     if place > after[-1]:
         after.append(place)
-    return CsvTable(path, digest.hexdigest(), row, columns, size, tuple(after[1:]))
+    return CsvTable(path, digest.hexdigest(), layout, size, tuple(after[1:]))
 
 
 def _text(data: bytes, where: str) -> str:
@@ -103,47 +172,134 @@ def _text(data: bytes, where: str) -> str:
         raise InputError(f"{where}: expected UTF-8 text") from None
 
 
-def _first_row(lines: Iterable[str], where: str) -> tuple[int, int]:
-    """Return the number of the first line with a point, counted from 1, and the number of its columns."""
-    for number, line in enumerate(lines, start=1):
-        cells = _cells(line)
-        if not _is_skipped(cells) and tuple(cells) not in COLUMNS.values():
-            return number, len(_row(cells, f"{where}: line {number}"))
-    raise InputError(f"{where}: expected at least one line of x,y,z")
+# --- which column is what
 
 
-def _path_of_lines(lines: Sequence[str], where: str, row: int, columns: int, number: int) -> ToolPath:
+def _layout(lines: Iterable[str], where: str, form: CsvFormat) -> CsvLayout:
+    """Return how a file is read, from its first lines."""
+    filled = ((number, line) for number, line in enumerate(lines, start=1) if _is_filled(line))
+    number, line = next(filled, (0, ""))
+    if not line:
+        raise InputError(f"{where}: expected at least one line of x,y,z, or of titles")
+    signs = [_SIGNS[form.delimiter]] if form.delimiter else _SIGNS.values()
+    sign = max(signs, key=re.sub('"[^"]*"', "", line).count)
+    _, cells = next(_cells([line], sign, where, number), (number, []))
+    titled = bool(form.columns) or not any(map(_is_number, cells))
+    row = next(filled, (0, ""))[0] if titled else number
+    if not row:
+        raise InputError(f"{where}: expected at least one line below the titles")
+    with located(f"{where}: line {number}", ""):
+        places = _places_by_title(cells, form) if titled else _places_in_order(cells)
+        _check_said({name for name, _, _ in places}, form)
+    passed = sorted({*range(len(cells))} - {column for _, _, column in places})
+    if titled and not form.columns and any(cells[column] for column in passed):
+        names = join_names([cells[column] for column in passed if cells[column]])
+        text = f"{where}: line {number}: titles passed over: {clip(names)}; known are {', '.join(_KNOWN)}"
+        warnings.warn(text, FileNote, stacklevel=3)
+    return CsvLayout(where, number, row, len(cells), sign, places, form)
+
+
+def _is_filled(line: str) -> bool:
+    """Return whether a line has more than a comment and what stands between cells."""
+    text = line.strip(" \r\n" + "".join(_SIGNS.values()))
+    return bool(text) and not text.startswith("#")
+
+
+def _places_in_order(cells: list[str]) -> tuple[tuple[str, str, int], ...]:
+    """Return the columns of a table without titles."""
+    if len(cells) not in _UNTITLED:
+        valid = " or ".join(",".join(names) for names in _UNTITLED.values())
+        raise InputError(f"expected {valid}, or a line of titles above; got {len(cells)} columns")
+    return tuple((name, name, k) for k, name in enumerate(_UNTITLED[len(cells)]))
+
+
+def _places_by_title(titles: list[str], form: CsvFormat) -> tuple[tuple[str, str, int], ...]:
+    """Return the columns that are read of a table with titles."""
+    shown, lower = f"titles: {clip(', '.join(titles))}", [title.casefold() for title in titles]
+    wanted = form.columns or {name: name for name in _KNOWN if name in lower}
+    if not form.columns:
+        _check_complete(wanted, f", {shown}; columns: chooses others")
+    places = []
+    for name in filter(wanted.__contains__, _KNOWN):
+        title = wanted[name]
+        found = [k for k, one in enumerate(titles) if form.columns and one == title]
+        found = found or [k for k, one in enumerate(lower) if one == title.casefold()]
+        if len(found) != 1:
+            raise InputError(f"the title {title!r} is {'twice' if found else 'not'} there, {shown}")
+        places.append((name, titles[found[0]], found[0]))
+    return tuple(places)
+
+
+def _check_complete(names: Collection[str], more: str = "") -> None:
+    """Refuse columns that are no point, or a point with two of the ways to aim, or a part of one."""
+    aims = [aim for aim in _AIMS if set(aim) & set(names)]
+    missing = [name for aim in (_POINT, *aims) for name in aim if name not in names]
+    strange = [name for name in names if name not in _KNOWN]
+    if missing or strange or len(aims) > 1:
+        valid = ", ".join(map(",".join, _AIMS))
+        what = f"{', '.join(missing)} missing" if missing else f"got {','.join(names)}"
+        what = f"unknown {', '.join(strange)}" if strange else what
+        raise InputError(f"expected titles for x,y,z, at most one of {valid}, and name: {what}{more}")
+
+
+def _check_said(names: Collection[str], form: CsvFormat) -> None:
+    """Refuse normals and angles that may mean two things, and words on columns that are not there."""
+    for aim, key, value, words in (
+        (_NORMAL, "direction", form.normals, "outward, out of the part, or inward (--normals"),
+        (_ANGLES, "angle_unit", form.angle_unit, "deg or rad (--angle-unit"),
+    ):
+        if aim[0] in names and value is None:
+            raise InputError(f"{','.join(aim)} need {key}: {words} at the command) beside them")
+        if aim[0] not in names and value is not None:
+            raise InputError(f"{key}: {value} goes with columns {','.join(aim)}, which are not there")
+
+
+# --- lines
+
+
+def _cells(lines: Iterable[str], sign: str, where: str, first: int) -> Iterator[tuple[int, list[str]]]:
+    """Numbers and cells of the lines that are neither empty nor comments; ``first`` is that of the first."""
+    kept = ("" if line.lstrip().startswith("#") else line for line in lines)
+    reader = csv.reader(kept, delimiter=sign, skipinitialspace=True, strict=True)
+    try:
+        for row in reader:
+            cells = [cell.strip() for cell in row]
+            if any(cells):
+                yield first + reader.line_num - 1, cells
+    except csv.Error as error:
+        raise InputError(f"{where}: line {first + reader.line_num - 1}: {error}") from None
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _path_of_lines(lines: Sequence[str], layout: CsvLayout, number: int) -> ToolPath:
     """Return the path of lines from the first with a point on; ``number`` is that of the first given."""
     rows: list[list[float]] = []
+    names: list[str] = []
     numbers: list[int] = []
-    for at, line in enumerate(lines[max(0, row - number) :], start=max(row, number)):
-        cells = _cells(line)
-        if _is_skipped(cells):
-            continue
-        rows.append(_row(cells, f"{where}: line {at}"))
+    first = max(layout.row, number)
+    for at, cells in _cells(lines[first - number :], layout.sign, layout.where, first):
+        where = f"{layout.where}: line {at}"
+        if any(cells[layout.width :]):
+            expected = f"expected {layout.width} columns as in line {layout.header}, got {len(cells)}"
+            raise InputError(f"{where}: {expected}")
+        rows.append([])
         numbers.append(at)
-        if len(cells) != columns:
-            expected = f"expected {columns} columns as in line {row}, got {len(cells)}"
-            raise InputError(f"{where}: line {at}: {expected}")
-    return _path_of_rows(np.array(rows).reshape(-1, columns), where, numbers)
-
-
-def _cells(line: str) -> list[str]:
-    return [cell.strip() for cell in line.split(",")]
-
-
-def _is_skipped(cells: list[str]) -> bool:
-    return not any(cells) or cells[0].startswith("#")
-
-
-def _row(cells: list[str], where: str) -> list[float]:
-    valid = " or ".join(",".join(names) for names in COLUMNS.values())
-    if len(cells) not in COLUMNS:
-        raise InputError(f"{where}: expected {valid}, got {len(cells)} columns")
-    names = COLUMNS[len(cells)]
-    if sorted(cells) == sorted(names) and tuple(cells) != names:
-        raise InputError(f"{where}: expected the columns {valid} in this order, got {','.join(cells)}")
-    return [_number(cell, name, where) for name, cell in zip(names, cells, strict=True)]
+        for what, title, column in layout.places:
+            cell = cells[column] if column < len(cells) else ""
+            if what == "name":
+                with located(f"{where}: {title}", ""):
+                    names.append(checked_name(cell))
+            else:
+                rows[-1].append(_number(cell, title, where))
+    aim = tuple(what for what, _, _ in layout.places if what not in (*_POINT, "name"))
+    return replace(_path_of_rows(np.array(rows), aim, layout, numbers), names=tuple(names))
 
 
 def _number(cell: str, name: str, where: str) -> float:
@@ -159,71 +315,22 @@ def _number(cell: str, name: str, where: str) -> float:
     return value
 
 
-def _path_of_rows(rows: Array, where: str, numbers: Sequence[int]) -> ToolPath:
-    """Return the path of rows as one of `COLUMNS` has them, from lines of such numbers."""
-    points, rest = rows[:, :3], rows[:, 3:]
-    if rest.shape[1] == 0:
+def _path_of_rows(rows: Array, aim: tuple[str, ...], layout: CsvLayout, numbers: Sequence[int]) -> ToolPath:
+    """Return the path of lines of such numbers: of rows of x, y, z and a way to aim."""
+    form, (points, rest) = layout.form, np.split(rows.reshape(-1, 3 + len(aim)), [3], axis=1)
+    points = points / _PER_METRE[form.unit or "m"] if form.scale is None else points * form.scale
+    if not aim:
         return ToolPath(points)
-    if rest.shape[1] == 3:
+    if aim in (_AXIS, _NORMAL):
         zero = np.flatnonzero(np.linalg.norm(rest, axis=1) < 1e-9)
         if len(zero):
-            raise InputError(f"{where}: line {numbers[zero[0]]}: dx,dy,dz must not be zero")
-        return ToolPath(points, directions=rest)
+            what = f"{','.join(aim)} must not be zero"
+            raise InputError(f"{layout.where}: line {numbers[zero[0]]}: {what}")
+        return ToolPath(points, directions=-rest if form.normals == "outward" else rest)
+    rest = np.radians(rest) if form.angle_unit == "deg" else rest
     turns = []
-    for number, quaternion in zip(numbers, rest, strict=True):
-        try:
-            turns.append(rotation_from_quaternion(quaternion))
-        except InputError as error:
-            raise InputError(f"{where}: line {number}: qx,qy,qz,qw: {error}") from None
+    for number, values in zip(numbers, rest, strict=True):
+        with located(layout.where, f"line {number}: {','.join(aim)}"):
+            turned = rotation_from_quaternion(values) if aim == _QUATERNION else pose((0, 0, 0), values)
+            turns.append(turned[:3, :3])
     return ToolPath(points, orientations=np.array(turns).reshape(-1, 3, 3))
-
-
-# --- columns chosen by their titles
-
-
-def read_csv_columns(path: Path, columns: Mapping[str, str], delimiter: Delimiter) -> ToolPath:
-    """Return the tool path in some columns of a CSV file.
-
-    Its first line that is neither empty nor begins with # holds the titles. ``columns`` are the titles for
-    x, y, z, and for nothing more, dx, dy, dz, or qx, qy, qz, qw.
-    """
-    names = next((names for names in COLUMNS.values() if set(names) == set(columns)), None)
-    if names is None:
-        valid = " or ".join(",".join(names) for names in COLUMNS.values())
-        raise InputError(f"columns: expected titles for {valid}, got {','.join(columns)}")
-    rows, numbers = [], []
-    table = _table(path, _SIGNS[delimiter])
-    places = _places(path, next(table, (1, [])), [columns[name] for name in names])
-    for number, cells in table:
-        given = {title: cells[place] if place < len(cells) else "" for title, place in places.items()}
-        rows.append([_number(cell, title, f"{path}: line {number}") for title, cell in given.items()])
-        numbers.append(number)
-    if not rows:
-        raise InputError(f"{path}: expected at least one line below the titles")
-    return _path_of_rows(np.array(rows), str(path), numbers)
-
-
-def _table(path: Path, delimiter: str) -> Iterator[tuple[int, list[str]]]:
-    """Numbers and cells of the lines that are neither empty nor comments."""
-    lines = read_text(path).splitlines()
-    reader = csv.reader(lines, delimiter=delimiter, skipinitialspace=True, strict=True)
-    try:
-        for row in reader:
-            cells = [cell.strip() for cell in row]
-            if any(cells) and not cells[0].startswith("#"):
-                yield reader.line_num, cells
-    except csv.Error as error:
-        raise InputError(f"{path}: line {reader.line_num}: {error}") from None
-
-
-def _places(path: Path, header: tuple[int, list[str]], titles: list[str]) -> dict[str, int]:
-    """Places of titles in the line of the titles, in the order asked for."""
-    number, found = header
-    for title in titles:
-        if found.count(title) != 1:
-            how = "twice" if title in found else "not"
-            valid = clip(", ".join(found))
-            raise InputError(f"{path}: line {number}: the title {title!r} is {how} there, titles: {valid}")
-    if len(set(titles)) < len(titles):
-        raise InputError("columns: expected a title of its own for each")
-    return {title: found.index(title) for title in titles}
