@@ -143,7 +143,8 @@ def test_no_is_one_paragraph_on_stderr_and_json(run: Run, no: tuple[No, Path], t
     assert all(word in done.err.replace("Set-point", "set-point") for word in what.words), done.err
     assert sorted(path.name for path in tmp_path.iterdir()) == ["no.yaml"]
     document = json.loads(done.out)
-    assert set(document) == {"ok", "verdict", "setpoint", "reason", "causes", "repairs", "failures"}
+    told = {"ok", "verdict", "setpoint", "code", "reason", "causes", "repairs", "failures"}
+    assert set(document) == told
     assert document["ok"] is False
     assert (document["verdict"], document["setpoint"]) == (what.verdict, what.setpoint)
     assert document["reason"] in done.err
@@ -398,9 +399,9 @@ def test_reach_mixes_yes_and_no(run: Run, tmp_path: Path) -> None:
     assert (done.code, done.out) == (1, "")
     assert "2 of 3 targets" in done.err
     rows = list(csv.DictReader(io.StringIO(path.read_text())))
-    joints = [name for name in rows[0] if name not in ("x", "y", "z", "verdict", "reason")]
+    joints = [name for name in rows[0] if name not in ("name", "x", "y", "z", "verdict", "code", "reason")]
     assert [row["verdict"] for row in rows] == ["reachable", "unreachable", "reachable"]
-    assert list(rows[0]) == ["x", "y", "z", "verdict", *joints, "reason"]
+    assert list(rows[0]) == ["name", "x", "y", "z", "verdict", "code", *joints, "reason"]
     assert joints[:3] == ["base_x", "base_y", "base_yaw"]
     assert len(joints) == 8
     assert [float(row["x"]) for row in rows] == [0.5, 0.0, 0.6]
@@ -412,7 +413,8 @@ def test_reach_as_json(run: Run) -> None:
     done = run("reach", "free", "--target", 0, 0, 3, "--json")
     assert done.code == 1
     document = json.loads(done.out)
-    assert {"ok", "verdict", "setpoint", "reason", "causes", "repairs", "answers"} == set(document)
+    told = {"ok", "verdict", "setpoint", "code", "reason", "causes", "repairs", "answers"}
+    assert set(document) == told
     assert (document["ok"], document["verdict"], document["setpoint"]) == (False, "unreachable", 0)
     assert document["answers"][0]["base"] is None
 

@@ -65,13 +65,13 @@ def _titles(columns: str | None) -> dict[str, str]:
 
 def print_answers(answer: Answer) -> None:
     """Print answers as a table on stdout, and below it the reason of each that is not "reachable"."""
-    named = max(map(len, answer.name), default=0)
-    wide = max(named, len("name")) if named else 0
-    print(f"{'name'[:wide]:{wide}} {'x':>9} {'y':>9} {'z':>9}  verdict      base x, y, yaw             code")
+    names = ["name", *answer.name] if any(answer.name) else [""] * (1 + len(answer.name))
+    wide = max(map(len, names))
+    print(f"{names[0]:{wide}}{'x':>8} {'y':>8} {'z':>8}  verdict      base x, y, yaw             code")
     for k, target in enumerate(answer.targets):
-        x, y, z = (f"{value:z9g}" for value in target)
+        x, y, z = (f"{value:z8g}" for value in target)
         base = ", ".join(f"{value:z.3f}" for value in answer.base[k]) if answer.reachable[k] else ""
-        line = f"{answer.name[k]:{wide}} {x} {y} {z}  {answer.verdict[k]:11}  {base:25}  {answer.code[k]}"
+        line = f"{names[k + 1]:{wide}}{x} {y} {z}  {answer.verdict[k]:11}  {base:25}  {answer.code[k]}"
         print(line.rstrip())
     for reason in filter(None, answer.reason):
         print(reason)
