@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 import shapely
@@ -77,7 +79,7 @@ def test_the_place_of_every_posture_is_in_the_outer_area_of_its_pose(kind: str) 
         base = rng.uniform(-3, 3, 3)
         tool, cone = robot.tool(base, posture(robot.chain, rng)), float(rng.uniform(0.01, 0.5))
         asked = tilted(tool[:3, :3], cone, rng)
-        turned = {"orientation": asked} if k % 2 else {"direction": asked[:, 2]}
+        turned: dict[str, Any] = {"orientation": asked} if k % 2 else {"direction": asked[:, 2]}
         target = Target(tool[:3, 3], cone=cone, **turned)
         outer = reach_of(scene_of(World("bare", robot, FLOOR)), target, coarse=k < 2)
         assert outer.distance(shapely.Point(axis_of(robot, base))) < 1e-6

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 import shapely
@@ -105,7 +107,9 @@ def test_base_and_arm_follow_poses(asked: str) -> None:
     robot = known_robot("UR5")
     live = rik.LiveSolver(robot, np.zeros(3), mid_posture(robot))
     tool = robot.tool(live.base, live.joints)
-    turned = {"direction": tool[:3, 2]} if asked == "direction" else {"orientation": tool[:3, :3]}
+    turned: dict[str, Any] = (
+        {"direction": tool[:3, 2]} if asked == "direction" else {"orientation": tool[:3, :3]}
+    )
     for point in circle(tool[:3, 3], 50):
         assert live(rik.Target(point, cone=0.01, **turned))
         now = robot.tool(live.base, live.joints)

@@ -7,7 +7,7 @@ endless: `mfabrik` shares its turn between joint and base.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 
@@ -118,7 +118,7 @@ def goals_between(a: Target, b: Target, shares: Array) -> list[Target]:
     """
     if a is b or not len(shares):
         return [a] * len(shares)
-    asked: list[dict[str, Array]] = [{}] * len(shares)
+    asked: list[dict[str, Any]] = [{}] * len(shares)
     if a.orientation is not None and b.orientation is not None:
         way = turns_left(np.array([ORIENTATION]), b.orientation[None].copy(), a.orientation[None].copy())[0]
         angle = float(np.linalg.norm(way))
