@@ -8,7 +8,7 @@ arm would touch something. Where a run ends, the tool is lifted and the base dri
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import islice
@@ -36,7 +36,8 @@ from regionik.postures.poses import MotionState, Pose, pose_of
 from regionik.pruning import Pruned, choose_chain, solvers_along, start_place, start_pose
 from regionik.scene import Scene
 from regionik.worlds.arms import reach_bound
-from regionik.worlds.errors import Explanation, NoPlanFound
+from regionik.worlds.errors import Cause, Explanation, NoPlanFound
+from regionik.worlds.strokes import stroke_span
 
 OPTIONS = MOVING.runs
 BASE_COORDINATES = 0, 1, 2  # coordinates of a base that stands
@@ -107,17 +108,38 @@ class _Connection:
                 return self.search.joined(states, done)
             lifts += 1
             if most is not None and lifts > most:
-                raise NoPlanFound(self._one_lift_too_many(len(done)))
+                raise NoPlanFound(self._refused_lift(len(done), arm_failures.arm_must_lift))
 
     def _run(self, i: int, here: Pose | None) -> JoinedRun:
-        """Return the transit to set-point i and the longest run found from there.
+        """Return the transit to set-point i and the longest run found from there that ends between strokes.
+
+        A stroke in which it gets stuck at once is tried alone; only where the rules allow it the tool is
+        lifted within one.
+        """
+        within = self.scene.within_strokes
+        end = min((k for k in self.pruned.breaks if k > i), default=len(self.scene.task))
+        found = self._longest(i, end, here)
+        stuck = i + len(found.steps)
+        if stuck == end or not within[stuck]:
+            return found
+        first, after = stroke_span(within, stuck)
+        if first > i:
+            return JoinedRun(found.way, found.steps[: first - i])
+        alone = self._longest(i, min(after, end), here)
+        if len(alone.steps) > len(found.steps):
+            found, stuck = alone, i + len(alone.steps)
+        if stuck < min(after, end) and not self.scene.rules.lift_within:
+            raise NoPlanFound(self._refused_lift(stuck, arm_failures.arm_must_lift_within))
+        return found
+
+    def _longest(self, i: int, end: int, here: Pose | None) -> JoinedRun:
+        """Return the transit to set-point i and the longest run found from there, up to before ``end``.
 
         Without smoothing the configurations of M-FABRIK come first, as in its paper. With it a base that does
         for the whole run stands still. Else, where the tool is turned as asked, and on wheels, base and
         joints go on together, and configurations are searched where they are stuck. Elsewhere they are
         searched first, those of M-FABRIK before others.
         """
-        end = min((k for k in self.pruned.breaks if k > i), default=len(self.scene.task))
         if not self.scene.rules.smooth:
             return self._searched(i, end, here)
         stationary = self._stationary_run(i, end, here)
@@ -266,8 +288,10 @@ class _Connection:
         """Return the components that pruning cut: a motion may exist where the areas show none."""
         return self.pruned.ladder.components_at(~self.pruned.keep, i)
 
-    def _one_lift_too_many(self, i: int) -> Explanation:
+    def _refused_lift(
+        self, i: int, told: Callable[[Scene, int, str, Cause | None], Explanation]
+    ) -> Explanation:
         scene, collision, proximity = self.scene, self.search.collision, self.search.follower.stops.get(i - 1)
         if proximity is None:
-            return arm_failures.arm_must_lift(scene, i, "the arm would have to jump", None)
-        return arm_failures.arm_must_lift(scene, i, collision.words(proximity), collision.cause(proximity))
+            return told(scene, i, "the arm would have to jump", None)
+        return told(scene, i, collision.words(proximity), collision.cause(proximity))

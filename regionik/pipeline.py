@@ -359,6 +359,7 @@ def _plan_stops(scene: Scene, seed: int) -> Plan:
     work = in_sequence(scene, parking)
     with naming_as_given(work.order):
         done = connect_stops(work, seed)
+    _refuse(failures.stroke_between_stops(work.scene, done.stops))
     parked = work.parking_areas
     shown = planned_areas(work.scene, parked.areas, parked.free_space, lambda i: done.places[i])
     stops = {**parking.stats(len(done.stops)), "split_before": list(done.split)}

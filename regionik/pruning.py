@@ -18,7 +18,7 @@ from shapely.geometry.base import BaseGeometry
 from regionik.areas.free_space import FreeSpace, PathAreas, into_span, into_spans
 from regionik.areas.ground import united
 from regionik.explain.cut_off import beyond, cut_off, poses_in
-from regionik.explain.failures import no_place, too_many_lifts
+from regionik.explain.failures import no_place, split_stroke, too_many_lifts
 from regionik.explain.several import together
 from regionik.ladder import Ladder, Mask, build_ladder
 from regionik.mfabrik import Solver, solver_for
@@ -29,6 +29,7 @@ from regionik.regions import distinct_free_spaces, path_areas
 from regionik.scene import Scene
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
+from regionik.worlds.strokes import stroke_span
 
 TURN_WEIGHT = 0.1  # cost of a turn of the base against driving [m/rad]
 
@@ -42,6 +43,10 @@ class Pruned:
     ladder: Ladder
     keep: Mask  # (m,) components that some traversal of their run uses
     breaks: tuple[int, ...]  # set-points before which the tool must be lifted
+
+    def split(self, within: Mask) -> list[int]:
+        """Set-points within strokes before which the tool must be lifted."""
+        return [i for i in self.breaks if within[i]]
 
     def components_at(self, i: int) -> list[int]:
         """Components of a set-point that are left."""
@@ -82,7 +87,8 @@ def whole_path(scene: Scene) -> tuple[FreeSpace, PathAreas, Pruned]:
                 break
     if not found and not isinstance(pruned, Pruned):
         raise NoPlanFound(pruned())
-    return min(found, key=lambda one: len(one[2].breaks))
+    within = scene.within_strokes
+    return min(found, key=lambda one: (len(one[2].split(within)), len(one[2].breaks)))
 
 
 def spans(scene: Scene) -> bool:
@@ -106,19 +112,24 @@ def prune_path(
 def _cut(scene: Scene, free_space: FreeSpace, ladder: Ladder) -> Pruned | Refusal:
     if ladder.empty:
         return partial(_unserved, scene, free_space, ladder)
-    every = (prune(ladder, ladder.floor == piece) for piece in _start_pieces(scene, free_space, ladder))
-    pruned = min(every, key=lambda found: (found.gap is not None, len(found.breaks)))
+    pieces, within = _start_pieces(scene, free_space, ladder), scene.within_strokes
+    every = (prune(ladder, ladder.floor == piece, within) for piece in pieces)
+    pruned = min(
+        every, key=lambda found: (found.gap is not None, len(found.split(within)), len(found.breaks))
+    )
     if pruned.gap is not None:
         return partial(_unserved, scene, free_space, ladder)
-    allowed = scene.rules.max_lift_offs
+    split, allowed = pruned.split(within), scene.rules.max_lift_offs
+    if split and not scene.rules.lift_within:
+        return partial(_refused_lift, scene, pruned, split[0], split_stroke)
     if allowed is not None and len(pruned.breaks) > allowed:
-        return partial(_too_many_lifts, scene, pruned)
+        told = partial(too_many_lifts, number=allowed + 1, count=len(pruned.breaks))
+        return partial(_refused_lift, scene, pruned, pruned.breaks[allowed], told)
     return pruned
 
 
-def _too_many_lifts(scene: Scene, pruned: Pruned) -> Explanation:
-    bridges = [shapely.shortest_line(pruned.area(i - 1), pruned.area(i)) for i in pruned.breaks]
-    return too_many_lifts(scene, pruned.breaks, bridges)
+def _refused_lift(scene: Scene, pruned: Pruned, i: int, told: Callable[..., Explanation]) -> Explanation:
+    return told(scene, i, shapely.shortest_line(pruned.area(i - 1), pruned.area(i)))
 
 
 def _unserved(scene: Scene, free_space: FreeSpace, ladder: Ladder) -> Explanation:
@@ -167,22 +178,27 @@ def _start_pieces(scene: Scene, free_space: FreeSpace, ladder: Ladder) -> list[i
     return [] if piece is None else [piece]
 
 
-def prune(ladder: Ladder, usable: Mask) -> Pruned:
+def prune(ladder: Ladder, usable: Mask, within: Mask) -> Pruned:
     """Cut, run by run, every component that no full traversal of the run uses.
 
     Runs are made as long as they go, so that lift-offs are fewest: a run that could go on loses nothing by
-    going on. ``usable`` (m,) masks the components that the base can get to at all.
+    going on. One that ends ``within`` (n,) a stroke goes back to where that begins; what then goes on within
+    one cannot be worked without a lift-off. ``usable`` (m,) masks the components that the base can get to at
+    all.
     """
     rungs = ladder.rungs
     keep = np.zeros(len(ladder.component), dtype=bool)
     keep[: rungs[1]] = usable[: rungs[1]]
-    starts = [0]
-    for i in range(1, ladder.count):
+    starts, i = [0], 1
+    while i < ladder.count:
         rung = slice(rungs[i], rungs[i + 1])
         keep[rung] = usable[rung] & _followed(keep, ladder.back[rung])  # forward cut
         if not keep[rung].any():
-            keep[rung] = usable[rung]
+            begin = stroke_span(within, i)[0]
+            i = begin if begin > starts[-1] else i
+            keep[rungs[i] : rungs[i + 1]] = usable[rungs[i] : rungs[i + 1]]
             starts.append(i)
+        i += 1
     for start, stop in zip(starts, [*starts[1:], ladder.count], strict=True):
         for i in range(stop - 2, start - 1, -1):
             rung = slice(rungs[i], rungs[i + 1])

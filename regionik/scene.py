@@ -23,11 +23,12 @@ from regionik.planners.driving.footprint import fits
 from regionik.planners.driving.footprint_scene import FootprintScene
 from regionik.postures.arm import goal_of
 from regionik.postures.collision_checker import CollisionChecker, bodies_in, checker_at, checker_from
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Mask
 from regionik.worlds.body import with_lift
 from regionik.worlds.prepared import Prepared
 from regionik.worlds.robot import Robot, with_joint_margin
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
+from regionik.worlds.strokes import within_strokes
 
 MAX_CUTS = 8  # of one scene to what is near some places, that are kept at a time
 MAX_SCENES = 8  # of worlds that public functions were asked about, that are kept at a time
@@ -80,6 +81,11 @@ class Scene(Prepared):
     @property
     def start(self) -> Start | None:
         return self.world.start
+
+    @cached_property
+    def within_strokes(self) -> Mask:
+        """Set-points (n,) to which the tool works its way from the one before."""
+        return within_strokes([target.stroke for target in self.task])
 
     @cached_property
     def ground(self) -> Ground:

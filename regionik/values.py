@@ -16,6 +16,7 @@ from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError, ReasonCode, Verdict
 from regionik.worlds.prepared import Prepared
 from regionik.worlds.scene import StopCriterion, Target, World
+from regionik.worlds.strokes import within_strokes, worked_ways
 
 StateKind = Literal["setpoint", "step", "transit"]
 
@@ -104,6 +105,8 @@ class Motion:
         [s], NaN where the motion is not timed.
     tool : (n, 3) array, optional
         Tool positions as a plan file gives them, which `regionik.verify` holds against base and joints [m].
+    tool_on : (n,) array of bool, optional
+        What `Plan.tool_on` tells, as a plan file gives it.
     """
 
     base: Array
@@ -112,6 +115,7 @@ class Motion:
     setpoint: NDArray[np.int64]
     time: Array
     tool: Array | None = None
+    tool_on: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         n = len(self.base)
@@ -283,6 +287,25 @@ class Plan(Prepared):
         """Tool position at every state, (n, 3) [m]."""
         frames = self.world.robot.tool(self.motion.base, self.motion.joints)
         return frames[:, :3, 3]
+
+    def tool_on(self) -> NDArray[np.bool_]:
+        """True where the tool works from a state to the next, (n,): not on travel, nor where it is lifted.
+
+        Without strokes in the task it works all the way from set-point to set-point.
+        """
+        motion, down = self.motion, self.motion.kind != "transit"
+        works = worked_ways([target.stroke for target in self.world.task])
+        last = np.maximum.accumulate(np.where(motion.kind == "setpoint", motion.setpoint, -1))
+        ahead = np.append(works, False)[last + 1] & (last >= 0)
+        return ahead & down & np.append(down[1:], False)
+
+    def lifts_within(self) -> list[int]:
+        """Set-points to which the tool comes lifted, although their stroke begins before."""
+        lifted = self.motion.setpoint[1:][
+            (self.motion.kind[:-1] == "transit") & (self.motion.kind[1:] == "setpoint")
+        ]
+        within = within_strokes([target.stroke for target in self.world.task])
+        return [i for i in lifted.tolist() if within[i]]
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write ``plan.json``, whole or not at all, as `regionik.save_plan` does."""

@@ -878,9 +878,37 @@ FAULTS = (
     Fault(
         "tasks: a set-point given again is taken again",
         "worlds/documents/tasks.py",
-        "if _is_same(task[k - 1], task[k])]",
-        "if False]",
+        "if not _is_same(task[last], task[k]) or (",
+        "if True or (",
         ("tests/test_world_file.py",),
+    ),
+    Fault(
+        "pruning: runs end within strokes",
+        "regionik/pruning.py",
+        "i = begin if begin > starts[-1] else i",
+        "i = max(i, begin)",
+        ("tests/test_pruning.py",),
+    ),
+    Fault(
+        "motion: a run that gets stuck ends within its stroke",
+        "regionik/motion.py",
+        "return JoinedRun(found.way, found.steps[: first - i])",
+        "return found",
+        ("tests/test_strokes.py",),
+    ),
+    Fault(
+        "verify: the tool may be lifted within strokes",
+        "regionik/verification/strokes.py",
+        "if len(lifted) and _in_one_stroke(",
+        "if len(lifted) > len(plan.motion) and _in_one_stroke(",
+        ("tests/test_strokes.py",),
+    ),
+    Fault(
+        "plans: the tool works on travel",
+        "regionik/values.py",
+        "return ahead & down &",
+        "return (last >= 0) & down &",
+        ("tests/test_strokes.py",),
     ),
 )
 

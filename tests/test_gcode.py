@@ -297,7 +297,6 @@ def test_what_slicers_write_is_read_as_beads(kind: str, tmp_path: Path) -> None:
         found = read_gcode(path, 1e-4)
     told = "\n".join(str(note.message) for note in notes)
     assert "passed over" in told
-    assert "5 ways without filament, 0.050 m in all" in told
     assert found.strokes is not None
     assert found.strokes.tolist() == [k for k in range(1, 7) for _ in range(13)]
     radius = 1000 * np.linalg.norm(found.points[:, :2] - 0.2, axis=1)

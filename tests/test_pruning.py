@@ -49,9 +49,13 @@ def traversals(ladder: Ladder) -> list[tuple[int, ...]]:
 
 
 def lifts(ladder: Ladder, chain: tuple[int, ...] | list[int]) -> int:
+    return len(lifted_before(ladder, chain))
+
+
+def lifted_before(ladder: Ladder, chain: tuple[int, ...] | list[int]) -> list[int]:
     edges = {(int(ladder.group[a]), int(ladder.group[b])) for a, b in ladder.edges.tolist()}
-    steps = itertools.pairwise(ladder.group[list(chain)].tolist())
-    return sum(pair not in edges for pair in steps)
+    steps = enumerate(itertools.pairwise(ladder.group[list(chain)].tolist()), start=1)
+    return [i for i, pair in steps if pair not in edges]
 
 
 @pytest.mark.parametrize("turning", [False, True])
@@ -60,7 +64,7 @@ def test_lift_offs_are_fewest_and_cuts_keep_every_full_traversal(turning: bool) 
     whole = 0
     for _ in range(300):
         ladder = random_ladder(rng, turning=turning)
-        pruned = prune(ladder, np.ones(len(ladder.component), dtype=bool))
+        pruned = prune(ladder, np.ones(len(ladder.component), dtype=bool), np.zeros(ladder.count, dtype=bool))
         every = traversals(ladder)
         assert len(pruned.breaks) == min(lifts(ladder, chain) for chain in every)
         if not pruned.breaks:
@@ -78,7 +82,27 @@ def test_unusable_components_are_never_kept() -> None:
     for _ in range(100):
         ladder = random_ladder(rng)
         usable = rng.random(len(ladder.component)) < 0.6
-        assert not prune(ladder, usable).keep[~usable].any()
+        assert not prune(ladder, usable, np.zeros(ladder.count, dtype=bool)).keep[~usable].any()
+
+
+def test_the_tool_is_lifted_between_strokes_where_that_does() -> None:
+    rng = np.random.default_rng(2)
+    moved, split = 0, 0
+    for _ in range(900):
+        ladder = random_ladder(rng)
+        within = rng.random(ladder.count) < 0.5
+        within[0] = False
+        usable = np.ones(len(ladder.component), dtype=bool)
+        pruned = prune(ladder, usable, within)
+        every = [lifted_before(ladder, chain) for chain in traversals(ladder)]
+        fewest = min(int(within[breaks].sum()) for breaks in every)
+        assert len(pruned.split(within)) == fewest
+        assert within[list(pruned.breaks)].sum() == fewest
+        if not fewest and pruned.breaks:
+            assert len(pruned.breaks) == min(len(some) for some in every if not within[some].any())
+            moved += pruned.breaks != prune(ladder, usable, ~usable[: ladder.count]).breaks
+        split += fewest
+    assert (moved, split) > (5, 5)
 
 
 def test_pocket_of_l_shape_is_cut_out() -> None:

@@ -41,7 +41,15 @@ ReasonCode = Literal[
     "not-found",  # neither a posture nor a proof that there is none
 ]
 RepairKind = Literal[
-    "clearance", "move-target", "move-obstacle", "move-start", "cone", "raise", "lift-off", "stop-tolerance"
+    "clearance",
+    "move-target",
+    "move-obstacle",
+    "move-start",
+    "cone",
+    "raise",
+    "lift-off",
+    "lift-within",
+    "stop-tolerance",
 ]
 Unit = Literal["m", "rad", "1"]
 
@@ -66,7 +74,7 @@ class Repair:
         The thing that is changed.
     amount : float
         New clearance, cone or stop tolerance; way that a target, an obstacle, the start or the arm's mount is
-        moved; number of lift-offs allowed besides.
+        moved; number of lift-offs allowed besides, or within strokes 1.
     text : str
     unit : {"m", "rad", "1"}
         Of ``amount``.

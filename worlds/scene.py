@@ -15,6 +15,7 @@ from regionik.worlds.errors import InputError, located
 from regionik.worlds.limits import Criteria, Execution, ParkingAccuracy, Speeds
 from regionik.worlds.obstacles import Box, Prism, Solid, as_polygon
 from regionik.worlds.robot import Robot
+from regionik.worlds.strokes import check_strokes
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,8 @@ class Target:
         Full tool orientation; its third column is ``direction``.
     name : str
         What people call it, in messages, answers and files; empty for none.
+    stroke : int or None
+        0 for travel, else as in `regionik.worlds.strokes`; None for all of a task that tells none.
 
     Examples
     --------
@@ -88,6 +91,7 @@ class Target:
     cone: float = 0.05
     orientation: Array | None = None
     name: str = ""
+    stroke: int | None = None
 
     def __post_init__(self) -> None:
         if self.name:
@@ -136,6 +140,8 @@ class Rules:
         Kept from both ends of the reach, where the arm is stretched or folded.
     max_lift_offs : int or None
         Largest number of times that the tool may leave the path; None for any.
+    lift_within : bool
+        The tool may be lifted within a stroke that is not worked in one go, which else is refused.
     avoidance : bool
         Plans lead the arm around obstacles; without it a plan whose arm touches something is refused.
     smooth : bool
@@ -183,6 +189,7 @@ class Rules:
     contact_depth: float = 0.0
     reach_margin: float = 0.005
     max_lift_offs: int | None = None
+    lift_within: bool = False
     avoidance: bool = True
     smooth: bool = True
     solid_floor: bool = True
@@ -340,6 +347,7 @@ class World:
     def __post_init__(self) -> None:
         object.__setattr__(self, "obstacles", tuple(self.obstacles))
         object.__setattr__(self, "task", tuple(self.task))
+        check_strokes([target.stroke for target in self.task], self.rules.order)
         places: dict[str, str] = {}
         for group, solids in (("floor.cells", self.floor.cells), ("obstacles", self.obstacles)):
             for k, solid in enumerate(solids):

@@ -13,9 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regionik.worlds.arrays import Array, Index, Mask, freeze, frozen, transform_points, unit_vector
+from regionik.worlds.arrays import Array, Index, freeze, frozen, transform_points, unit_vector
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import Target
+from regionik.worlds.strokes import within_strokes
 
 _DECIMALS = 12
 _LEAST_ACROSS = 1e-3  # part of a step across the tool's axis that gives its x axis a direction
@@ -23,15 +24,12 @@ _LEAST_ACROSS = 1e-3  # part of a step across the tool's axis that gives its x a
 
 @dataclass(frozen=True, eq=False)
 class ToolPath:
-    """Points of the tool, each with a direction, with an orientation or with neither.
-
-    Strokes are what the tool works in one go, numbered from 1; 0 are points on the way from one to another.
-    """
+    """Points of the tool, each with a direction, with an orientation or with neither."""
 
     points: Array  # (n, 3) [m]
     directions: Array | None = None  # (n, 3) tool axes
     orientations: Array | None = None  # (n, 3, 3) rotations of the tool frame
-    strokes: Index | None = None  # (n,) of each point; None where the path tells none
+    strokes: Index | None = None  # (n,) see `regionik.worlds.strokes`; None where the path tells none
     names: tuple[str, ...] = ()  # of the points, n; or none, where no point has one
 
     def __post_init__(self) -> None:
@@ -99,25 +97,23 @@ def arc(center: ArrayLike, radius: float, start: float, end: float, count: int, 
     return _sampled(count, point)
 
 
-def numbered_strokes(works: Mask) -> Index:
-    """Return the stroke of each of n points, of a path that is worked on some of its n - 1 segments.
+def divided_strokes(path: ToolPath, spacing: float) -> ToolPath:
+    """Return a path of points alone with more of them on strokes, none farther apart than ``spacing`` [m].
 
-    >>> numbered_strokes(np.array([True, True, False, False, True])).tolist()
-    [1, 1, 1, 0, 2, 2]
+    >>> path = ToolPath(np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]]), strokes=np.array([1, 1, 0]))
+    >>> divided_strokes(path, 0.5).points[:, 0].tolist()
+    [0.0, 0.5, 1.0, 2.0]
     """
-    before, after = np.append(False, works), np.append(works, False)
-    return np.where(before | after, np.cumsum(after & ~before), 0)
-
-
-def travel(points: Array, works: Mask) -> tuple[int, float]:
-    """Return how many ways lead from one stroke to another, and their length in all [m].
-
-    >>> travel(np.array([[0.0, 0, 0], [1, 0, 0], [1, 2, 0], [0, 2, 0]]), np.array([True, False, True]))
-    (1, 2.0)
-    """
-    idle = ~works
-    ways = int((idle & ~np.append(False, idle[:-1])).sum())
-    return ways, float(np.linalg.norm(np.diff(points, axis=0), axis=1)[idle].sum())
+    if path.strokes is None:
+        return path
+    ways = np.append(np.diff(path.points, axis=0), np.zeros((1, 3)), axis=0)
+    works = np.append(within_strokes(path.strokes.tolist())[1:], False)
+    wanted = np.ceil(np.linalg.norm(ways, axis=1) / spacing - 1e-9)
+    count = np.where(works, np.maximum(wanted, 1), 1).astype(int)
+    k = np.repeat(np.arange(len(count)), count)
+    share = (np.arange(len(k)) - (np.cumsum(count) - count)[k]) / count[k]
+    points = np.round(path.points[k] + share[:, None] * ways[k], _DECIMALS) + 0.0
+    return replace(path, points=points, strokes=path.strokes[k])
 
 
 def turn_with_arc(path: ToolPath, start: float, end: float) -> ToolPath:
@@ -196,10 +192,11 @@ def targets_along(path: ToolPath, cone: float) -> tuple[Target, ...]:
     directions = free if path.directions is None else path.directions
     orientations = free if path.orientations is None else path.orientations
     names = path.names or [""] * len(path.points)
+    strokes = free if path.strokes is None else path.strokes.tolist()
     return tuple(
-        Target(point, direction, cone, orientation, name)
-        for point, direction, orientation, name in zip(
-            path.points, directions, orientations, names, strict=True
+        Target(point, direction, cone, orientation, name, stroke)
+        for point, direction, orientation, name, stroke in zip(
+            path.points, directions, orientations, names, strokes, strict=True
         )
     )
 

@@ -325,6 +325,7 @@ def plan_summary(plan: Plan, seconds: float, written: Iterable[Path]) -> str:
         f"  {count_noun(plan.lift_offs, 'lift-off')}, {length:.2f} m of base travel, "
         f"{count_noun(len(plan.motion), 'state')}",
     ]
+    lines += lifted_lines(plan)
     if spent:  # what meets them now may be another posture
         met = "them" if len(spent) == len(plan.setpoints) else count_noun(len(spent), "set-point")
         within = f"{1000 * plan.world.rules.tolerance:g} mm"
@@ -341,6 +342,16 @@ def plan_summary(plan: Plan, seconds: float, written: Iterable[Path]) -> str:
     return "\n".join(lines)
 
 
+def lifted_lines(plan: Plan) -> list[str]:
+    """Lines on lift-offs within strokes, which the rules of the plan allow."""
+    task = plan.world.task
+    return [
+        f"  the tool is lifted within stroke {task[i].stroke}, from set-point {i} to {i + 1}: "
+        f"{math.dist(task[i - 1].position, task[i].position):.3f} m are not worked"
+        for i in plan.lifts_within()
+    ]
+
+
 def percent_text(probability: float) -> str:
     """Return a lower bound of a probability in percent, rounded down: 99.99 % of 0.99999."""
     return f"{math.floor(probability * 1e4) / 100:.2f} %"
@@ -354,7 +365,8 @@ def report_summary(name: str, report: Report, plan: Plan) -> str:
         count = len(plan.setpoints) + len(plan.skipped)
         part = f" for {len(plan.setpoints)} of {count} set-points" * bool(plan.skipped)
         spare = f"  to spare: {spare_text(report.margins, plan.world)}"
-        return "\n".join([f"{name}: the plan holds{part}", spare, *skipped_lines(plan.skipped, count)])
+        told = [*lifted_lines(plan), *skipped_lines(plan.skipped, count)]
+        return "\n".join([f"{name}: the plan holds{part}", spare, *told])
     lines = [f"{name}: the plan does not hold, {count_noun(len(report.violations), 'violation')}"]
     most = COMMANDS.max_listed
     lines += [f"  {violation.text}" for violation in report.violations[:most]]

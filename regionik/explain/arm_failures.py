@@ -7,8 +7,8 @@ from itertools import compress
 
 import numpy as np
 
-from regionik.explain.changes import one_lift_off
-from regionik.explain.constraints import setpoint_at
+from regionik.explain.changes import lift_within, one_lift_off
+from regionik.explain.constraints import setpoint_at, within_stroke
 from regionik.explain.several import together
 from regionik.planners.collision.distances import obstacles_from, solids_within
 from regionik.scene import Scene
@@ -169,11 +169,23 @@ def blocked_arm(scene: Scene, closest: str, cause: Cause) -> Explanation:
 
 def arm_must_lift(scene: Scene, i: int, obstruction: str, cause: Cause | None) -> Explanation:
     """Explain why the arm cannot go on to set-point i with as few lift-offs as the rules allow."""
-    count = len(scene.task)
+    told = f"and the rules allow {scene.rules.max_lift_offs} lift-offs."
+    return _arm_stuck(scene, i, obstruction, cause, told, one_lift_off(scene, i))
+
+
+def arm_must_lift_within(scene: Scene, i: int, obstruction: str, cause: Cause | None) -> Explanation:
+    """Explain why the arm cannot work the stroke that set-point i is of in one go."""
+    told = within_stroke(scene.task, i)
+    return _arm_stuck(scene, i, obstruction, cause, told, lift_within(scene, i))
+
+
+def _arm_stuck(
+    scene: Scene, i: int, obstruction: str, cause: Cause | None, told: str, repair: Repair
+) -> Explanation:
     reason = (
-        f"The path breaks between set-points {i} and {i + 1} of {count}: the base has places that serve "
-        f"both, but no way on was found for the arm: {obstruction}; the tool would have to be lifted here, "
-        f"and the rules allow {scene.rules.max_lift_offs} lift-offs."
+        f"The path breaks between set-points {i} and {i + 1} of {len(scene.task)}: the base has places that "
+        f"serve both, but no way on was found for the arm: {obstruction}; the tool would have to be lifted "
+        f"here, {told}"
     )
     cause = cause or Cause("limits", scene.robot.name)
-    return Explanation("ladder-broken", i, reason, (cause,), (one_lift_off(scene, i),))
+    return Explanation("ladder-broken", i, reason, (cause,), (repair,))

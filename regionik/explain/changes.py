@@ -166,6 +166,11 @@ def one_lift_off(scene: Scene, i: int) -> Repair:
     return _repair(scene, "lift-off", f"set-point {i + 1}", 1.0)
 
 
+def lift_within(scene: Scene, i: int) -> Repair:
+    """A lift-off within a stroke, before set-point i."""
+    return _repair(scene, "lift-within", f"set-point {i + 1}", 1.0)
+
+
 def move_target(scene: Scene, who: str) -> Move:
     """The world's one target elsewhere in space."""
     return Move(scene, "move-target", who)
@@ -286,4 +291,12 @@ _TABLE: dict[RepairKind, ChangeKind] = {
         ),
     ),
     "lift-off": ChangeKind(_with_lift_offs, lambda _, repair: repair.amount, _lift_off_text, "1"),
+    "lift-within": ChangeKind(
+        lambda scene, _, __: with_rules(scene, lift_within=True),
+        lambda _, repair: repair.amount,
+        lambda _, repair: (
+            f"set rules.lift_within: true, by which the way to {repair.name} is left without work"
+        ),
+        "1",
+    ),
 }

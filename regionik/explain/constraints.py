@@ -38,6 +38,7 @@ CELLS = "cells of the map"
 CRITERIA = "rules.criteria"
 START = "start of the base"
 LIFT_OFFS = "rules.max_lift_offs"
+LIFT_WITHIN = "rules.lift_within"
 
 
 @dataclass(frozen=True)
@@ -96,6 +97,8 @@ def path_constraints_of(scene: Scene) -> tuple[Constraint, ...]:
     found = []
     if scene.rules.max_lift_offs is not None:
         found.append(Constraint("path", LIFT_OFFS, partial(with_rules, max_lift_offs=None)))
+    if scene.within_strokes.any() and not scene.rules.lift_within:
+        found.append(Constraint("path", LIFT_WITHIN, partial(with_rules, lift_within=True)))
     if scene.start is not None and scene.rules.heading != "fixed":
         found.append(Constraint("floor", START, without_start))
     return (*found, *constraints_of(scene))
@@ -194,6 +197,13 @@ def setpoint_at(task: Sequence[Target], i: int) -> str:
     """A set-point as people count and call it, and where it is."""
     name = f" '{task[i].name}'" if task[i].name else ""
     return f"{setpoint(i, len(task))}{name} at {spot(task[i].position)}"
+
+
+def within_stroke(task: Sequence[Target], i: int) -> str:
+    """End of a sentence on a lift-off before set-point i that is within a stroke."""
+    number = task[i].stroke
+    own = [k + 1 for k, target in enumerate(task) if target.stroke == number]
+    return f"within stroke {number}, which goes from set-point {own[0]} to {own[-1]}."
 
 
 def spot(position: Array) -> str:

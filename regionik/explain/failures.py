@@ -9,8 +9,15 @@ from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.touching import BOUND_ROUNDING
-from regionik.explain.changes import one_lift_off
-from regionik.explain.constraints import join, no_way_to, rounded_down, setpoint_at, with_rules
+from regionik.explain.changes import lift_within, one_lift_off
+from regionik.explain.constraints import (
+    join,
+    no_way_to,
+    rounded_down,
+    setpoint_at,
+    with_rules,
+    within_stroke,
+)
 from regionik.explain.cut_off import crossed, narrow_floor, narrow_passage
 from regionik.planners.driving.footprint_planner import NarrowPassageError
 from regionik.planners.driving.point_planner import NoPathError
@@ -24,7 +31,7 @@ from regionik.regions import (
     round_outer_areas,
 )
 from regionik.scene import Scene
-from regionik.values import Violation
+from regionik.values import Stop, Violation
 from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import Array
 from regionik.worlds.body import without_body
@@ -190,21 +197,42 @@ def _crowded_out(
     return "base-blocked", reason, causes, repairs
 
 
-def too_many_lifts(scene: Scene, breaks: Sequence[int], bridges: Sequence[BaseGeometry]) -> Explanation:
+def too_many_lifts(scene: Scene, i: int, bridge: BaseGeometry, number: int, count: int) -> Explanation:
     """Explain why the path cannot be done with as few lift-offs as the rules allow."""
-    allowed = scene.rules.max_lift_offs or 0
-    i, bridge = breaks[allowed], bridges[allowed]
+    told = f"lift-off {number} of {count} in all, and the rules allow {number - 1}."
+    return _broken(scene, i, bridge, told, one_lift_off(scene, i))
+
+
+def split_stroke(scene: Scene, i: int, bridge: BaseGeometry) -> Explanation:
+    """Explain why a stroke cannot be worked without a lift-off before set-point i."""
+    return _broken(scene, i, bridge, within_stroke(scene.task, i), lift_within(scene, i))
+
+
+def stroke_between_stops(scene: Scene, stops: Sequence[Stop]) -> Explanation | None:
+    """Explain which stroke no one of some stops does; None where each is done from one, or need not be."""
+    i = next((stop.first for stop in stops[1:] if scene.within_strokes[stop.first]), None)
+    if i is None or scene.rules.lift_within:
+        return None
+    reason = (
+        f"No one stop was found for a whole stroke: between set-points {i} and {i + 1} of {len(scene.task)} "
+        f"the base drives on, {within_stroke(scene.task, i)} In mode continuous it drives at work."
+    )
+    causes, repairs = (Cause("reach", "room to park", None),), (lift_within(scene, i),)
+    return Explanation("ladder-broken", i, reason, causes, repairs)
+
+
+def _broken(scene: Scene, i: int, bridge: BaseGeometry, told: str, repair: Repair) -> Explanation:
+    """A refusal of a lift-off; ``bridge`` is the shortest way between places of the base."""
     blockers = crossed(scene, bridge)
     names = join(blockers) if blockers else "the arm's reach"
     reason = (
         f"The path breaks between set-points {i} and {i + 1} of {len(scene.task)}: no known place of the "
         f"base serves both, {bridge.length:.3f} m apart at the nearest, because of {names}; the tool would "
-        f"have to be lifted here, lift-off {allowed + 1} of {len(breaks)} in all, and the rules allow "
-        f"{allowed}."
+        f"have to be lifted here, {told}"
     )
     causes = tuple(Cause("obstacle", name, float(bridge.length)) for name in blockers)
     causes = causes or (Cause("reach", names, None),)
-    return Explanation("ladder-broken", i, reason, causes, (one_lift_off(scene, i),))
+    return Explanation("ladder-broken", i, reason, causes, (repair,))
 
 
 def blocked_start(scene: Scene) -> Explanation | None:

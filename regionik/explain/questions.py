@@ -17,6 +17,7 @@ from regionik.explain.changes import (
     Change,
     Move,
     allow_lift_offs,
+    lift_within,
     lower_clearance,
     move_obstacle,
     move_target,
@@ -27,6 +28,7 @@ from regionik.explain.changes import (
 from regionik.explain.constraints import (
     ARM_CLEARANCE,
     LIFT_OFFS,
+    LIFT_WITHIN,
     Constraint,
     arm_constraints_of,
     constraints_of,
@@ -307,6 +309,8 @@ class PathQuestion:
         """Single changes; obstacles and mount stay where headings matter, as a test then takes seconds."""
         if any(one.name == LIFT_OFFS for one in causes):
             yield allow_lift_offs(self.scene, self.setpoint)
+        if any(one.name == LIFT_WITHIN for one in causes):
+            yield Change(self.scene, 1, lambda _: lift_within(self.scene, self.setpoint), counted=True)
         if self.scene.world.solids:
             yield lower_clearance(self.scene)
         if not self.scene.free_floor.turns_matter:

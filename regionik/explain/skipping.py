@@ -10,6 +10,7 @@ from regionik.explain.several import failures_of, in_order, naming_all, numbered
 from regionik.scene import Scene
 from regionik.values import Plan, Skipped
 from regionik.worlds.errors import Explanation, NoPlanFound, SetpointFailure
+from regionik.worlds.strokes import split_strokes
 
 T = TypeVar("T")
 Explained = Callable[[Scene, Explanation], Explanation]  # of the world that an explanation is about
@@ -71,16 +72,23 @@ def with_skipped(planned: Plan, skipped: tuple[Skipped, ...]) -> Plan:
 
 
 def _without(scene: Scene, failures: Sequence[SetpointFailure]) -> tuple[Scene, list[int]]:
-    """The world without some set-points, and the index as given of each that is left."""
+    """The world without some set-points, and the index as given of each that is left.
+
+    Those of a stroke on either side of one that is left out are two strokes.
+    """
     gone = {one.setpoint for one in failures}
     remaining = [i for i in range(len(scene.task)) if i not in gone]
-    return (scene.changed(task=tuple(scene.task[i] for i in remaining)) if gone else scene), remaining
+    if not gone:
+        return scene, remaining
+    strokes = split_strokes([target.stroke for target in scene.task], remaining)
+    left = (replace(scene.task[i], stroke=stroke) for i, stroke in zip(remaining, strokes, strict=True))
+    return scene.changed(task=tuple(left)), remaining
 
 
 def _skipped(scene: Scene, failure: SetpointFailure) -> Skipped:
-    return Skipped(
-        failure.setpoint, scene.task[failure.setpoint], failure.verdict, failure.reason, failure.code
-    )
+    target = scene.task[failure.setpoint]
+    split = f" Stroke {target.stroke} is not worked to and from it." * bool(target.stroke)
+    return Skipped(failure.setpoint, target, failure.verdict, f"{failure.reason}{split}", failure.code)
 
 
 def _of_all(

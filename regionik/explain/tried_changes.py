@@ -10,6 +10,7 @@ import numpy as np
 
 from regionik.explain.changes import (
     Move,
+    lift_within,
     lower_clearance,
     move_obstacle,
     move_start,
@@ -58,7 +59,7 @@ def mended_motion(scene: Scene, quick: Explanation, plans: Asked, made: int = 0)
             tried += [group[-1].text] if group else []
     # A lift-off is asked about whatever its size, as the search itself says that one more would do: with it
     # the search is made once more, and goes on.
-    lifts = [one for one in helped if one.kind == "lift-off"]
+    lifts = [one for one in helped if one.kind in ("lift-off", "lift-within")]
     others = [one for one in smallest_first(scene, helped) if one not in lifts]
     smallest = others[: OPTIONS.max_planned_repairs - len(lifts)]
     for some, tries in ((lifts, 2 * made + OPTIONS.spare_tries), (smallest, most)):
@@ -73,6 +74,8 @@ def _groups(scene: Scene, i: int, quick: Explanation) -> Iterator[Iterator[Repai
     """Changes of one kind after the other, each from less to more."""
     if scene.rules.max_lift_offs is not None and i > 0:
         yield iter([one_lift_off(scene, i)])
+    if scene.within_strokes[i] and not scene.rules.lift_within:
+        yield iter([lift_within(scene, i)])
     wide = scene.rules.stop_tolerance
     if scene.rules.mode == "stops" and wide:
         yield (smaller_circle(scene, (1 - share) * wide) for share in OPTIONS.given_up_shares)

@@ -106,13 +106,14 @@ def check_options(
 def _plan_to_csv(plan: Plan, rate: float | None = None) -> str:
     """Return a table with a row for each state, in order; indices count from 0, empty cells have no value.
 
-    Rows of a timed plan end with velocities and accelerations of base and joints, and the tool's speed.
+    ``tool_on`` is 1 where the tool works from a row to the next, else 0. Rows of a timed plan end with
+    velocities and accelerations of base and joints, and the tool's speed.
     ``rate`` gives rows at even times instead [1/s]; see `sample_plan`.
     """
     rows, robot = sample_plan(plan, rate), plan.world.robot
     sample, timed = rows.sample, is_timed(plan.motion)
     moving = [*_BASE, *robot.chain.names]
-    header = ["index", "kind", "setpoint", "name", "time", *moving, "tool_x", "tool_y", "tool_z"]
+    header = ["index", "kind", "setpoint", "name", "tool_on", "time", *moving, "tool_x", "tool_y", "tool_z"]
     columns = [sample.base, sample.joints, robot.tool(sample.base, sample.joints)[:, :3, 3]]
     if timed:
         header += [f"{name}_{order}" for order in ("velocity", "acceleration") for name in moving]
@@ -122,8 +123,11 @@ def _plan_to_csv(plan: Plan, rate: float | None = None) -> str:
         columns += [sample.base_acceleration, sample.joint_acceleration, speed[:, None]]
     owners = [(None, "") if i < 0 else (i, plan.world.task[i].name) for i in rows.setpoint.tolist()]
     times = (None if np.isnan(time) else time for time in sample.time.tolist())
-    cells = zip(rows.kind, owners, times, np.hstack(columns).tolist(), strict=True)
-    lines = ([k, kind, *owner, time, *numbers] for k, (kind, owner, time, numbers) in enumerate(cells))
+    works = rows.tool_on.astype(int).tolist()
+    cells = zip(rows.kind, owners, works, times, np.hstack(columns).tolist(), strict=True)
+    lines = (
+        [k, kind, *owner, on, time, *numbers] for k, (kind, owner, on, time, numbers) in enumerate(cells)
+    )
     return csv_text([header, *lines])
 
 
@@ -131,8 +135,8 @@ def plan_to_geojson(plan: Plan) -> str:
     """Return a FeatureCollection in metres of the world frame, not in longitude and latitude.
 
     Property ``part`` tells features apart: ``admissible``, ``pruned`` and ``rejected`` areas and
-    ``setpoint`` points, each with its ``setpoint`` index, and one ``base-path`` line. The line of a timed
-    plan has in ``time`` when the base is at each of its positions [s].
+    ``setpoint`` points, each with its ``setpoint`` index and ``stroke``, and one ``base-path`` line. The
+    line of a timed plan has in ``time`` when the base is at each of its positions [s].
     """
     areas = [
         feature(multipolygon(getattr(area, part)), {"part": part, "setpoint": k})
@@ -142,7 +146,7 @@ def plan_to_geojson(plan: Plan) -> str:
     points = [
         feature(
             {"type": "Point", "coordinates": target.position.tolist()},
-            {"part": "setpoint", "setpoint": k, "name": target.name},
+            {"part": "setpoint", "setpoint": k, "name": target.name, "stroke": target.stroke},
         )
         for k, target in enumerate(plan.world.task)
     ]

@@ -58,6 +58,9 @@ class StateRecord(Strict):
     setpoint: Index | None = Field(description="counts from 0")
     time: Number | None = Field(description="[s]")
     tool: Three = Field(description="x, y, z [m]")
+    tool_on: bool | None = Field(
+        default=None, description="the tool works from here to the next state; where the task tells strokes"
+    )
 
 
 class MultiPolygonRecord(Strict):
@@ -296,7 +299,7 @@ def _skipped(record: SkippedRecord, where: str) -> Skipped:
 
 
 def _motion(record: PlanRecord, world: World) -> Motion:
-    states = record.states
+    states, on = record.states, [s.tool_on for s in record.states]
     return Motion(
         base=np.array([s.base for s in states], dtype=np.float64),
         joints=np.array([s.joints for s in states], dtype=np.float64).reshape(-1, world.robot.chain.dof),
@@ -304,6 +307,7 @@ def _motion(record: PlanRecord, world: World) -> Motion:
         setpoint=np.array([-1 if s.setpoint is None else s.setpoint for s in states], dtype=np.int64),
         time=np.array([np.nan if s.time is None else s.time for s in states]),
         tool=np.array([s.tool for s in states], dtype=np.float64),
+        tool_on=None if None in on else np.array(on),
     )
 
 

@@ -21,7 +21,7 @@ from regionik.output.ros2 import (
     vector,
 )
 from regionik.timing.trajectory import sample_plan
-from regionik.values import Motion, Plan
+from regionik.values import Plan
 from regionik.view.triangle_meshes import obstacle_mesh
 from regionik.worlds.arrays import Array
 from regionik.worlds.limits import Speeds
@@ -49,9 +49,9 @@ robot_trajectory.yaml moveit_msgs/msg/RobotTrajectory, of both
 planning_scene.yaml   moveit_msgs/msg/PlanningScene, the world's solids as a difference
 ros2_control.yaml     parameters of a controller manager with a trajectory controller for the arm
 nav2.yaml             parameters of nav2's controller server and local costmap for the base
-settings.yaml         what execute_plan.py asks of the base, and from when to when the tool is on its path [s]
+settings.yaml         what execute_plan.py asks of the base, and from when to when the tool works [s]
 execute_plan.py       sends the arm's trajectory, leads the base along its own, stops both where one fails,
-                      and says on /tool_on when the tool is on its path
+                      and says on /tool_on when the tool works
 bag/                  rosbag2 (MCAP) of /tf, /joint_states and the messages above, for RViz and Foxglove
 """
 
@@ -78,7 +78,7 @@ def ros2_files(plan: Plan, rate: float | None = None, frame: str = FRAME) -> dic
             "base_frame": plan.world.frames.base_link,
             "base_velocity": float(speeds.base_velocity),
             "turn_velocity": float(speeds.turn_velocity),
-            "tool_on": _tool_spans(plan.motion),
+            "tool_on": _tool_spans(plan),
         },
     }
     texts = {f"{name}.yaml": message_text(document, ".yaml") for name, document in documents.items()}
@@ -93,12 +93,11 @@ def ros2_files(plan: Plan, rate: float | None = None, frame: str = FRAME) -> dic
     return {**texts, SCRIPT: _SCRIPT_TEXT.read_text("utf-8"), "README.txt": about, **bag}
 
 
-def _tool_spans(motion: Motion) -> list[Message]:
-    """Times from when to when the tool of a timed motion is on its path, one after the other [s]."""
-    working = np.concatenate([[False], motion.kind != "transit", [False]])
-    first, end = np.flatnonzero(np.diff(working)).reshape(-1, 2).T
-    spans = zip(motion.time[first].tolist(), motion.time[end - 1].tolist(), strict=True)
-    return [{"from": begin, "to": done} for begin, done in spans]
+def _tool_spans(plan: Plan) -> list[Message]:
+    """Times from when to when the tool of a timed plan works, one after the other [s]."""
+    switched = np.diff(np.concatenate([[False], plan.tool_on(), [False]]))
+    times = plan.motion.time[np.flatnonzero(switched)].reshape(-1, 2).tolist()
+    return [{"from": begin, "to": done} for begin, done in times]
 
 
 def arm_parameters(robot: Robot) -> Message:

@@ -212,6 +212,7 @@ def _setpoints(plan: Plan) -> Iterator[dict[str, Any]]:
 
 
 def _states(plan: Plan) -> Iterator[dict[str, Any]]:
+    told = any(target.stroke is not None for target in plan.world.task)
     return (
         {
             "base": _numbers(state.base),
@@ -220,8 +221,9 @@ def _states(plan: Plan) -> Iterator[dict[str, Any]]:
             "setpoint": state.setpoint,
             "time": json_values(state.time),
             "tool": _numbers(tool),
+            **({"tool_on": on} if told else {}),
         }
-        for state, tool in zip(plan.motion, plan.tools(), strict=True)
+        for state, tool, on in zip(plan.motion, plan.tools(), plan.tool_on().tolist(), strict=True)
     )
 
 

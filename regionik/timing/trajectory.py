@@ -12,7 +12,7 @@ from regionik.timing.options import TIMING
 from regionik.timing.smooth_path import SmoothPath, smooth_path
 from regionik.timing.time_spline import TimeSpline, time_spline
 from regionik.values import Motion, Plan
-from regionik.worlds.arrays import Array, Index, frozen
+from regionik.worlds.arrays import Array, Index, Mask, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.limits import Speeds
 from regionik.worlds.prepared import made_once
@@ -220,11 +220,14 @@ class PlanSamples:
         "setpoint", "step" or "transit"; between two states a transit where either is one, else a step.
     setpoint : (n,) array of int
         As in `Motion`; between two states that of the last set-point, -1 on transits.
+    tool_on : (n,) array of bool
+        True where the tool works from there on, see `Plan.tool_on`.
     """
 
     sample: TrajectorySample
     kind: NDArray[np.str_]
     setpoint: NDArray[np.int64]
+    tool_on: Mask
 
     def __len__(self) -> int:
         return len(self.kind)
@@ -256,7 +259,7 @@ def _at_states(plan: Plan) -> PlanSamples:
     else:
         unknown = np.full_like(motion.base, np.nan), np.full_like(motion.joints, np.nan)
         sample = TrajectorySample(motion.time, motion.base, motion.joints, *unknown, *unknown)
-    return PlanSamples(sample, motion.kind, motion.setpoint)
+    return PlanSamples(sample, motion.kind, motion.setpoint, plan.tool_on())
 
 
 def _at_rate(plan: Plan, rate: float) -> PlanSamples:
@@ -276,4 +279,4 @@ def _at_rate(plan: Plan, rate: float) -> PlanSamples:
     kind = np.where(on_state, motion.kind[before], np.where(lifted, "transit", "step"))
     last = np.maximum.accumulate(np.where(motion.kind == "setpoint", motion.setpoint, -1))[before]
     setpoint = np.where(on_state, motion.setpoint[before], np.where(lifted, -1, last))
-    return PlanSamples(moving.sample(times), kind, setpoint)
+    return PlanSamples(moving.sample(times), kind, setpoint, plan.tool_on()[before])

@@ -28,6 +28,7 @@ from regionik.verification.proofs import Finding, StateNames, finding
 from regionik.verification.self_collision import verify_self_collision
 from regionik.verification.speeds import verify_speeds
 from regionik.verification.stops import verify_execution, verify_stops
+from regionik.verification.strokes import verify_strokes
 from regionik.verification.structure import inconsistencies, malformations
 from regionik.verification.tolerances import EXACT
 from regionik.verification.tool_path import (
@@ -66,9 +67,9 @@ def verify(plan: Plan, world: World | None = None) -> Report:
         acceleration that is used most), and ``jerk`` where that is limited. Those of
         ``arm``, ``contact`` and ``self`` go up to 0.05; that of ``contact`` is how much deeper the tool might
         sink in. Violations of kind ``structure`` or ``derived`` are of the plan's form, or of fields that its
-        states contradict; those of kind ``execution`` tell where the arm does not take up the errors that the
-        rules allow for, which limits of other kinds hold too. Of many violations of a kind the first 20 are
-        listed, and the rest in one.
+        states contradict; of kind ``strokes``, lift-offs within one; those of kind ``execution`` tell where
+        the arm does not take up the errors that the rules allow for, which limits of other kinds hold too. Of
+        many violations of a kind the first 20 are listed, and the rest in one.
     """
     malformed = tuple(malformations(plan))
     if malformed:
@@ -99,6 +100,7 @@ def _findings(plan: Plan, segments: MotionSegments, names: StateNames) -> Iterat
     yield verify_base_clearance(world, segments, names)
     yield from verify_arm_clearance(world, segments, names)
     yield verify_self_collision(segments, names)
+    yield verify_strokes(plan, names)
     yield verify_stops(plan, names)
     yield verify_execution(plan, names)
     yield from verify_criteria(world, segments, names)

@@ -14,6 +14,7 @@ from regionik.verification.tolerances import EXACT
 from regionik.worlds.documents.world_file import world_to_document
 from regionik.worlds.readers.text import clip
 from regionik.worlds.scene import Target, World
+from regionik.worlds.strokes import within_strokes
 
 PARTS = ("robot", "floor", "obstacles", "start", "rules")
 # what is only drawn; what was left out is told by itself; a plan holds however it was made
@@ -81,7 +82,9 @@ def _different_tasks(plan: Plan, world: World) -> Iterator[str]:
     if len(ours) != len(theirs):
         yield f"task: {len(ours)} set-points in the plan, {len(theirs)} in the world"
         return
-    for k, (i, target) in enumerate(zip(_order(plan, ours, theirs), ours, strict=True)):
+    order = _order(plan, ours, theirs)
+    yield from _different_strokes(plan, order, world)
+    for k, (i, target) in enumerate(zip(order, ours, strict=True)):
         asked = theirs[i]
         for what in ("position", "direction", "orientation", "cone"):
             one, other = getattr(target, what), getattr(asked, what)
@@ -90,6 +93,18 @@ def _different_tasks(plan: Plan, world: World) -> Iterator[str]:
                     clip(None if value is None else np.round(value, 9).tolist()) for value in (one, other)
                 )
                 yield f"task: set-point {k + 1}: {what}: {next(said)} in the plan, {next(said)} in the world"
+
+
+def _different_strokes(plan: Plan, order: Sequence[int], world: World) -> Iterator[str]:
+    """Where the tool works its way from one set-point to the next in the plan or the world alone."""
+    task = plan.world.task
+    ours, theirs = (within_strokes([one.stroke for one in some]) for some in (task, world.task))
+    for k, (i, target) in enumerate(zip(order[: len(task)], task, strict=True)):
+        kinds = [None if one.stroke is None else one.stroke > 0 for one in (target, world.task[i])]
+        follows = k > 0 and order[k - 1] == i - 1
+        if kinds[0] != kinds[1] or ours[k] != (follows and theirs[i]):
+            said = [one.stroke for one in (target, world.task[i])]
+            yield f"task: set-point {k + 1}: stroke: {said[0]} in the plan, {said[1]} in the world"
 
 
 def _order(plan: Plan, done: Sequence[Target], task: Sequence[Target]) -> Sequence[int]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
@@ -39,6 +40,7 @@ from regionik.worlds.scene import Target, checked_name
 from regionik.worlds.toolpath import (
     ToolPath,
     arc,
+    divided_strokes,
     line,
     rotation_from_quaternion,
     sine,
@@ -62,7 +64,7 @@ def _direction_kind(value: Any) -> str:
 
 
 class _Aim(Strict):
-    """Orientation of the tool, or how far it may deviate from a direction; and the frame of all this."""
+    """Orientation of the tool, or how far it may deviate from a direction; the frame; and the stroke."""
 
     frame: FrameReference | None = None
     orientation: (
@@ -74,6 +76,10 @@ class _Aim(Strict):
     ) = None
     cone: Annotated[float, Field(gt=0, le=3.141592653589793)] | None = None
     x_axis: Literal["along_path"] | None = None
+    stroke: Annotated[int, Field(ge=0)] | None = Field(
+        default=None,
+        description="neighbours of one number from 1 on are worked with the tool down all the way; 0: travel",
+    )
 
 
 class ToolAim(_Aim):
@@ -188,13 +194,21 @@ class CsvPiece(_Aim):
 
 
 class GcodePiece(ToolAim):
-    """``chord`` is the largest distance of an arc from the chords it is cut into [m]."""
+    """``chord`` is the largest distance of an arc from the chords it is cut into [m].
+
+    The base goes on from set-point to set-point: moves at work that are longer than ``spacing`` are divided.
+    """
 
     gcode: FileName
     chord: Positive = 0.0001
+    spacing: Positive = Field(default=0.05, description="largest distance of set-points on strokes [m]")
 
     def path(self, folder: Path) -> ToolPath:
-        return read_gcode(file_in(folder, self.gcode), self.chord)
+        path = read_gcode(file_in(folder, self.gcode), self.chord)
+        length = np.linalg.norm(np.diff(path.points, axis=0), axis=1).sum()
+        if length / self.spacing > MAX_SETPOINTS:
+            raise InputError(f"spacing: expected at least {length / MAX_SETPOINTS:.3g} m for this path")
+        return divided_strokes(path, self.spacing)
 
 
 Piece = LinePiece | SinePiece | ArcPiece | PointsPiece | CsvPiece | GcodePiece
@@ -217,18 +231,38 @@ def read_task(
 
     ``poses`` are those of the frames that pieces may name.
     """
+    paths: list[ToolPath] = []
+    left = MAX_SETPOINTS
+    for k, part in enumerate(parts):
+        path = _path(part, where, f"task[{k}]", folder, left)
+        left -= len(path.points)
+        with located(where, f"task[{k}]."):
+            paths.append(path if part.frame is None else transform_path(path, frame_pose(part.frame, poses)))
     targets: list[Target] = []
     places: list[str] = []
-    for k, part in enumerate(parts):
-        place = f"task[{k}]"
-        path = _path(part, where, place, folder, MAX_SETPOINTS - len(targets))
-        with located(where, f"{place}."):
-            if part.frame is not None:
-                path = transform_path(path, frame_pose(part.frame, poses))
-            found = targets_along(path, Target.cone if part.cone is None else part.cone)
-        targets.extend(found)
-        places.extend([place] * len(found))
+    for k, (part, path) in enumerate(zip(parts, _with_strokes(parts, paths), strict=True)):
+        with located(where, f"task[{k}]."):
+            targets += targets_along(path, Target.cone if part.cone is None else part.cone)
+        places += [f"task[{k}]"] * len(path.points)
     return tuple(targets), places
+
+
+def _with_strokes(parts: Sequence[Piece], paths: Sequence[ToolPath]) -> Iterator[ToolPath]:
+    """Yield paths with strokes, if any has: numbers that are given, and above them those of files.
+
+    A path that tells none is a stroke of its own.
+    """
+    highest = max((part.stroke or 0 for part in parts), default=0)
+    for part, path in zip(parts, paths, strict=True):
+        strokes = path.strokes
+        if all(one.strokes is None for one in paths) or part.stroke is not None:
+            yield path
+            continue
+        if strokes is None:
+            strokes = np.ones(len(path.points), dtype=np.int64)
+        numbered = np.where(strokes > 0, highest + strokes, 0)
+        highest += int(strokes.max(initial=0))
+        yield replace(path, strokes=numbered)
 
 
 def without_repeats(task: tuple[Target, ...]) -> tuple[tuple[Target, ...], list[int]]:
@@ -236,9 +270,18 @@ def without_repeats(task: tuple[Target, ...]) -> tuple[tuple[Target, ...], list[
 
     One with a name of its own is not.
     Where pieces meet end to start the tool would stand, while base and arm went from one posture of that
-    point to another.
+    point to another. Of travel and work at one point work is left, and of two strokes both are.
     """
-    again = [k for k in range(1, len(task)) if _is_same(task[k - 1], task[k])]
+    again, last = list[int](), 0
+    for k in range(1, len(task)):
+        one, other = task[last].stroke, task[k].stroke
+        if not _is_same(task[last], task[k]) or (one and other and one != other):
+            last = k
+        elif one == 0 and other:
+            again.append(last)
+            last = k
+        else:
+            again.append(k)
     return tuple(np.delete(np.array(task, dtype=object), again)), again
 
 
@@ -265,7 +308,7 @@ def _path(part: Piece, where: str, place: str, folder: Path, most: int) -> ToolP
 
 
 def _aimed(part: Piece, path: ToolPath) -> ToolPath:
-    """Return a path with the direction or orientation of its piece."""
+    """Return a path with the direction or orientation of its piece, and its stroke."""
     own = path.directions is not None or path.orientations is not None
     direction = None if isinstance(part.direction, str) else part.direction  # a word has gone to the reader
     aims = {"direction": direction, "orientation": part.orientation}
@@ -288,6 +331,10 @@ def _aimed(part: Piece, path: ToolPath) -> ToolPath:
         if not given:
             raise InputError("follow: needs a direction or an orientation beside it")
         path = turn_with_arc(path, part.arc.start, part.arc.end)
+    if part.stroke is not None:
+        if path.strokes is not None:
+            raise InputError("stroke: the file has its own, leave this out")
+        path = replace(path, strokes=np.full(n, part.stroke))
     return path if part.x_axis is None else turn_along_path(path)
 
 
@@ -297,7 +344,7 @@ def _rotation(orientation: list[float] | list[list[float]]) -> Array:
 
 
 def task_to_document(task: tuple[Target, ...]) -> list[dict[str, Any]]:
-    """Return the set-points as lists of points; neighbours that aim alike share one."""
+    """Return the set-points as lists of points; neighbours of one stroke that aim alike share one."""
     pieces: list[dict[str, Any]] = []
     for _, group in groupby(task, key=lambda target: repr(_aim(target))):
         targets = list(group)
@@ -308,8 +355,9 @@ def task_to_document(task: tuple[Target, ...]) -> list[dict[str, Any]]:
 
 
 def _aim(target: Target) -> dict[str, Any]:
+    stroke = {} if target.stroke is None else {"stroke": target.stroke}
     if target.orientation is not None:
-        return {"orientation": target.orientation.tolist(), "cone": float(target.cone)}
+        return {"orientation": target.orientation.tolist(), "cone": float(target.cone), **stroke}
     if target.direction is not None:
-        return {"direction": target.direction.tolist(), "cone": float(target.cone)}
-    return {}
+        return {"direction": target.direction.tolist(), "cone": float(target.cone), **stroke}
+    return stroke

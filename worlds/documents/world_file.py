@@ -112,6 +112,10 @@ class RulesPart(Strict):
     )
     reach_margin: NotNegative = Rules.reach_margin
     max_lift_offs: Annotated[int, Field(ge=0)] | None = Rules.max_lift_offs
+    lift_within: bool = Field(
+        default=Rules.lift_within,
+        description="the tool may be lifted within a stroke that cannot be worked in one go",
+    )
     avoidance: bool = Rules.avoidance
     smooth: bool = Field(
         default=Rules.smooth,

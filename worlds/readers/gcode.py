@@ -41,7 +41,8 @@ from regionik.worlds.readers.gcode_blocks import (
     read_block,
 )
 from regionik.worlds.readers.text import join_names, read_text
-from regionik.worlds.toolpath import ToolPath, numbered_strokes, travel
+from regionik.worlds.strokes import numbered_strokes
+from regionik.worlds.toolpath import ToolPath
 
 MAX_POINTS = 1_000_000  # of a program, as a small chord cuts its arcs into many
 MAX_RADIUS_ERROR = 0.005, 1e-3  # by which an arc's ends may differ: in its unit, and as a share of the radius
@@ -65,7 +66,7 @@ def read_gcode(path: Path, chord: float) -> ToolPath:
     Warns
     -----
     FileNote
-        With what was passed over, where it is more than feeds, spindles and tools; with ways between beads.
+        With what was passed over, where it is more than feeds, spindles and tools.
     """
     blocks, refused = _blocks(read_text(path).splitlines())
     program = _Program.of(blocks, chord)
@@ -193,23 +194,13 @@ class _Program:
         return cls(chord, extrudes, {axis: 0.0 if first.get(axis, True) else math.nan for axis in OFFSETS})
 
     def path(self, file: Path) -> ToolPath:
-        """Return the path that was read, that of a program that extrudes from its first to its last bead.
-
-        Warns of ways between beads: the tool is led along them as along beads.
-        """
+        """Return the path that was read, that of a program that extrudes from its first to its last bead."""
         points, works = np.array(self.points), np.array(self.works)[1:]
         if self.extrudes:
             beads = np.flatnonzero(works)
             if not len(beads):
                 raise InputError(f"{file}: expected moves on which E grows, as the program has E, M82 or M83")
             points, works = points[beads[0] : beads[-1] + 2], works[beads[0] : beads[-1] + 1]
-            ways, length = travel(points, works)
-            if ways:
-                told = f"{ways} way{'s' * (ways > 1)} without filament, {length:.3f} m in all"
-                text = (
-                    f"{file}: {told}: the tool is led along as on a bead, lifted where the program lifts it"
-                )
-                warnings.warn(text, FileNote, stacklevel=3)
         return ToolPath(points, strokes=numbered_strokes(works))
 
     def run(self, block: Block, number: int) -> None:
