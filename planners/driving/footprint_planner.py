@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from heapq import heappop, heappush
 from itertools import pairwise
 from typing import Literal
@@ -84,6 +85,70 @@ class NarrowPassageError(NoPathError):
         self.across = across
 
 
+@dataclass(frozen=True, eq=False)
+class FootprintFloor:
+    """A footprint and its surroundings, as for `footprint_scene`, prepared once for any number of drives."""
+
+    footprint: ArrayLike
+    floor: Polygon | MultiPolygon
+    obstacles: Sequence[Shadow] = ()
+    clearance: float = 0.0
+    upper: Sequence[Outline] = ()
+
+    @cached_property
+    def scene(self) -> FootprintScene:
+        return footprint_scene(self.footprint, self.floor, self.obstacles, self.clearance, self.upper)
+
+    @cached_property
+    def slabs(self) -> tuple[Slab, ...]:
+        """Free areas by heading."""
+        bounds = slabs_along(self.scene, OPTIONS.heading_slabs)
+        return slab_areas(self.footprint, self.floor, self.obstacles, self.clearance, bounds, self.upper)
+
+    def drive(self, start: ArrayLike, goal: ArrayLike, *, seed: int) -> FootprintPath:
+        """Return the path of `drive_footprint`."""
+        scene = self.scene
+        a, b = checked_ends(scene, start, goal, seed)
+        if same_pose(a, b):
+            return FootprintPath(a[None], "straight")
+        # A turn costs what it moves the outermost corner by.
+        base = Steering(SLIDE, 0.0, float(np.hypot(*scene.corners.T).max()))
+        if direct(scene, base, a, b) is not None:
+            return FootprintPath(np.stack([a, b]), "straight")
+        found, cost = plan_poses(scene, base, a, b, seed)
+        if found is not None and cost <= OPTIONS.good_cost_ratio * slide_cost(base, a, b):
+            return FootprintPath(found, "ompl")
+        through = path_through_slabs(scene, self.slabs, a, b)
+        if through is not None:
+            through, least = shortcut(scene, base, through)
+            if OPTIONS.good_cost_ratio * least < cost:  # it has more turns
+                return FootprintPath(through, "slabs")
+        if found is not None:
+            return FootprintPath(found, "ompl")
+        raise self._refusal(a, b)
+
+    def _refusal(self, start: Array, goal: Array) -> NarrowPassageError:
+        """Error that compares the narrowest place with the footprint and says if no way is a proof."""
+        keep = [(shadow.core, self.clearance + shadow.radius) for shadow in self.obstacles]
+        grown = [core.buffer(far) if far > 0 else core for core, far in keep]
+        free = shapely.difference(self.floor, shapely.union_all(grown))
+        passage = passage_width(free, Point(start[:2]), Point(goal[:2]))
+        across = footprint_width(self.scene.corners)
+        graph = [polygon_parts(slab.outer) for slab in self.slabs]
+        proven = not connected(graph, *(nodes_at(self.slabs, graph, pose) for pose in (start, goal)))
+        what = "no way" if proven else "no way was found"
+        narrowest = f"its narrowest place is {passage:.3f} m wide"
+        if passage <= MIN_PASSAGE:
+            why = "the floor that is left there is in parts"
+        elif passage < across:
+            why = f"{narrowest}, the footprint nowhere less than {across:.3f} m"
+        else:
+            fits = f"the footprint only {across:.3f} m across, but too long for the bends on the way"
+            why = f"{narrowest} and {fits}"
+        reason = f"{what} from {pose_text(start)} to {pose_text(goal)}: {why}"
+        return NarrowPassageError(reason, passage, across)
+
+
 def drive_footprint(
     footprint: ArrayLike,
     floor: Polygon | MultiPolygon,
@@ -121,30 +186,7 @@ def drive_footprint(
     >>> drive_footprint(long, corridor, [0.5, 1, 1.57], [3.5, 0.95, 0], seed=0).method
     'ompl'
     """
-    scene = footprint_scene(footprint, floor, obstacles, clearance, upper)
-    a, b = checked_ends(scene, start, goal, seed)
-    if same_pose(a, b):
-        return FootprintPath(a[None], "straight")
-    # A turn costs what it moves the outermost corner by.
-    base = Steering(SLIDE, 0.0, float(np.hypot(*scene.corners.T).max()))
-    if direct(scene, base, a, b) is not None:
-        return FootprintPath(np.stack([a, b]), "straight")
-    found, cost = plan_poses(scene, base, a, b, seed)
-    if found is not None and cost <= OPTIONS.good_cost_ratio * slide_cost(base, a, b):
-        return FootprintPath(found, "ompl")
-    bounds = slabs_along(scene, OPTIONS.heading_slabs)
-    areas = slab_areas(footprint, floor, obstacles, clearance, bounds, upper)
-    through = path_through_slabs(scene, areas, a, b)
-    if through is not None:
-        through, least = shortcut(scene, base, through)
-        if OPTIONS.good_cost_ratio * least < cost:  # it has more turns
-            return FootprintPath(through, "slabs")
-    if found is not None:
-        return FootprintPath(found, "ompl")
-    keep = [(shadow.core, clearance + shadow.radius) for shadow in obstacles]
-    grown = [core.buffer(far) if far > 0 else core for core, far in keep]
-    free = shapely.difference(floor, shapely.union_all(grown))
-    raise _refusal(scene, passage_width(free, Point(a[:2]), Point(b[:2])), areas, a, b)
+    return FootprintFloor(footprint, floor, obstacles, clearance, upper).drive(start, goal, seed=seed)
 
 
 def passage_width(free: BaseGeometry, start: BaseGeometry, goal: BaseGeometry) -> float:
@@ -167,27 +209,6 @@ def passage_width(free: BaseGeometry, start: BaseGeometry, goal: BaseGeometry) -
         met = [shapely.distance(parts, shape) <= middle for shape in (start, goal)]
         low, high = (middle, high) if bool((met[0] & met[1]).any()) else (low, middle)
     return 2 * low
-
-
-def _refusal(
-    scene: FootprintScene, passage: float, areas: Sequence[Slab], start: Array, goal: Array
-) -> NarrowPassageError:
-    """Error that compares the narrowest place with the footprint and says if no way is a proof."""
-    across = footprint_width(scene.corners)
-    graph = [polygon_parts(slab.outer) for slab in areas]
-    proven = not connected(graph, *(nodes_at(areas, graph, pose) for pose in (start, goal)))
-    what = "no way" if proven else "no way was found"
-    if passage <= MIN_PASSAGE:
-        why = "the floor that is left there is in parts"
-    elif passage < across:
-        why = f"its narrowest place is {passage:.3f} m wide, the footprint nowhere less than {across:.3f} m"
-    else:
-        why = (
-            f"its narrowest place is {passage:.3f} m wide and the footprint only {across:.3f} m across, but "
-            "too long for the bends on the way"
-        )
-    reason = f"{what} from {pose_text(start)} to {pose_text(goal)}: {why}"
-    return NarrowPassageError(reason, passage, across)
 
 
 def path_through_slabs(

@@ -86,28 +86,33 @@ def _offset_by_less(shape: BaseGeometry, by: float, side: float) -> BaseGeometry
     asked = (1 - OPTIONS.shallow_share) * by if _has_shallow_bays(angles, depths, by, side) else by
     for _ in range(OPTIONS.max_easings):
         offset = _offset(shape, side * asked)
-        over = _overreach(offset, shape, by)
+        over = _overreach(offset, shape, by, asked / OPTIONS.easing)
         if over <= DISTANCE_TOLERANCE:
             return offset
         asked -= max(OPTIONS.easing * over, SNAPPED_SHARE * by)
+        if asked <= 0:
+            break
     return shape
 
 
-def _overreach(offset: BaseGeometry, shape: BaseGeometry, by: float) -> float:
+def _overreach(offset: BaseGeometry, shape: BaseGeometry, by: float, most: float) -> float:
     """Upper bound for how much farther than ``by`` some point of an offset's edge is from the shape's [m].
 
-    From one side of the shape the distance is convex along a side of the offset, so its ends tell.
+    From one side of the shape the distance is convex along a side of the offset, so its ends tell. Where one
+    of them is more than ``most`` too far, that is all that is told.
     """
     sides, ends = _sides(shape), shapely.get_coordinates(_sides(offset)).reshape(-1, 2, 2)
     tree = shapely.STRtree(sides)
     for halving in range(OPTIONS.max_halvings + 1):
         start, end = ends[:, 0], ends[:, 1]
         near = [tree.nearest(shapely.points(place)) for place in (start, (start + end) / 2, end)]
-        bounds = [
-            np.maximum(*(shapely.distance(shapely.points(place), sides[one]) for place in (start, end)))
-            for one in near
+        far_off = [
+            [shapely.distance(shapely.points(place), sides[one]) for place in (start, end)] for one in near
         ]
-        excess = np.min(bounds, axis=0) - by
+        known = float(far_off[0][0].max(initial=0.0)) - by  # of starts, from the side nearest to each
+        if known > most:
+            return known
+        excess = np.min([np.maximum(*both) for both in far_off], axis=0) - by
         far = excess > DISTANCE_TOLERANCE
         if halving == OPTIONS.max_halvings or not far.any():
             break

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -13,8 +13,11 @@ from regionik.areas.free_space import FreeSpace, Index
 from regionik.ladder import Ladder
 from regionik.moving.options import MOVING
 from regionik.planners.collision.robot_motion import bases_between
+from regionik.planners.driving.arcs import WheeledPath
 from regionik.planners.driving.footprint import fits
+from regionik.planners.driving.footprint_planner import FootprintPath
 from regionik.planners.driving.footprint_scene import FootprintScene
+from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.geometry.polylines import leg_lengths
 from regionik.postures.poses import MAX_JOINT_CHANGE, Pose, axis_of, configuration_pose, pose_of
 from regionik.scene import Scene
@@ -22,6 +25,8 @@ from regionik.values import Configuration
 from regionik.worlds.arrays import Array
 from regionik.worlds.drives import displacement
 
+Path = TypeVar("Path", FootprintPath, WheeledPath)
+Found = dict[tuple[bytes, bytes, float], Path | NoPathError]  # by both ends and the berth [m]
 OPTIONS = MOVING.transits
 TURN_STRIDE = 0.1  # largest turn of the base between two states [rad]
 
@@ -177,3 +182,17 @@ class Driver(ABC):
     def count(self, method: str) -> None:
         """Count a move that a method made."""
         self.methods[method] = self.methods.get(method, 0) + 1
+
+
+def found_once(found: Found[Path], a: Array, b: Array, berth: float, search: Callable[[], Path]) -> Path:
+    """Return the path between two base poses (3,) with a berth, searched for once, or raise NoPathError."""
+    ends = (a.tobytes(), b.tobytes(), berth)
+    if ends not in found:
+        try:
+            found[ends] = search()
+        except NoPathError as refusal:
+            found[ends] = refusal
+    path = found[ends]
+    if isinstance(path, NoPathError):
+        raise path
+    return path

@@ -23,11 +23,19 @@ from regionik.areas.free_space import FreeSpace, into_span, into_spans
 from regionik.areas.ground import EVERY
 from regionik.areas.layers import ROUNDING_MARGIN, Geometries
 from regionik.ladder import Ladder
-from regionik.moving.base_motion import TURN_STRIDE, BasePath, Driver, halting, simultaneous
+from regionik.moving.base_motion import (
+    TURN_STRIDE,
+    BasePath,
+    Driver,
+    Found,
+    found_once,
+    halting,
+    simultaneous,
+)
 from regionik.moving.options import MOVING
 from regionik.planners.driving.arcs import WheeledPath, arc_end
 from regionik.planners.driving.footprint import arc_is_free, fits, slide_is_free
-from regionik.planners.driving.footprint_planner import drive_footprint, path_through_slabs
+from regionik.planners.driving.footprint_planner import FootprintFloor, FootprintPath, path_through_slabs
 from regionik.planners.driving.footprint_scene import footprint_scene
 from regionik.planners.driving.heading_slabs import Slab
 from regionik.planners.driving.point_planner import NoPathError, drive_point, drive_point_inside
@@ -164,17 +172,27 @@ class AnyHeadingDriver(Driver):
 class ByHeadingDriver(Driver):
     """Driver that turns the base to pass where its circumscribed circle does not fit."""
 
+    _paths: Found[FootprintPath] = field(default_factory=dict)
+    _floors: dict[tuple[float, bool], FootprintFloor] = field(default_factory=dict)  # by berth and margin
+
     def route(self, here: Pose, there: Pose, label: int, berth: float = 0.0) -> Array:
         """Of the base, (n, 3)."""
-        ground, robot = self.scene.ground_between(here.base, there.base), self.scene.robot
-        clearance = ground.clearance + ROUNDING_MARGIN + berth
-        found = drive_footprint(
-            robot.footprint, ground.floor, here.base, there.base,
-            obstacles=ground.shadows, clearance=clearance,
-            upper=ground.upper(robot.mount[:2], ROUNDING_MARGIN + berth), seed=self.seed,
-        )  # fmt: skip
+        a, b = here.base, there.base
+        found = found_once(
+            self._paths, a, b, berth, lambda: self._floor_between(a, b, berth).drive(a, b, seed=self.seed)
+        )
         self.count(found.method)
         return found.poses
+
+    def _floor_between(self, a: Array, b: Array, berth: float) -> FootprintFloor:
+        """Return the floor for a drive between two base poses (3,), prepared once for all of one kind."""
+        ground, robot = self.scene.ground_between(a, b), self.scene.robot
+        key = (berth, ground is self.scene.ground)
+        if key not in self._floors:
+            margin = ROUNDING_MARGIN + berth
+            upper, keep = ground.upper(robot.mount[:2], margin), ground.clearance + margin
+            self._floors[key] = FootprintFloor(robot.footprint, ground.floor, ground.shadows, keep, upper)
+        return self._floors[key]
 
     def direct(self, here: Pose, there: Pose, label: int) -> list[Pose] | None:
         """The base goes straight and turns evenly."""
@@ -190,22 +208,16 @@ class ByHeadingDriver(Driver):
 class WheeledDriver(Driver):
     """Driver of a base that rolls along lines and arcs, or turns on the spot."""
 
-    _paths: dict[tuple[bytes, bytes, float], WheeledPath | NoPathError] = field(default_factory=dict)
+    _paths: Found[WheeledPath] = field(default_factory=dict)
 
     def path(self, a: Array, b: Array, berth: float = 0.0) -> WheeledPath:
         """Return a path on wheels between two poses, searched for once; raise NoPathError."""
-        key = (a.tobytes(), b.tobytes(), berth)
-        if key not in self._paths:
-            room, radius = self.scene.footprint_between(a, b), self.scene.robot.drive.turning_radius
-            room = room.with_berth(berth) if berth else room
-            try:
-                self._paths[key] = drive_wheeled(room, a, b, turning_radius=radius, seed=self.seed)
-            except NoPathError as refusal:
-                self._paths[key] = refusal
-        found = self._paths[key]
-        if isinstance(found, NoPathError):
-            raise found
-        return found
+        return found_once(self._paths, a, b, berth, lambda: self._searched(a, b, berth))
+
+    def _searched(self, a: Array, b: Array, berth: float) -> WheeledPath:
+        room, radius = self.scene.footprint_between(a, b), self.scene.robot.drive.turning_radius
+        room = room.with_berth(berth) if berth else room
+        return drive_wheeled(room, a, b, turning_radius=radius, seed=self.seed)
 
     def onto(self, here: Pose, label: int) -> list[Pose]:
         """Straight on or back to where a base that touches its bounds may turn, if that leads there."""
