@@ -48,6 +48,7 @@ _COMMON = {
     "heading": "which way the base faces while the tool works",
     "height": "of occupied cells [m]",
     "holes": "outlines cut out [m]",
+    "ignore": "links whose collision elements do not count",
     "joint": "name of a joint of the same chain that mimics no other",
     "joints": "from the base to the tool",
     "kind": "turns or slides",

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull, Delaunay
 from scipy.spatial.transform import Rotation
 
+from regionik.worlds.documents.robots import UrdfRobot, read_robot
 from regionik.worlds.errors import FileNote, InputError
 from regionik.worlds.links import LINK_RADIUS, LinkBox, LinkCapsule, LinkHull
 from regionik.worlds.readers.meshes import read_geometries
@@ -177,6 +178,24 @@ def test_a_base_without_solids_is_a_point(tmp_path: Path) -> None:
     robot = load_robot(crane(tmp_path, (box, ""), (wheel, "")), tip="tool")
     assert robot.footprint.tolist() == [[0, 0]]
     assert robot.body_height == BODY_HEIGHT
+
+
+def test_links_that_are_ignored_have_no_solids(tmp_path: Path) -> None:
+    path = crane(tmp_path)
+    whole, bare = load_robot(path, tip="tool"), load_robot(path, tip="tool", ignore=["torso", "wheel"])
+    names = [one.name for one in whole.all_solids]
+    assert "torso" in names
+    assert [one.name for one in bare.all_solids] == [name for name in names if name != "torso"]
+    assert np.ptp(bare.footprint, axis=0)[1] < np.ptp(whole.footprint, axis=0)[1]
+    assert len(bare.visuals) == len(whole.visuals)
+    part = UrdfRobot(urdf=path.name, tip="tool", ignore=["torso", "wheel"])
+    assert [one.name for one in read_robot(part, "w", path.parent).all_solids] == [
+        one.name for one in bare.all_solids
+    ]
+    with pytest.raises(InputError, match=r"ignore\[1\]: unknown link 'box', valid links: floor, base"):
+        load_robot(path, tip="tool", ignore=["torso", "box"])
+    with pytest.raises(InputError, match="youbot: ignore: a bundled robot has no links"):
+        load_robot("youbot", ignore=["torso"])
 
 
 def test_a_box_of_no_size_is_nothing(tmp_path: Path) -> None:

@@ -178,6 +178,7 @@ class UrdfRobot(Strict):
     )
     srdf: FileName | None = None
     unchecked: list[Names] = Field(default=[])
+    ignore: list[OneLine] = Field(default=[])
     limits: Literal["ignore"] | None = None
 
 

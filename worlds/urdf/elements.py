@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path
 from typing import Literal
@@ -101,6 +101,18 @@ class UrdfModel:
     def where(self) -> str:
         """Name of the file in messages."""
         return str(self.path)
+
+    def check_link(self, name: str, what: str) -> None:
+        """Refuse the name of a link that is not there."""
+        if name not in self.links:
+            text = f"unknown link {name!r}, valid links: {join_names(self.links)}"
+            raise located_error(self.where, what, text)
+
+    def without_shapes(self, ignored: Sequence[str]) -> UrdfModel:
+        """Return the model without the collision shapes of some links."""
+        for k, name in enumerate(ignored):
+            self.check_link(name, f"ignore[{k}]")
+        return replace(self, links={**self.links, **dict.fromkeys(ignored, ())})
 
 
 def read_urdf(path: Path) -> UrdfModel:

@@ -70,9 +70,8 @@ def kinematic_path(model: UrdfModel, root: str | None, tip: str | None) -> Kinem
     above = {joint.child: joint for joint in model.joints}
     _refuse_loops(model, above)
     for what, name in (("root", root), ("tip", tip)):
-        if name is not None and name not in model.links:
-            text = f"unknown link {name!r}, valid links: {join_names(model.links)}"
-            raise located_error(model.where, what, text)
+        if name is not None:
+            model.check_link(name, what)
     start = top if root is None else root
     end = _longest_arm(model, above, start) if tip is None else tip
     path = _path(above, start, end)

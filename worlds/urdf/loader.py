@@ -82,6 +82,7 @@ def load_robot(
     payload: float = 0.0,
     srdf: str | Path | None = None,
     unchecked: Sequence[Sequence[str]] = (),
+    ignore: Sequence[str] = (),
     tool: Tool | None = None,
 ) -> Robot:
     """Return a bundled robot by its name, or the robot of a URDF file.
@@ -113,6 +114,8 @@ def load_robot(
         SRDF file; by default the one beside the URDF file (`regionik.worlds.urdf.srdf.srdf_beside`), if any.
     unchecked : sequence of (str, str), optional
         Pairs of links, or of solids, that need not keep apart besides.
+    ignore : sequence of str, optional
+        Links of the URDF file whose collision elements do not count, such as safety boxes.
     tool : Tool, optional
         What is mounted on the tip.
 
@@ -138,8 +141,10 @@ def load_robot(
         given = _Overrides(base, footprint, mount, turning_radius, body_height, carry, limits, payload, tool)
     if is_file_name(name_or_path, (*SUFFIXES, ".xacro")):
         companion = None if srdf is None else Path(srdf)
-        return given.applied(_from_urdf(path, tip, root, given, companion, unchecked), where)
-    refused = {"tip": tip, "root": root, "srdf": srdf, "unchecked": unchecked or None}
+        model = read_urdf(path).without_shapes(ignore)
+        return given.applied(_from_urdf(model, tip, root, given, companion, unchecked), where)
+    lists = {"unchecked": unchecked or None, "ignore": ignore or None}
+    refused = {"tip": tip, "root": root, "srdf": srdf, **lists}
     return given.applied(_bundled(where, refused, given), where)
 
 
@@ -191,15 +196,14 @@ class _Overrides:
 
 
 def _from_urdf(
-    path: Path,
+    model: UrdfModel,
     tip: str | None,
     root: str | None,
     given: _Overrides,
     srdf: Path | None,
     unchecked: Sequence[Sequence[str]],
 ) -> Robot:
-    model = read_urdf(path)
-    companion = srdf_beside(path) if srdf is None else srdf
+    companion = srdf_beside(model.path) if srdf is None else srdf
     semantics = NO_SEMANTICS if companion is None else read_srdf(companion, model)
     kinematic = kinematic_path(model, root, tip)
     chain = chain_along(model, kinematic, limited=given.limits is None)
