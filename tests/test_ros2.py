@@ -191,7 +191,7 @@ def test_odd_joint_names_come_back(plan: Plan, tmp_path: Path) -> None:
 def test_times_ascend_strictly_where_states_share_a_moment(plan: Plan) -> None:
     states = np.arange(len(plan.motion))
     twice = np.repeat(states, np.where((states == 0) | (states == states[-1]), 3, 1))  # where it rests
-    names = [f.name for f in dataclasses.fields(plan.motion) if f.name != "tool"]
+    names = [f.name for f in dataclasses.fields(plan.motion) if f.name not in ("tool", "tool_on")]
     columns = {name: getattr(plan.motion, name)[twice] for name in names}
     doubled = dataclasses.replace(plan, motion=dataclasses.replace(plan.motion, **columns))
     points = joint_trajectory(doubled)["points"]

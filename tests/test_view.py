@@ -125,6 +125,26 @@ def test_the_picture_holds_what_the_plan_has(plan: Plan) -> None:
     assert any(entry.label == "tool lifted" for entry in picture.legend)
 
 
+def test_work_and_travel_are_drawn_apart(plan: Plan) -> None:
+    """Faces of a path are as many for each of its ways."""
+    count = len(plan.world.task)
+    parted = count // 4, count // 2
+    strokes = [1] * parted[0] + [0] * (parted[1] - parted[0]) + [2] * (count - parted[1])
+    task = tuple(dataclasses.replace(one, stroke=k) for one, k in zip(plan.world.task, strokes, strict=True))
+    whole = {body.path: body for body in picture_of_plan(plan).bodies}
+    shown = picture_of_plan(dataclasses.replace(plan, world=dataclasses.replace(plan.world, task=task)))
+    bodies = {body.path: body for body in shown.bodies}
+    sides = len(whole["task/path"].mesh.faces) // (count - 1)
+    assert len(bodies["task/travel"].mesh.faces) == sides * (parted[1] - parted[0] + 1)
+    assert len(bodies["task/path"].mesh.faces) == sides * (count - 2 - parted[1] + parted[0])
+    assert len(bodies["tool/trace"].mesh.faces) + len(bodies["tool/travel"].mesh.faces) == len(
+        whole["tool/trace"].mesh.faces
+    )
+    assert len(bodies["tool/lifted"].mesh.faces) == len(whole["tool/lifted"].mesh.faces)
+    assert not {"task/travel", "tool/travel"} & whole.keys()
+    assert {"travel asked for", "tool on travel"} <= {entry.label for entry in shown.legend}
+
+
 def test_a_world_without_task_start_or_obstacles_is_drawn() -> None:
     world = l_shape()
     bare = World("bare", world.robot, world.floor)

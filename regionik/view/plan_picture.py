@@ -40,6 +40,7 @@ from regionik.worlds.drives import unwrapped
 from regionik.worlds.robot import Robot
 
 OPTIONS = VIEW.animation
+WORKS, TRAVELS, LIFTED = range(3)  # what the tool does
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,12 +50,17 @@ class KeyFrames:
     times: Array  # (n,) [s], from 0
     base: Array  # (n, 3); yaw is unwrapped, so that every turn takes the shorter direction
     joints: Array  # (n, dof)
-    lifted: NDArray[np.bool_]  # (n,) the motion to the frame is a transit
+    how: NDArray[np.int64]  # (n,) the motion to the frame: one of `WORKS`, `TRAVELS`, `LIFTED`
     passed: Array  # (k,) when each set-point is reached [s]
 
     @property
     def duration(self) -> float:
         return float(self.times[-1]) + OPTIONS.end_pause
+
+    @property
+    def lifted(self) -> NDArray[np.bool_]:
+        """True where the motion to a frame is a transit, (n,)."""
+        return self.how == LIFTED
 
 
 def key_frames(plan: Plan, clock: Array) -> KeyFrames:
@@ -63,33 +69,40 @@ def key_frames(plan: Plan, clock: Array) -> KeyFrames:
     States are shown at the times of a ``clock`` (n,) [s], see `display_times`. A timed plan goes between them
     as `regionik.trajectory` does.
     """
-    motion, passed = plan.motion, clock[plan.motion.kind == "setpoint"]
+    motion, passed, how = plan.motion, clock[plan.motion.kind == "setpoint"], _how(plan)
     if is_timed(motion):
         kept = motion.time[_selected(motion.kind == "setpoint")]
         end = float(motion.time[-1])
         even = np.linspace(0.0, end, int(np.clip(OPTIONS.frame_rate * end, 2, OPTIONS.max_frames)))
         times = np.union1d(kept, even) if end > 0 else kept[:1]
         sample = trajectory(plan).sample(times)
-        lifted = (motion.kind == "transit")[np.searchsorted(motion.time, times)]
-        return _frames(times, np.column_stack([sample.base, sample.joints, lifted]), passed)
+        rows = how[np.searchsorted(motion.time, times)]
+        return _frames(times, np.column_stack([sample.base, sample.joints, rows]), passed)
     states = unwrapped(motion.base)
     index = plan.world.robot.drive.cuts(states)
     times, base = _interpolated(index, clock), plan.world.robot.drive.sampled(states, index)
     keep = _selected(np.isin(index, np.flatnonzero(motion.kind == "setpoint")))
     # A row between two states belongs to the motion to the second.
-    lifted = (motion.kind == "transit")[np.ceil(index).astype(int)]
-    table = np.column_stack([base, *(_interpolated(index, joint) for joint in motion.joints.T), lifted])
+    rows = how[np.ceil(index).astype(int)]
+    table = np.column_stack([base, *(_interpolated(index, joint) for joint in motion.joints.T), rows])
     return _frames(times[keep], table[keep], passed)
 
 
+def _how(plan: Plan) -> NDArray[np.int64]:
+    """What the tool does on the way to each state, (n,)."""
+    lifted, on = plan.motion.kind == "transit", plan.tool_on()
+    travels = np.append(False, ~(lifted | on)[:-1]) & ~lifted
+    return np.where(lifted, LIFTED, np.where(travels, TRAVELS, WORKS))
+
+
 def _frames(times: Array, table: Array, passed: Array) -> KeyFrames:
-    """Key frames of rows base, joints, lifted; more where an angle turns too far for quaternions."""
+    """Key frames of rows base, joints, how; more where an angle turns too far for quaternions."""
     turn = np.abs(np.diff(table[:, 2:-1], axis=0)).max(axis=1, initial=0.0)
     pieces = np.maximum(1, np.ceil(turn / (np.pi / 2)).astype(int))
     index = np.concatenate([k + np.arange(p) / p for k, p in enumerate(pieces)] + [[len(times) - 1.0]])
     moments, *rows = (_interpolated(index, column) for column in (times, *table.T[:-1]))
-    poses, lifted = np.column_stack(rows), table[np.ceil(index).astype(int), -1] > 0.5
-    return KeyFrames(moments, poses[:, :3], poses[:, 3:], lifted, passed)
+    poses, how = np.column_stack(rows), table[np.ceil(index).astype(int), -1].round().astype(np.int64)
+    return KeyFrames(moments, poses[:, :3], poses[:, 3:], how, passed)
 
 
 def display_times(plan: Plan) -> Array:
@@ -213,16 +226,18 @@ def _passed_setpoints(plan: Plan, frames: KeyFrames) -> tuple[list[SceneMesh], l
 
 
 def _tool_trace(plan: Plan, frames: KeyFrames) -> tuple[list[SceneMesh], list[KeyframeTrack]]:
-    """The path the tool has taken, at work and where it is lifted."""
+    """The path the tool has taken: at work, on travel and where it is lifted."""
     if len(frames.times) < 2:
         return [], []
     tools = plan.world.robot.tool(frames.base, frames.joints)[:, :3, 3]
-    whole, lifted = tubes(tools, 0.006), frames.lifted[1:]
+    whole = tubes(tools, 0.006)
     bodies, tracks = [], []
-    for path, rows, color, label in (
-        ("tool/trace", ~lifted, Color.PASSED, "path of the tool"),
-        ("tool/lifted", lifted, Color.LIFTED, "tool lifted"),
+    for path, how, color, label in (
+        ("tool/trace", WORKS, Color.PASSED, "path of the tool"),
+        ("tool/travel", TRAVELS, Color.TRAVEL, "tool on travel"),
+        ("tool/lifted", LIFTED, Color.LIFTED, "tool lifted"),
     ):
+        rows = frames.how[1:] == how
         faces = whole.faces[np.repeat(rows, 2 * VIEW.scene.tube_sides)]
         counts = 2 * VIEW.scene.tube_sides * np.concatenate([[0], np.cumsum(rows)])
         if rows.any():
@@ -247,8 +262,8 @@ def _robot_tracks(robot: Robot, frames: KeyFrames) -> list[KeyframeTrack]:
         tracks.append(KeyframeTrack(node, "turn" if turns else "position", frames.times, moved))
     tip = f"{joint_node(len(robot.chain.joints) - 1)}/{TOOL}"
     # A frame says how the motion to it went: the tool is lifted from the frame before.
-    ahead = np.append(frames.lifted[1:], frames.lifted[-1:])
-    colors = np.where(ahead[:, None], _rgb(Color.LIFTED), _rgb(Color.PASSED))
+    ahead = np.append(frames.how[1:], frames.how[-1:])
+    colors = np.array([_rgb(color) for color in (Color.PASSED, Color.TRAVEL, Color.LIFTED)])[ahead]
     tracks.append(KeyframeTrack(tip, "color", frames.times, colors))
     return tracks
 

@@ -37,6 +37,7 @@ from regionik.worlds.links import BASE
 from regionik.worlds.obstacles import Solid
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Target, World
+from regionik.worlds.strokes import worked_ways
 
 OPTIONS = VIEW.scene
 
@@ -261,15 +262,15 @@ def task_meshes(world: World, missing: NDArray[np.bool_] | None = None) -> list[
     """The tool path and its set-points; those that are ``missing`` (n,) a place for the base are marked."""
     points = np.array([target.position for target in world.task]).reshape(-1, 3)
     missing = np.zeros(len(points), dtype=bool) if missing is None else missing
-    path = triangle_meshes.tubes(points, 0.004) if len(points) > 1 else triangle_meshes.merge([])
     marks = (
         ("task/ahead", ~missing, Color.AHEAD, 1.0, "set-points"),
         ("task/missing", missing, Color.MISSING, 1.6, "set-points that fail"),
     )
     axes = [triangle_meshes.arrow(start, end, OPTIONS.shaft_radius / 3) for start, end in tool_axes(world)]
+    axes_mesh = triangle_meshes.merge(axes)
     bodies = [
-        SceneMesh("task/path", path, Color.PATH, lit=False, label="tool path asked for"),
-        SceneMesh("task/axes", triangle_meshes.merge(axes), Color.TOOL_AXIS, lit=False, label=AXES_WORDS),
+        *_path_meshes(world, points),
+        SceneMesh("task/axes", axes_mesh, Color.TOOL_AXIS, lit=False, label=AXES_WORDS),
     ]
     for node, rows, color, size, label in marks:
         if rows.any():
@@ -277,6 +278,19 @@ def task_meshes(world: World, missing: NDArray[np.bool_] | None = None) -> list[
             numbers = tuple(np.flatnonzero(rows).tolist())
             bodies.append(SceneMesh(node, mesh, color, label=label, name="set-point", numbers=numbers))
     return bodies
+
+
+def _path_meshes(world: World, points: Array) -> Iterator[SceneMesh]:
+    """The path that the tool works, and the travel of it."""
+    path = triangle_meshes.tubes(points, 0.004) if len(points) > 1 else triangle_meshes.merge([])
+    works = np.repeat(worked_ways([target.stroke for target in world.task])[1:], 2 * OPTIONS.tube_sides)
+    for node, rows, color, label in (
+        ("task/path", works, Color.PATH, "tool path asked for"),
+        ("task/travel", ~works, Color.TRAVEL, "travel asked for"),
+    ):
+        if rows.any() or node == "task/path":
+            mesh = triangle_meshes.TriangleMesh(path.vertices, path.faces[rows])
+            yield SceneMesh(node, mesh, color, lit=False, label=label)
 
 
 def picture_of_explanation(world: World, explanation: Explanation, target: Target | None = None) -> Picture:
