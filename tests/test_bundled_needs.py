@@ -43,6 +43,7 @@ def test_two_worlds_of_tao_need_ompl_for_base_and_arm(name: str, monkeypatch: py
         rik.plan(rik.load_world(name))
 
 
+@pytest.mark.slow
 def test_a_car_backs_out_of_an_aisle_by_ompl(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without it the car has to drive once more with the tool lifted, and farther."""
     found = planned("facade")

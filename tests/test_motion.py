@@ -190,6 +190,7 @@ def test_what_can_be_gone_round_takes_no_lift_off() -> None:
     assert verify(found).ok
 
 
+@pytest.mark.slow
 def test_lift_offs_that_the_arm_forces_are_bounded_by_the_rules() -> None:
     world = past_a_board()
     why = why_not(replace(world, rules=replace(world.rules, max_lift_offs=0)))

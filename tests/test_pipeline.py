@@ -158,6 +158,7 @@ def test_a_start_off_the_floor_is_refused() -> None:
     assert "off the floor" in failure(changed(world, start=start)).explanation.reason
 
 
+@pytest.mark.slow
 def test_an_arm_that_would_touch_is_named() -> None:
     world = load_world("free")
     plate = Box("plate", np.array([0.02, 2.0, 0.3]), np.array([0.62, 0.0, 0.35]))

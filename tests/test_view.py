@@ -334,6 +334,7 @@ PROJECTED = """(() => {
 })()"""
 
 
+@pytest.mark.slow
 @needs_browser
 def test_a_film_is_a_moving_picture(tmp_path: Path) -> None:
     plan = synthetic_plan(l_shape())
@@ -356,6 +357,7 @@ def without_webgl(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", f"{program.parent}{os.pathsep}{os.environ['PATH']}")
 
 
+@pytest.mark.slow
 @needs_browser
 @pytest.mark.usefixtures("without_webgl")
 def test_a_page_without_webgl_says_so_and_tells_the_rest(tmp_path: Path) -> None:
