@@ -143,7 +143,8 @@ def test_no_is_one_paragraph_on_stderr_and_json(run: Run, no: tuple[No, Path], t
     assert all(word in done.err.replace("Set-point", "set-point") for word in what.words), done.err
     assert sorted(path.name for path in tmp_path.iterdir()) == ["no.yaml"]
     document = json.loads(done.out)
-    assert set(document) == {"ok", "verdict", "setpoint", "reason", "causes", "repairs", "failures"}
+    parts = {"ok", "verdict", "setpoint", "reason", "code", "causes", "repairs", "failures"}
+    assert set(document) == parts
     assert document["ok"] is False
     assert (document["verdict"], document["setpoint"]) == (what.verdict, what.setpoint)
     assert document["reason"] in done.err
