@@ -59,6 +59,16 @@ def test_parts_of_a_task_tell_their_strokes(tmp_path: Path) -> None:
     assert strokes_of(world_from_document(document(line(0, 1), line(2, 1)))) == [None] * 6
 
 
+def test_a_table_tells_strokes(tmp_path: Path) -> None:
+    (tmp_path / "two.csv").write_text("x,y,z,Stroke\n0,0,0.3,4\n0.1,0,0.3,4\n0.2,0,0.3,0\n0.3,0,0.3,5\n")
+    parts = line(-1, 0.1, 2, stroke=2), {"csv": "two.csv"}
+    assert strokes_of(world_from_document(document(*parts), folder=tmp_path)) == [2, 2, 6, 6, 0, 7]
+    (tmp_path / "two.csv").write_text("a,b,c,pass\n0,0,0.3,1\n0.1,0,0.3,-1\n")
+    chosen = {"csv": "two.csv", "columns": {"x": "a", "y": "b", "z": "c", "stroke": "pass"}}
+    with pytest.raises(InputError, match=r"two\.csv: line 3: pass: expected a whole number, 0 on travel"):
+        world_from_document(document(chosen), folder=tmp_path)
+
+
 def test_neighbouring_parts_of_one_number_are_one_stroke(tmp_path: Path) -> None:
     world = tmp_path / "seam.yaml"
     world.write_text(yaml.safe_dump(document(line(0, 0.2, stroke=1), line(0.2, 0.2, stroke=1))))

@@ -148,12 +148,13 @@ class PointsPiece(ToolAim):
 
 
 class CsvColumns(Strict):
-    """Titles of the columns: of x, y, z, of one way to aim at most, and of names."""
+    """Titles of the columns: of x, y, z, of one way to aim at most, of names and of strokes."""
 
     x: OneLine = Field(description="a title")
     y: OneLine = Field(description="a title")
     z: OneLine = Field(description="a title")
     name: OneLine | None = Field(default=None, description="title of the column of names of set-points")
+    stroke: OneLine | None = Field(default=None, description="title of the column of strokes, 0 for travel")
     dx: OneLine | None = None
     dy: OneLine | None = None
     dz: OneLine | None = None

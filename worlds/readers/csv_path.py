@@ -36,7 +36,9 @@ _POINT, _AXIS, _NORMAL = ("x", "y", "z"), ("dx", "dy", "dz"), ("nx", "ny", "nz")
 _QUATERNION, _ANGLES = ("qx", "qy", "qz", "qw"), ("roll", "pitch", "yaw")
 _AIMS = _AXIS, _NORMAL, _QUATERNION, _ANGLES  # a table has one of them at most
 _UNTITLED = {len(names): names for names in (_POINT, _POINT + _AXIS, _POINT + _QUATERNION)}
-_KNOWN = ("name", *_POINT, *(name for aim in _AIMS for name in aim))
+_OTHERS = "name", "stroke"
+_KNOWN = (*_OTHERS, *_POINT, *(name for aim in _AIMS for name in aim))
+MAX_DIGITS = 9  # of the number of a stroke
 PIECE = 2**20  # of a long file that is read at once [bytes]
 _NEWLINE = 10
 
@@ -239,7 +241,7 @@ def _check_complete(names: Collection[str], more: str = "") -> None:
         valid = ", ".join(map(",".join, _AIMS))
         what = f"{', '.join(missing)} missing" if missing else f"got {','.join(names)}"
         what = f"unknown {', '.join(strange)}" if strange else what
-        raise InputError(f"expected titles for x,y,z, at most one of {valid}, and name: {what}{more}")
+        raise InputError(f"expected titles for x,y,z, at most one of {valid}, name and stroke: {what}{more}")
 
 
 def _check_said(names: Collection[str], form: CsvFormat) -> None:
@@ -282,6 +284,7 @@ def _path_of_lines(lines: Sequence[str], layout: CsvLayout, number: int) -> Tool
     """Return the path of lines from the first with a point on; ``number`` is that of the first given."""
     rows: list[list[float]] = []
     names: list[str] = []
+    strokes: list[int] = []
     numbers: list[int] = []
     first = max(layout.row, number)
     for at, cells in _cells(lines[first - number :], layout.sign, layout.where, first):
@@ -296,10 +299,20 @@ def _path_of_lines(lines: Sequence[str], layout: CsvLayout, number: int) -> Tool
             if what == "name":
                 with located(f"{where}: {title}", ""):
                     names.append(checked_name(cell))
+            elif what == "stroke":
+                strokes.append(_stroke(cell, title, where))
             else:
                 rows[-1].append(_number(cell, title, where))
-    aim = tuple(what for what, _, _ in layout.places if what not in (*_POINT, "name"))
-    return replace(_path_of_rows(np.array(rows), aim, layout, numbers), names=tuple(names))
+    aim = tuple(what for what, _, _ in layout.places if what not in (*_POINT, *_OTHERS))
+    path = _path_of_rows(np.array(rows), aim, layout, numbers)
+    return replace(path, names=tuple(names), strokes=np.array(strokes) if strokes else None)
+
+
+def _stroke(cell: str, name: str, where: str) -> int:
+    if not (cell.isascii() and cell.isdigit() and len(cell) <= MAX_DIGITS):
+        expected = "expected a whole number, 0 on travel or 1 and up for each stroke"
+        raise InputError(f"{where}: {name}: {expected}, got {clip(cell)}")
+    return int(cell)
 
 
 def _number(cell: str, name: str, where: str) -> float:
