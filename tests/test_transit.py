@@ -13,10 +13,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from regionik.moving import transit
-from regionik.moving.base_motion import TURN_STRIDE
 from regionik.moving.drivers import WheeledDriver, WheeledPaths, driver_for
 from regionik.moving.transit import TransitPlanner
 from regionik.planners.driving import pose_planner
+from regionik.planners.driving.arcs import MAX_TURN_STEP
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.driving.sampling import connect_poses
 from regionik.postures.poses import Pose, distinct
@@ -99,7 +99,7 @@ def test_folded_ways_over_open_floor(name: str) -> None:
     assert way is not None
     check(world, here, way, there)
     turns = np.abs([wrap(b.base[2] - a.base[2]) for a, b in zip([here, *way], [*way, there], strict=True)])
-    assert turns.max() <= TURN_STRIDE + 1e-9
+    assert turns.max() <= MAX_TURN_STEP + 1e-9
     again = carrier(world).folded(here, there, 0)
     assert again is not None
     assert [pose.joints.tolist() for pose in again] == [pose.joints.tolist() for pose in way]

@@ -30,7 +30,6 @@ from regionik.planners.reach.planar_capsules import (
 from regionik.planners.reach.planar_cells import (
     AWAY,
     PITCH,
-    PROOF_SLACK,
     TURN,
     YAW,
     ArmMount,
@@ -41,6 +40,7 @@ from regionik.planners.reach.planar_cells import (
 )
 from regionik.planners.search.box_search import (
     NO_SIDE,
+    PROOF_SLACK,
     Boxes,
     Verdict,
     begin_in_kernel,

@@ -20,6 +20,7 @@ from regionik.planners.kernels import compiled
 from regionik.planners.reach.meridian import Meridian, MeridianTool, tool_for, tool_motion
 from regionik.planners.search.box_search import (
     NO_SIDE,
+    PROOF_SLACK,
     Boxes,
     Verdict,
     begin,
@@ -33,7 +34,6 @@ from regionik.planners.solvers.serial_chain import SerialArm, joint_changes
 from regionik.worlds.arrays import Array
 
 MAX_PASSES = 3  # times that one box is bounded, and contracted but for the last time, before it is bisected
-PROOF_SLACK = 1e-10  # rounding that no proof may rest on [m]
 OWN_LEVER_WEIGHT = 0.1  # weight of a joint's own lever when a joint to bisect is chosen
 
 

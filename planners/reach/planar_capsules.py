@@ -26,14 +26,13 @@ from regionik.planners.kernels import compiled
 from regionik.planners.reach.planar_cells import (
     AWAY,
     PITCH,
-    PROOF_SLACK,
     TURN,
     YAW,
     ArmMount,
     PlanarCell,
     chord,
 )
-from regionik.planners.search.box_search import Verdict, both
+from regionik.planners.search.box_search import PROOF_SLACK, Verdict, both
 from regionik.planners.search.posture_boxes import segment_distance
 from regionik.planners.solvers.planar_kinematics import PlanarLinkage
 from regionik.worlds.arms import PlanarArm

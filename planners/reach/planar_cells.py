@@ -17,11 +17,10 @@ import numpy as np
 
 from regionik.planners.geometry.angles import fit, wrap
 from regionik.planners.kernels import compiled
-from regionik.planners.search.box_search import Verdict
+from regionik.planners.search.box_search import PROOF_SLACK, Verdict
 from regionik.planners.solvers.planar_kinematics import LIMIT_SLACK, PlanarLinkage
 from regionik.worlds.arrays import Array
 
-PROOF_SLACK = 1e-10  # rounding that no proof may rest on [m] or [rad]
 YAW, PITCH, AWAY, TURN, ELBOW = range(5)  # the sides of a cell; the elbow is -1 or 1
 
 

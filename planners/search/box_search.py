@@ -42,6 +42,7 @@ from regionik.worlds.arrays import Array, Index
 
 _INITIAL_SLOTS = 16  # for boxes; doubled when they are full
 NO_SIDE = -1  # in place of a side: the box is not to be bisected
+PROOF_SLACK = 1e-10  # rounding that no proof may rest on [m] or [rad]
 QUEUED, CLOSED, JUDGED, PROVEN = range(4)  # what is counted
 
 

@@ -15,7 +15,15 @@ from regionik.planners.collision.robot_motion import transform_into
 from regionik.planners.collision.upright_solids import Uprights, distance_along, least_along, uprights_from
 from regionik.planners.geometry.vectors import cross, dot, minus, norm, squared
 from regionik.planners.kernels import compiled
-from regionik.planners.search.box_search import NO_SIDE, Boxes, Verdict, contract, cut_to, explore_in_kernel
+from regionik.planners.search.box_search import (
+    NO_SIDE,
+    PROOF_SLACK,
+    Boxes,
+    Verdict,
+    contract,
+    cut_to,
+    explore_in_kernel,
+)
 from regionik.planners.search.motion_bounds import (
     LinkCapsules,
     chords,
@@ -94,7 +102,6 @@ def segment_distance(a: Array, b: Array, c: Array, d: Array) -> float:
     return float(np.sqrt(best))
 
 
-PROOF_SLACK = 1e-10  # rounding that no proof may rest on [m]
 MAX_CONTRACTIONS = 4  # contractions of one box before it is bisected
 PROOF_SECTIONS = 10  # golden sections along a link where a proof is sought
 CLEARANCE_SECTIONS = 30  # golden sections along a link where its clearance is measured

@@ -13,7 +13,7 @@ from regionik.areas.free_space import FreeSpace, Index
 from regionik.ladder import Ladder
 from regionik.moving.options import MOVING
 from regionik.planners.collision.robot_motion import bases_between
-from regionik.planners.driving.arcs import WheeledPath
+from regionik.planners.driving.arcs import MAX_TURN_STEP, WheeledPath
 from regionik.planners.driving.footprint import fits
 from regionik.planners.driving.footprint_planner import FootprintPath
 from regionik.planners.driving.footprint_scene import FootprintScene
@@ -28,7 +28,6 @@ from regionik.worlds.drives import displacement
 Path = TypeVar("Path", FootprintPath, WheeledPath)
 Found = dict[tuple[bytes, bytes, float], Path | NoPathError]  # by both ends and the berth [m]
 OPTIONS = MOVING.transits
-TURN_STRIDE = 0.1  # largest turn of the base between two states [rad]
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +139,7 @@ class Driver(ABC):
         last = here
         for move, way, share, base in zip(moves, ways, shares, route[1:], strict=True):
             next_ = Pose(base, last.joints + share * change)
-            parts = max(way / self.scene.rules.step, abs(move[2]) / TURN_STRIDE, share * most)
+            parts = max(way / self.scene.rules.step, abs(move[2]) / MAX_TURN_STEP, share * most)
             count = max(1, int(np.ceil(parts * 1.001)))
             parted = np.arange(1, count) / count
             joints = last.joints + parted[:, None] * (next_.joints - last.joints)

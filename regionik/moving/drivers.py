@@ -24,7 +24,6 @@ from regionik.areas.ground import EVERY
 from regionik.areas.layers import ROUNDING_MARGIN, Geometries
 from regionik.ladder import Ladder
 from regionik.moving.base_motion import (
-    TURN_STRIDE,
     BasePath,
     Driver,
     Found,
@@ -33,7 +32,7 @@ from regionik.moving.base_motion import (
     simultaneous,
 )
 from regionik.moving.options import MOVING
-from regionik.planners.driving.arcs import WheeledPath, arc_end
+from regionik.planners.driving.arcs import MAX_TURN_STEP, WheeledPath, arc_end
 from regionik.planners.driving.footprint import arc_is_free, fits, slide_is_free
 from regionik.planners.driving.footprint_planner import FootprintFloor, FootprintPath, path_through_slabs
 from regionik.planners.driving.footprint_scene import footprint_scene
@@ -128,7 +127,7 @@ class AnyHeadingDriver(Driver):
         way += abs(turn) * float(np.hypot(*robot.mount[:2]))
         step = self.scene.rules.step * 0.999
         bend = float(np.abs(there.joints - here.joints).max())
-        parts = max(abs(turn) / TURN_STRIDE, bend / MAX_JOINT_CHANGE, way / step)
+        parts = max(abs(turn) / MAX_TURN_STEP, bend / MAX_JOINT_CHANGE, way / step)
         shares, axes = spread_along(np.array(route), step, int(np.ceil(parts)))
         bases = np.column_stack([np.zeros((len(shares), 2)), here.base[2] + shares * turn])
         bases[:, :2] = axes - axis_of(robot, bases)

@@ -15,8 +15,9 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from regionik.moving.base_motion import TURN_STRIDE, Driver
+from regionik.moving.base_motion import Driver
 from regionik.moving.options import MOVING
+from regionik.planners.driving.arcs import MAX_TURN_STEP
 from regionik.postures.collision_checker import CollisionChecker
 from regionik.postures.poses import MAX_JOINT_CHANGE, Pose, arrays, distinct, pose_between
 from regionik.scene import Scene
@@ -122,7 +123,7 @@ class Shortcuts:
         moves[:, :3] = displacement(start[:3], np.array(to)[:, :3])
         part, whole = moves
         way, turn, bend = float(np.hypot(*whole[:2])), abs(float(whole[2])), float(np.abs(whole[3:]).max())
-        stride = max(way / scene.rules.step, turn / TURN_STRIDE, bend / MAX_JOINT_CHANGE)
+        stride = max(way / scene.rules.step, turn / MAX_TURN_STEP, bend / MAX_JOINT_CHANGE)
         if stride > NEARLY or not (square := whole @ whole):
             return False
         filled = pose_between(here, there, float(part @ whole / square), scene.robot.drive)

@@ -40,7 +40,6 @@ _OTHERS = "name", "stroke"
 _KNOWN = (*_OTHERS, *_POINT, *(name for aim in _AIMS for name in aim))
 MAX_DIGITS = 9  # of the number of a stroke
 PIECE = 2**20  # of a long file that is read at once [bytes]
-_NEWLINE = 10
 
 
 @dataclass(frozen=True)
@@ -158,7 +157,7 @@ def index_csv(path: Path, size: int, form: CsvFormat | None = None) -> CsvTable:
         digest, after, count, place = hashlib.sha256(), [0], 0, 0
         while piece := file.read(PIECE):
             digest.update(piece)
-            found = np.flatnonzero(np.frombuffer(piece, dtype=np.uint8) == _NEWLINE)
+            found = np.flatnonzero(np.frombuffer(piece, dtype=np.uint8) == ord("\n"))
             whole = (count + np.arange(1, len(found) + 1)) % size == 0
             after += (place + found[whole] + 1).tolist()
             count, place = count + len(found), place + len(piece)
