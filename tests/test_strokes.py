@@ -271,9 +271,9 @@ def test_a_run_that_gets_stuck_in_a_stroke_ends_before_it(mode: str) -> None:
     with pytest.raises(NoPlanFound, match=f"within stroke 1, which goes from set-point 1 to {count}"):
         search(scene_of(whole))
     if mode == "continuous":
-        parted = with_strokes(world, *[1] * where, *[2] * (count - where))
+        parted = with_strokes(world, *[1] * (where - 1), *[2] * (count - where + 1))
         found = search(scene_of(parted))
-        assert lifted_before(found) == [where]
+        assert lifted_before(found) == [where - 1]
         assert verify(found).ok
 
 
