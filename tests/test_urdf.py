@@ -242,7 +242,7 @@ def test_wrong_options(tmp_path: Path, options: dict[str, Any], expected: str) -
 @pytest.mark.parametrize(
     ("name", "options", "expected"),
     [
-        ("tiagoo", {}, "expected a path that ends in .urdf, .xml, or one of youbot"),
+        ("tiagoo", {}, "valid names: youbot"),
         ("youbot", {"tip": "tool"}, "youbot: tip: a bundled robot has no links"),
         ("nowhere/robot.urdf", {}, "there is no such file"),
         ("robot.urdf.xacro", {}, "xacro robot.urdf.xacro > robot.urdf"),

@@ -39,6 +39,7 @@ from regionik.worlds.readers.text import (
 )
 from regionik.worlds.robot import BODY_HEIGHT, Robot, Tool, check_turning_radius, with_tool, without_limits
 from regionik.worlds.self_collision import base_name, rest_posture
+from regionik.worlds.urdf.installed import installed_urdf, urdf_file
 from regionik.worlds.urdf.loader import load_robot
 
 DhRow = Annotated[
@@ -214,16 +215,15 @@ def read_robot(part: str | NamedRobot | DhRobot | ChainRobot | UrdfRobot, where:
     """Return the robot of a document that messages call ``where``; a URDF file is relative to ``folder``."""
     if isinstance(part, str):
         with located(where, "robot"):
-            return robot_named(part)
+            return robot_named(part) if part in robot_names() else load_robot(installed_urdf(part))
     if isinstance(part, UrdfRobot):
         options = part.model_dump(exclude={"urdf", "turning_radius", "tool", "srdf"})
         with located(where, "robot.tool."):
             options["tool"] = None if part.tool is None else part.tool.tool()
         with located(where, "robot"):
             options["srdf"] = None if part.srdf is None else file_in(folder, part.srdf)
-            return load_robot(
-                file_in(folder, part.urdf), **options, turning_radius=part.turning_radius or None
-            )
+            path = file_in(folder, str(urdf_file(part.urdf)))
+            return load_robot(path, **options, turning_radius=part.turning_radius or None)
     if isinstance(part, NamedRobot):
         with located(where, "robot.name"):
             robot = robot_named(part.name)

@@ -32,17 +32,18 @@ from regionik.worlds.arrays import Array, frozen, transform_points
 from regionik.worlds.bundled import robot_named, robot_names
 from regionik.worlds.chain import Chain, planar_pose
 from regionik.worlds.drives import BaseKind, drive_of
-from regionik.worlds.errors import FileNote, InputError, RobotNote, located, located_error, suggestion
+from regionik.worlds.errors import FileNote, InputError, RobotNote, located, located_error
 from regionik.worlds.links import BASE, CUBE_CORNERS
 from regionik.worlds.readers.meshes import Surface
-from regionik.worlds.readers.text import MAX_NUMBER, is_file_name, join_names
+from regionik.worlds.readers.text import MAX_NUMBER, join_names
 from regionik.worlds.robot import BODY_HEIGHT, Robot, Tool, check_turning_radius, with_tool, without_limits
 from regionik.worlds.self_collision import bodies_clear, disabled_pairs, rest_posture
 from regionik.worlds.surfaces import VisualSurface, coarsened
 from regionik.worlds.urdf.bounding import hull_triangles
 from regionik.worlds.urdf.collision import CollisionModel, collision_model, solid_part
 from regionik.worlds.urdf.decomposition import CollisionPart
-from regionik.worlds.urdf.elements import SUFFIXES, CollisionShape, UrdfModel, read_urdf
+from regionik.worlds.urdf.elements import CollisionShape, UrdfModel, read_urdf
+from regionik.worlds.urdf.installed import urdf_file
 from regionik.worlds.urdf.kinematic_tree import (
     KinematicPath,
     LinkPlacement,
@@ -85,12 +86,13 @@ def load_robot(
     ignore: Sequence[str] = (),
     tool: Tool | None = None,
 ) -> Robot:
-    """Return a bundled robot by its name, or the robot of a URDF file.
+    """Return a bundled robot by its name, or the robot of a URDF file by its path or its name.
 
     Parameters
     ----------
     name_or_path : str or Path
-        A bundled name, or a path that ends in .urdf or .xml.
+        A bundled name, a path that ends in .urdf or .xml, or the name of a robot in an installed package; see
+        `regionik.worlds.urdf.installed`.
     base : {"omni", "differential", "car"}, optional
         By default omni, or what the bundled robot has.
     tip, root : str, optional
@@ -136,12 +138,12 @@ def load_robot(
     >>> load_robot("youbot", base="differential").base
     'differential'
     """
-    path, where = Path(name_or_path), str(name_or_path)
+    where = str(name_or_path)
     with located(where, ""):
         given = _Overrides(base, footprint, mount, turning_radius, body_height, carry, limits, payload, tool)
-    if is_file_name(name_or_path, (*SUFFIXES, ".xacro")):
+    if where not in robot_names():
         companion = None if srdf is None else Path(srdf)
-        model = read_urdf(path).without_shapes(ignore)
+        model = read_urdf(urdf_file(name_or_path)).without_shapes(ignore)
         return given.applied(_from_urdf(model, tip, root, given, companion, unchecked), where)
     lists = {"unchecked": unchecked or None, "ignore": ignore or None}
     refused = {"tip": tip, "root": root, "srdf": srdf, **lists}
@@ -317,10 +319,6 @@ def _tip_notes(robot: Robot) -> list[str]:
 
 
 def _bundled(name: str, refused: dict[str, Any], given: _Overrides) -> Robot:
-    if name not in robot_names():
-        choices = f"a path that ends in {', '.join(SUFFIXES)}, or one of {', '.join(robot_names())}"
-        near = suggestion(name, robot_names()) or ":"
-        raise InputError(f"unknown robot {name!r}{near} expected {choices}")
     for what, value in refused.items():
         if value is not None:
             raise located_error(name, what, "a bundled robot has no links to choose from")
