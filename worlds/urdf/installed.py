@@ -43,8 +43,8 @@ def installed_urdf(name: str) -> Path:
     valid = [*robot_names(), *sorted(found)]
     more = "" if found else f"; the package {DISTRIBUTION}, where it is installed, has more"
     near = suggestion(name, valid) or ","
-    path = f"or a path that ends in {', '.join(SUFFIXES)}"
-    raise InputError(f"unknown robot {name!r}{near} valid names: {join_names(valid)}{more}; {path}")
+    other = f"or a path that ends in {', '.join(SUFFIXES)}"
+    raise InputError(f"unknown robot {name!r}{near} valid names: {join_names(valid)}{more}; {other}")
 
 
 def _distributed() -> Iterator[Path]:
