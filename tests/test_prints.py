@@ -67,9 +67,18 @@ def test_each_bead_is_printed(kind: str, tmp_path: Path) -> None:
     each_bead_is_printed(print_of(program, robot_named("youbot"), tmp_path), program, tmp_path)
 
 
+DAILY = ("klipper", "UR10e")  # the others are as long
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("arm", ["youbot", "UR10e"])
-@pytest.mark.parametrize("kind", ["marlin", "klipper", "rrf"])
+@pytest.mark.parametrize(
+    ("kind", "arm"),
+    [
+        pytest.param(kind, arm, marks=() if (kind, arm) == DAILY else pytest.mark.long)
+        for kind in ("marlin", "klipper", "rrf")
+        for arm in ("youbot", "UR10e")
+    ],
+)
 def test_each_bead_of_a_print_is_printed(kind: str, arm: str, tmp_path: Path) -> None:
     robot, z = (carried(arm), 0.6) if arm == "UR10e" else (robot_named(arm), 0.0)
     program = sliced(kind, layers=2, moves=60, size=600.0, height=10.0)
