@@ -13,9 +13,9 @@ from shapely.geometry import LineString, MultiPolygon, Point, Polygon
 
 from regionik.planners.driving.footprint import arc_is_free, fits, slide_is_free
 from regionik.planners.driving.footprint_planner import (
+    FootprintFloor,
     FootprintPath,
     NarrowPassageError,
-    drive_footprint,
     passage_width,
 )
 from regionik.planners.driving.footprint_scene import footprint_scene, footprint_width
@@ -237,7 +237,7 @@ def test_a_hair_of_room_is_enough() -> None:
 def test_a_long_base_passes_a_corridor_lengthwise(width: float, angle: float) -> None:
     floor = corridor(width, angle)
     start, goal = turned((0.5, 1, 1.57), angle), turned((5.5, 1, 0), angle)
-    answer = drive_footprint(YOUBOT, floor, start, goal, seed=0)
+    answer = FootprintFloor(YOUBOT, floor).drive(start, goal, seed=0)
     holds(answer, YOUBOT, floor, start, goal)
     # Its circumscribed circle would not: 0.69 m.
     assert floor.buffer(-float(np.hypot(*YOUBOT[0]))).geom_type == "MultiPolygon"
@@ -246,7 +246,7 @@ def test_a_long_base_passes_a_corridor_lengthwise(width: float, angle: float) ->
 @pytest.mark.parametrize("width", [0.36, 0.379])
 def test_a_corridor_that_is_too_narrow_is_refused_with_numbers(width: float) -> None:
     with pytest.raises(NarrowPassageError) as refused:
-        drive_footprint(YOUBOT, corridor(width), [0.5, 1, 1.57], [5.5, 1, 0], seed=0)
+        FootprintFloor(YOUBOT, corridor(width)).drive([0.5, 1, 1.57], [5.5, 1, 0], seed=0)
     assert str(refused.value) == (
         "no way from (0.500, 1.000, 1.570 rad) to (5.500, 1.000, 0.000 rad): "
         f"its narrowest place is {width:.3f} m wide, the footprint nowhere less than 0.380 m"
@@ -269,11 +269,9 @@ def test_areas_of_a_round_outline_have_no_more_headings_for_its_many_sides() -> 
 def test_obstacles_and_clearance_narrow_a_corridor() -> None:
     hall, posts = box(0, 0, 4, 2), [Shadow(Point(2, 0.4), 0.4), Shadow(Point(2, 1.7), 0.3)]
     start, goal = np.array([0.5, 1.0, 0.0]), np.array([3.5, 1.0, 1.0])
-    assert (
-        drive_footprint(YOUBOT, hall, start, goal, obstacles=posts, clearance=0.1, seed=0).poses.shape[1] == 3
-    )
+    assert FootprintFloor(YOUBOT, hall, posts, 0.1).drive(start, goal, seed=0).poses.shape[1] == 3
     with pytest.raises(NarrowPassageError, match=r"^no way from .* narrowest place is 0.360 m wide"):
-        drive_footprint(YOUBOT, hall, start, goal, obstacles=posts, clearance=0.12, seed=0)
+        FootprintFloor(YOUBOT, hall, posts, 0.12).drive(start, goal, seed=0)
 
 
 def test_a_long_base_does_not_get_round_a_tight_bend_but_a_square_one_does() -> None:
@@ -281,27 +279,29 @@ def test_a_long_base_does_not_get_round_a_tight_bend_but_a_square_one_does() -> 
     start, goal = np.array([0.225, 0.8, np.pi / 2]), np.array([2.2, 2.775, 0.0])
     long = np.array([[0.6, -0.19], [0.6, 0.19], [-0.6, 0.19], [-0.6, -0.19]])
     with pytest.raises(NarrowPassageError, match="too long for the bends on the way") as refused:
-        drive_footprint(long, bend, start, goal, seed=0)
+        FootprintFloor(long, bend).drive(start, goal, seed=0)
     assert refused.value.passage == pytest.approx(0.45, abs=1e-3)
     square = np.array([[0.19, -0.19], [0.19, 0.19], [-0.19, 0.19], [-0.19, -0.19]])
-    holds(drive_footprint(square, bend, start, goal, seed=0), square, bend, start, goal)
+    holds(FootprintFloor(square, bend).drive(start, goal, seed=0), square, bend, start, goal)
 
 
 def test_same_seed_same_drive() -> None:
-    runs = [drive_footprint(YOUBOT, corridor(0.5), [0.5, 1, 1.57], [5.5, 1, 0], seed=s) for s in (3, 4, 3)]
+    runs = [
+        FootprintFloor(YOUBOT, corridor(0.5)).drive([0.5, 1, 1.57], [5.5, 1, 0], seed=s) for s in (3, 4, 3)
+    ]
     assert np.array_equal(runs[0].poses, runs[2].poses)
     assert not np.array_equal(runs[0].poses, runs[1].poses)
 
 
 def test_easy_drives() -> None:
     room = box(0, 0, 3, 3)
-    straight = drive_footprint(YOUBOT, room, [1, 1, 0], [2, 2, 3], seed=0)
+    straight = FootprintFloor(YOUBOT, room).drive([1, 1, 0], [2, 2, 3], seed=0)
     assert (straight.method, len(straight.poses)) == ("straight", 2)
-    assert drive_footprint(YOUBOT, room, [1, 1, 0], [1, 1, 0], seed=0).poses.tolist() == [[1, 1, 0]]
+    assert FootprintFloor(YOUBOT, room).drive([1, 1, 0], [1, 1, 0], seed=0).poses.tolist() == [[1, 1, 0]]
 
 
 def test_a_point_drives_like_a_shape() -> None:
-    answer = drive_footprint([[0, 0]], corridor(0.01), [0.5, 1.8, 1.57], [5.5, 0.2, 0], seed=0)
+    answer = FootprintFloor([[0, 0]], corridor(0.01)).drive([0.5, 1.8, 1.57], [5.5, 0.2, 0], seed=0)
     for p, q in zip(answer.poses[:-1], answer.poses[1:], strict=True):
         assert corridor(0.01).covers(LineString([p[:2], q[:2]]))
 
@@ -317,8 +317,8 @@ def test_widths() -> None:
 
 def test_bad_drives() -> None:
     with pytest.raises(NoPathError, match=r"start \(0.100, 1.000, 0.000 rad\): the footprint does not fit"):
-        drive_footprint(YOUBOT, box(0, 0, 3, 3), [0.1, 1, 0], [2, 2, 0], seed=0)
+        FootprintFloor(YOUBOT, box(0, 0, 3, 3)).drive([0.1, 1, 0], [2, 2, 0], seed=0)
     with pytest.raises(InputError, match="seed: expected a whole number from 0 up"):
-        drive_footprint(YOUBOT, box(0, 0, 3, 3), [1, 1, 0], [2, 2, 0], seed=-1)
+        FootprintFloor(YOUBOT, box(0, 0, 3, 3)).drive([1, 1, 0], [2, 2, 0], seed=-1)
     with pytest.raises(InputError, match="goal: expected 3 numbers"):
-        drive_footprint(YOUBOT, box(0, 0, 3, 3), [1, 1, 0], [2, 2], seed=0)
+        FootprintFloor(YOUBOT, box(0, 0, 3, 3)).drive([1, 1, 0], [2, 2], seed=0)

@@ -243,6 +243,7 @@ def test_wrong_options(tmp_path: Path, options: dict[str, Any], expected: str) -
     ("name", "options", "expected"),
     [
         ("tiagoo", {}, "valid names: youbot"),
+        ("tiagoo", {}, "expected a path that ends in .urdf, .xml"),
         ("youbot", {"tip": "tool"}, "youbot: tip: a bundled robot has no links"),
         ("nowhere/robot.urdf", {}, "there is no such file"),
         ("robot.urdf.xacro", {}, "xacro robot.urdf.xacro > robot.urdf"),

@@ -106,7 +106,30 @@ class FootprintFloor:
         return slab_areas(self.footprint, self.floor, self.obstacles, self.clearance, bounds, self.upper)
 
     def drive(self, start: ArrayLike, goal: ArrayLike, *, seed: int) -> FootprintPath:
-        """Return the path of `drive_footprint`."""
+        """Drive from pose to pose in any direction, turning on the way.
+
+        Parameters
+        ----------
+        start, goal : (3,) array_like
+            x, y [m], yaw [rad].
+        seed : int
+            Of the sampling planner, 0 or above. Same input, same path.
+
+        Raises
+        ------
+        NarrowPassageError
+            When there is no path, or none was found; it has the width of the narrowest place.
+        NoPathError, InputError
+            As `footprint_scene` and `checked_ends`.
+
+        Examples
+        --------
+        >>> from shapely import box
+        >>> long = [[0.29, -0.19], [0.29, 0.19], [-0.29, 0.19], [-0.29, -0.19]]
+        >>> corridor = box(0, 0, 2, 2) | box(1.9, 0.7, 4, 1.2)
+        >>> FootprintFloor(long, corridor).drive([0.5, 1, 1.57], [3.5, 0.95, 0], seed=0).method
+        'ompl'
+        """
         scene = self.scene
         a, b = checked_ends(scene, start, goal, seed)
         if same_pose(a, b):
@@ -147,46 +170,6 @@ class FootprintFloor:
             why = f"{narrowest} and {fits}"
         reason = f"{what} from {pose_text(start)} to {pose_text(goal)}: {why}"
         return NarrowPassageError(reason, passage, across)
-
-
-def drive_footprint(
-    footprint: ArrayLike,
-    floor: Polygon | MultiPolygon,
-    start: ArrayLike,
-    goal: ArrayLike,
-    *,
-    obstacles: Sequence[Shadow] = (),
-    clearance: float = 0.0,
-    upper: Sequence[Outline] = (),
-    seed: int,
-) -> FootprintPath:
-    """Drive a footprint that can move in any direction and turn on the way.
-
-    Parameters
-    ----------
-    footprint, floor, obstacles, clearance, upper
-        As for `footprint_scene`.
-    start, goal : (3,) array_like
-        x, y [m], yaw [rad].
-    seed : int
-        Of the sampling planner, 0 or above. Same input, same path.
-
-    Raises
-    ------
-    NarrowPassageError
-        When there is no path, or none was found; it has the width of the narrowest place.
-    NoPathError, InputError
-        As `footprint_scene` and `checked_ends`.
-
-    Examples
-    --------
-    >>> from shapely import box
-    >>> long = [[0.29, -0.19], [0.29, 0.19], [-0.29, 0.19], [-0.29, -0.19]]
-    >>> corridor = box(0, 0, 2, 2) | box(1.9, 0.7, 4, 1.2)
-    >>> drive_footprint(long, corridor, [0.5, 1, 1.57], [3.5, 0.95, 0], seed=0).method
-    'ompl'
-    """
-    return FootprintFloor(footprint, floor, obstacles, clearance, upper).drive(start, goal, seed=seed)
 
 
 def passage_width(free: BaseGeometry, start: BaseGeometry, goal: BaseGeometry) -> float:

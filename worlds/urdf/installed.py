@@ -20,7 +20,10 @@ def urdf_file(name_or_path: str | Path) -> Path:
     """Return the path of a URDF file; what is not one is taken for a name, as by `installed_urdf`."""
     if is_file_name(name_or_path, (*SUFFIXES, ".xacro")):
         return Path(name_or_path)
-    return installed_urdf(str(name_or_path))
+    try:
+        return installed_urdf(str(name_or_path))
+    except InputError as error:
+        raise InputError(f"{error}; or expected a path that ends in {', '.join(SUFFIXES)}") from None
 
 
 def installed_urdf(name: str) -> Path:
@@ -43,8 +46,7 @@ def installed_urdf(name: str) -> Path:
     valid = [*robot_names(), *sorted(found)]
     more = "" if found else f"; the package {DISTRIBUTION}, where it is installed, has more"
     near = suggestion(name, valid) or ","
-    other = f"or a path that ends in {', '.join(SUFFIXES)}"
-    raise InputError(f"unknown robot {name!r}{near} valid names: {join_names(valid)}{more}; {other}")
+    raise InputError(f"unknown robot {name!r}{near} valid names: {join_names(valid)}{more}")
 
 
 def _distributed() -> Iterator[Path]:

@@ -141,7 +141,7 @@ def load_robot(
     where = str(name_or_path)
     with located(where, ""):
         given = _Overrides(base, footprint, mount, turning_radius, body_height, carry, limits, payload, tool)
-    if where not in robot_names():
+    if isinstance(name_or_path, Path) or where not in robot_names():
         companion = None if srdf is None else Path(srdf)
         model = read_urdf(urdf_file(name_or_path)).without_shapes(ignore)
         return given.applied(_from_urdf(model, tip, root, given, companion, unchecked), where)
