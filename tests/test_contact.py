@@ -17,9 +17,9 @@ from regionik.postures.poses import Pose
 from regionik.scene import scene_of
 from regionik.values import Report
 from regionik.verification.contact import (
-    SweptSolid,
+    SweptSolids,
     ToolContact,
-    farthest_below_plane,
+    farthest_below_planes,
     is_allowed,
     shrunk_weights,
 )
@@ -152,7 +152,8 @@ def test_nothing_below_a_plane_is_farther_from_the_tool_than_told(seed: int) -> 
     height = float(rng.normal() * 0.05)
     points = points_of(solid, rng)
     seen = np.linalg.norm(points - tool, axis=1)[points @ normal <= height].max(initial=0.0)
-    assert farthest_below_plane(solid.corners, solid.radius, (normal, height), tool) >= seen - 1e-12
+    plane = normal[None], np.array([height])
+    assert farthest_below_planes(solid.corners[None], solid.radius, *plane, tool[None])[0] >= seen - 1e-12
     assert compiled_farthest(solid.corners, solid.radius, normal, height, tool) >= seen - 1e-12
 
 
@@ -163,9 +164,8 @@ def test_what_is_left_of_a_solid_is_within_the_depth_of_all_of_it(seed: int, dep
     solid = shapes(rng)
     tool = solid.corners[0] + rng.normal(size=3) * 0.05
     corners, radius = core_of(solid, depth, tool)
-    assert shrunk_weights(
-        solid.corners, max(0.0, depth - solid.radius), tool
-    ) @ solid.corners == pytest.approx(corners)
+    weights = shrunk_weights(solid.corners[None], max(0.0, depth - solid.radius), tool[None])[0]
+    assert weights @ solid.corners == pytest.approx(corners)
     if isinstance(solid, LinkCapsule):
         left = LinkCapsule(0, "left", corners[0], corners[1], max(radius, 1e-9))
         assert min(left.depth(p) for p in points_of(solid, rng, 200)) >= -depth - 2e-9
@@ -198,7 +198,7 @@ def test_a_contact_that_is_accepted_is_seen_to_keep_the_rules(kind: str) -> None
         lift = np.array([0.0, 0.0, -points_of(solid, rng)[:, 2].min() - rng.uniform(0, 0.03)])
         aside = np.array([*(rng.uniform(-0.08, 0.08, 2) - tool[:2]), 0.0])
         hulls, at = solid.corners + lift + aside, tool + lift + aside
-        moved = SweptSolid(np.stack([hulls] * 3), solid.radius, np.stack([at] * 3), 0.0, 0.0)
+        moved = SweptSolids(hulls[None, None], solid.radius, at[None, None], *np.zeros((2, 1)))
         told.append(is_allowed(ToolContact({}, float(reach), float(clearance), float(depth)), moved, piece))
         if not told[-1]:
             continue

@@ -72,7 +72,8 @@ def test_what_is_left_of_a_hull_is_within_the_depth_of_its_faces(seed: int, take
     hull = LinkHull(0, "hull", rng.uniform(-0.15, 0.15, (15, 3)))
     core, radius = core_of(hull, taken, np.array([0, 0, 0.2]))
     assert radius == 0.0
-    assert core == pytest.approx(shrunk_weights(hull.corners, taken, np.array([0, 0, 0.2])) @ hull.corners)
+    weights = shrunk_weights(hull.corners[None], taken, np.array([[0, 0, 0.2]]))[0]
+    assert core == pytest.approx(weights @ hull.corners)
     inside = hull.polytope.depth(core)
     assert (inside >= 0.999 * min(taken, hull.depth(hull.corners.mean(0))) - 1e-9).all()
     assert polytope(core).depth(core.mean(0)) > 0

@@ -1,94 +1,45 @@
 """Proof that every link keeps its distance from every solid.
 
-In the middle of an interval a plane is laid perpendicular to the shortest line from a convex piece of a solid
-to the hull of the link's corners. While the corners stay beyond the plane by the link's radius and the
-clearance, the link is clear; between samples they leave their chords by at most the chord deviation.
+A plane is laid on a face of a convex piece of a solid, or in the middle of an interval perpendicular to the
+shortest line from the piece to the hull of the link's corners. While the corners stay beyond the plane by the
+link's radius and the clearance, the link is clear; between samples they leave their chords by at most the
+chord deviation.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import shapely
 
 from regionik.planners.collision.convex_bodies import Piece, Separation
-from regionik.planners.collision.distances import (
-    Obstacles,
-    hull_separation,
-    obstacles_among,
-    obstacles_from,
-)
+from regionik.planners.collision.distances import Obstacles, hull_separation
 from regionik.values import Violation
 from regionik.verification.contact import (
     SIGNS,
-    SweptSolid,
+    SweptSolids,
     ToolContact,
     is_allowed,
     mesh_depth,
+    planes_prove,
     shrunk_weights,
     tool_contact,
 )
 from regionik.verification.motion import Indices, Mask, MotionSegments, chord_deviation
+from regionik.verification.moved_solids import LinkSolids, obstacles_near
 from regionik.verification.options import VERIFICATION
 from regionik.verification.proofs import Finding, Intervals, IntervalVerdicts, StateNames, bisect, finding
 from regionik.verification.tolerances import TOUCH
 from regionik.worlds.arrays import Array
-from regionik.worlds.obstacles import Prism, Solid
 from regionik.worlds.polytopes import polytope
 from regionik.worlds.scene import World
 from regionik.worlds.self_collision import off_floor
 
 PROOFS, SOLIDS = VERIFICATION.proofs, VERIFICATION.solids
-
-
-@dataclass(frozen=True, eq=False)
-class _LinkSolids:
-    """The robot's solids along a motion: all points within a radius of the hull of some corners."""
-
-    segments: MotionSegments
-
-    @cached_property
-    def corners(self) -> tuple[Array, ...]:
-        """Of each solid (k, 3), in its link's frame [m]."""
-        return tuple(solid.corners for solid in self.segments.robot.all_solids)
-
-    @cached_property
-    def radii(self) -> Array:
-        return np.array([solid.radius for solid in self.segments.robot.all_solids])
-
-    @property
-    def last(self) -> Mask:
-        """Solids of the last link that has any."""
-        links = np.array([solid.link for solid in self.segments.robot.all_solids])
-        return links == links.max()
-
-    @cached_property
-    def acceleration(self) -> Array:
-        """Upper bound for any point of each solid, (solids, segments): the largest of its corners'."""
-        bound = self.segments.acceleration_bound
-        solids = self.segments.robot.all_solids
-        return np.array([np.max([bound(solid.link, p) for p in solid.corners], axis=0) for solid in solids])
-
-    def place(self, base: Array, joints: Array) -> tuple[Array, Array]:
-        """Corners of all solids in the world, (m, solids, k, 3), and the tool, (m, 3).
-
-        Of a solid with fewer corners than k the first one is repeated.
-        """
-        robot = self.segments.robot
-        arm = robot.frames(base, joints)
-        T_world_base = robot.T_world_arm(base) @ np.linalg.inv(robot.T_base_arm)
-        frames = np.concatenate([arm, T_world_base[:, None]], axis=1)  # the base last, at its index
-        most = max(len(corners) for corners in self.corners)
-        hulls = [
-            frames[:, solid.link, None, :3, 3]
-            + np.concatenate([corners, np.repeat(corners[:1], most - len(corners), axis=0)])
-            @ frames[:, solid.link, :3, :3].swapaxes(1, 2)
-            for solid, corners in zip(robot.all_solids, self.corners, strict=True)
-        ]
-        return np.stack(hulls, axis=1), arm[:, -1, :3, 3]
 
 
 def verify_arm_clearance(world: World, segments: MotionSegments, names: StateNames) -> list[Finding]:
@@ -98,53 +49,7 @@ def verify_arm_clearance(world: World, segments: MotionSegments, names: StateNam
     """
     if not world.arm_solids or not world.robot.all_solids:
         return [finding("arm", np.inf, [])]
-    return _ArmProof(world, segments, names, _obstacles(world, segments)).check()
-
-
-def _obstacles(world: World, segments: MotionSegments) -> Obstacles:
-    """The solids, or of many those that the arm may come near to or a tool may touch, large ones cut."""
-    solids = world.arm_solids
-    if len(solids) < SOLIDS.min_many and all(_corners(solid) < SOLIDS.min_many for solid in solids):
-        return obstacles_from(solids)
-    low, high = _places(world, segments)
-    bounds = np.array([solid.bounds[:, :2].ravel() for solid in solids])
-    tree = shapely.STRtree(shapely.box(*low.T, *high.T))
-    near = np.unique(tree.query(shapely.box(*bounds.T))[0]).tolist()
-    region = _cells_around(low, high)
-    return obstacles_among(solids, ((k, part) for k in near for part in _parts(solids[k], region)))
-
-
-def _places(world: World, segments: MotionSegments) -> tuple[Array, Array]:
-    """Boxes on the floor in which the arm moves, and in which its tool may touch, (n, 2) each [m]."""
-    links = _LinkSolids(segments)
-    bulge = chord_deviation(links.acceleration, np.ones(1)).max(initial=PROOFS.margin_range)
-    within = links.radii.max() + world.arm_clearance + bulge
-    hulls = links.place(segments.motion.base, segments.motion.joints)[0][..., :2]
-    low, high = hulls.min((1, 2)) - within, hulls.max((1, 2)) + within
-    task = np.array([target.position[:2] for target in world.task]).reshape(-1, 2)
-    touched = world.rules.tool_contact
-    low = np.concatenate([low, np.minimum(low[:-1], low[1:]), task - touched])
-    high = np.concatenate([high, np.maximum(high[:-1], high[1:]), task + touched])
-    return low, high
-
-
-def _cells_around(low: Array, high: Array) -> shapely.Geometry:
-    """Union of boxes, each grown to whole cells with one more on every side."""
-    corners = np.floor(low / SOLIDS.cell) - 1, np.ceil(high / SOLIDS.cell) + 1
-    cells = np.unique(np.concatenate(corners, axis=1), axis=0)
-    return shapely.union_all(shapely.box(*(cells * SOLIDS.cell).T))
-
-
-def _corners(solid: Solid) -> int:
-    return int(shapely.get_num_coordinates(solid.polygon)) if isinstance(solid, Prism) else 0
-
-
-def _parts(solid: Solid, region: shapely.Geometry) -> list[Solid]:
-    """The solid, or of a prism with many corners what lies in a region: cuts are a cell and more off."""
-    if not isinstance(solid, Prism) or _corners(solid) < SOLIDS.min_many:
-        return [solid]
-    parts = shapely.get_parts(shapely.intersection(solid.polygon, region))
-    return [replace(solid, polygon=part) for part in parts if part.area > 0]
+    return _ArmProof(world, segments, names, obstacles_near(world, segments)).check()
 
 
 def _depth(piece: Piece, corners: Array) -> float:
@@ -155,7 +60,7 @@ def _depth(piece: Piece, corners: Array) -> float:
     low, high = 0.0, _thickness(corners)
     while high - low > SOLIDS.box_depth_step:
         inset = (low + high) / 2
-        shrunk = shrunk_weights(corners, inset, corners.mean(0)) @ corners
+        shrunk = shrunk_weights(corners[None], inset, corners.mean(0)[None])[0] @ corners
         low, high = (low, inset) if hull_separation(piece, shrunk).distance > 0 else (inset, high)
     return low
 
@@ -175,8 +80,24 @@ class _ClosePairs:
     link: Indices
     piece: Indices
 
-    def take(self, which: Mask | Indices) -> _ClosePairs:
+    def take(self, which: Mask | Indices | list[int]) -> _ClosePairs:
         return _ClosePairs(self.row[which], self.link[which], self.piece[which])
+
+
+class _SweptPairs(NamedTuple):
+    """Close pairs over parts of segments, at samples of each: corners of the links' solids, and the tool.
+
+    Between samples corners leave their chords by at most ``bulge``, the tool by ``tool_bulge`` [m].
+    """
+
+    pairs: _ClosePairs
+    hulls: Array  # (m, samples, k, 3) [m]
+    tools: Array  # (m, samples, 3) [m]
+    bulge: Array  # (m,)
+    tool_bulge: Array  # (m,)
+
+    def take(self, which: Mask | Indices | list[int]) -> _SweptPairs:
+        return _SweptPairs(self.pairs.take(which), *(column[which] for column in self[1:]))
 
 
 _Key = tuple[int, int, int]  # state or segment, solid of a link, obstacle
@@ -191,8 +112,8 @@ class _ArmProof:
     obstacles: Obstacles
 
     @cached_property
-    def links(self) -> _LinkSolids:
-        return _LinkSolids(self.segments)
+    def links(self) -> LinkSolids:
+        return LinkSolids(self.segments)
 
     @cached_property
     def contact(self) -> ToolContact:
@@ -266,26 +187,84 @@ class _ArmProof:
         return self.contact.near_setpoint(solid, tools, bulge)
 
     def _measured(self, pairs: _ClosePairs, hulls: Array, tools: Array) -> tuple[Array, Mask, Mask]:
-        """Distances of corners (m, k, 3), where the tools (m, 3) may touch, and contacts that are allowed."""
-        rows = range(len(pairs.row))
-        found = [self._separation(pairs.link[m], pairs.piece[m], hulls[m]).distance for m in rows]
-        distance = np.array(found) - self.links.radii[pairs.link]
-        may_touch = self._may_touch(pairs, tools[:, None], np.zeros(len(rows)))[1]
-        allowed = np.zeros(len(rows), dtype=bool)
-        for m in np.flatnonzero(may_touch & (distance < self.limit)).tolist():
-            piece = self.obstacles.pieces[pairs.piece[m]]
-            at_rest = self._swept(int(pairs.link[m]), hulls[m, None], tools[m, None])
-            allowed[m] = is_allowed(self.contact, at_rest, piece)
-            if distance[m] < 0 and piece.mesh is not None:
-                distance[m] = -mesh_depth(self.contact, at_rest, piece)
+        """Distances of corners (m, k, 3), where the tools (m, 3) may touch, and contacts that are allowed.
+
+        The least distances of both kinds and those of what is too close are exact, others lower bounds.
+        """
+        may_touch = self._may_touch(pairs, tools[:, None], np.zeros(len(tools)))[1]
+        parts = _SweptPairs(pairs, hulls[:, None], tools[:, None], *np.zeros((2, len(tools))))
+        gap, allowed = self._by_faces(parts, self.links.radii[pairs.link] + self.limit, may_touch)
+        distance = gap - self.links.radii[pairs.link]
+        close = np.flatnonzero((distance < self.limit) & ~allowed)
+        distance[close] = self._distances(parts.take(close), may_touch[close])
+        for m in close[may_touch[close] & (distance[close] < self.limit)].tolist():
+            allowed[m] = is_allowed(self.contact, *self._one(parts, m))
+        for which in (may_touch, ~may_touch):
+            rows, least = np.flatnonzero(which), np.inf
+            for m in rows[np.argsort(distance[rows], kind="stable")]:
+                if distance[m] >= least:
+                    break
+                distance[m] = self._distances(parts.take([m]), may_touch[[m]])[0]
+                least = min(least, distance[m])
         return distance, may_touch, allowed
 
-    def _swept(
-        self, link: int, hulls: Array, tools: Array, bulge: float = 0.0, tool_bulge: float = 0.0
-    ) -> SweptSolid:
-        own = np.broadcast_to(hulls, (3, *hulls.shape[1:]))[:, : len(self.links.corners[link])]
-        radius = float(self.links.radii[link])
-        return SweptSolid(own, radius, np.broadcast_to(tools, (3, 3)), bulge, tool_bulge)
+    def _distances(self, parts: _SweptPairs, may_touch: Mask) -> Array:
+        """Signed distances (m,) in the middle [m]; of a mesh that may be touched how deep it is sunk into."""
+        pairs, corners = parts.pairs, parts.hulls[:, parts.hulls.shape[1] // 2]
+        rows = range(len(pairs.row))
+        found = [self._separation(pairs.link[m], pairs.piece[m], corners[m]).distance for m in rows]
+        distance = np.array(found) - self.links.radii[pairs.link]
+        for m in np.flatnonzero(may_touch & (distance < min(0.0, self.limit))).tolist():
+            swept, piece = self._one(parts, m)
+            if piece.mesh is not None:
+                distance[m] = -mesh_depth(self.contact, swept, piece)
+        return distance
+
+    def _by_faces(self, parts: _SweptPairs, needed: Array, touching: Mask) -> tuple[Array, Mask]:
+        """How far planes on pieces' faces keep hulls apart (m,), at least, and contacts they prove allowed.
+
+        Contacts are looked at of hulls that are ``touching`` and not kept apart as far as is ``needed`` [m].
+        """
+        gap, allowed = np.full(len(needed), -np.inf), np.zeros(len(needed), dtype=bool)
+        for rows, link, piece in self._alike(parts):
+            swept, heights = self._swept(parts, link, rows), piece.support(piece.normals)
+            apart = (swept.hulls @ piece.normals.T).min((1, 2)) - heights
+            gap[rows] = apart.max(1)
+            touch = np.flatnonzero(touching[rows] & (gap[rows] < needed[rows]))
+            if len(touch):
+                some = swept.take(touch)
+                cores = some.shrunk(self.contact)
+                k = np.argmax((cores @ piece.normals.T).min((1, 2)) - heights, axis=1)
+                proven = planes_prove(self.contact, some, cores, piece.normals[k], heights[k])
+                allowed[rows[touch]] = proven
+        return gap, allowed
+
+    def _alike(self, parts: _SweptPairs) -> Iterator[tuple[Indices, int, Piece]]:
+        """Rows of pairs of one solid of a link and one piece that has faces, not too many at once."""
+        if not len(parts.pairs.row):
+            return
+        keys = np.column_stack([parts.pairs.link, parts.pairs.piece])
+        order = np.lexsort(keys.T[::-1])
+        ends = 1 + np.flatnonzero((np.diff(keys[order], axis=0) != 0).any(1))
+        for rows in np.split(order, ends):
+            link, piece = int(keys[rows[0], 0]), self.obstacles.pieces[keys[rows[0], 1]]
+            if len(piece.normals):
+                corners = len(self.links.corners[link])
+                size = parts.hulls.shape[1] * corners * max(corners, len(piece.normals))
+                for block in np.array_split(rows, 1 + len(rows) * size // PROOFS.corners_at_once):
+                    yield block, link, piece
+
+    def _one(self, parts: _SweptPairs, m: int) -> tuple[SweptSolids, Piece]:
+        """The solid of one pair and its piece."""
+        swept = self._swept(parts, int(parts.pairs.link[m]), np.array([m]))
+        return swept, self.obstacles.pieces[parts.pairs.piece[m]]
+
+    def _swept(self, parts: _SweptPairs, link: int, rows: Indices) -> SweptSolids:
+        hulls, radius = (
+            parts.hulls[rows][:, :, : len(self.links.corners[link])],
+            float(self.links.radii[link]),
+        )
+        return SweptSolids(hulls, radius, parts.tools[rows], parts.bulge[rows], parts.tool_bulge[rows])
 
     def _examine(self, every: _ClosePairs, intervals: Intervals) -> IntervalVerdicts:
         pairs = every.take(intervals.item)
@@ -296,21 +275,21 @@ class _ArmProof:
         moved = np.linalg.norm(hulls - hulls[:, 1:2], axis=-1).max((1, 2))
         needed = self.links.radii[pairs.link] + self.limit + bulge - TOUCH
         proven = self._boxes_apart(hulls, pairs.piece, needed)
+        left, parts = np.flatnonzero(~proven), _SweptPairs(pairs, hulls, tools, bulge, tool_bulge)
+        gap, allowed = self._by_faces(parts.take(left), needed[left], always[left])
+        proven[left] = (gap >= needed[left]) | allowed
         refuted = np.zeros(len(proven), dtype=bool)
         for m in np.flatnonzero(~proven).tolist():
             found = self._separation(pairs.link[m], pairs.piece[m], hulls[m, 1])
-            piece = self.obstacles.pieces[pairs.piece[m]]
-            gap = float((hulls[m] @ found.normal).min() - piece.support(found.normal))
+            swept, piece = self._one(parts, m)
+            nearest = float((hulls[m] @ found.normal).min() - piece.support(found.normal))
             if piece.mesh is not None:  # the plane bounds the hull of the mesh, which may have room inside
-                gap = max(gap, found.distance - moved[m])
-            proven[m] = gap >= needed[m]
-            if always[m] and not proven[m]:
-                swept = self._swept(int(pairs.link[m]), hulls[m], tools[m], bulge[m], tool_bulge[m])
-                proven[m] = is_allowed(self.contact, swept, piece)
+                nearest = max(nearest, found.distance - moved[m])
+            proven[m] = nearest >= needed[m] or (always[m] and is_allowed(self.contact, swept, piece))
             refuted[m] = found.distance < needed[m] - bulge[m]
             if middle[m] and refuted[m]:
-                at_rest = self._swept(int(pairs.link[m]), hulls[m, 1:2], tools[m, 1:2])
-                refuted[m] = not is_allowed(self.contact, at_rest, piece)
+                still = SweptSolids(swept.hulls[:, 1:2], swept.radius, swept.tools[:, 1:2], *np.zeros((2, 1)))
+                refuted[m] = not is_allowed(self.contact, still, piece)
         return IntervalVerdicts(proven, refuted, moved + 100 * bulge < PROOFS.min_motion)
 
     def _samples(self, pairs: _ClosePairs, intervals: Intervals) -> tuple[Array, Array]:
@@ -351,7 +330,9 @@ class _ArmProof:
         pairs = every.take(np.array(list(where)))
         hulls, tools = self._placed_at(pairs.row, np.array(list(where.values())))
         own = hulls[np.arange(len(hulls)), pairs.link]
-        nearest = self._nearest(pairs, *self._measured(pairs, own, tools)[:2])
+        may_touch = self._may_touch(pairs, tools[:, None], np.zeros(len(tools)))[1]
+        parts = _SweptPairs(pairs, own[:, None], tools[:, None], *np.zeros((2, len(tools))))
+        nearest = self._nearest(pairs, self._distances(parts, may_touch), may_touch)
         return [self._violation(key, self.names.segment(key[0]), *near) for key, near in nearest.items()]
 
     def _violation(self, key: _Key, where: str, distance: float, may_touch: bool) -> Violation:

@@ -79,26 +79,61 @@ def tool_contact(world: World, obstacles: Obstacles) -> ToolContact:
     )
 
 
-def shrunk_weights(corners: Array, inset: float, tool: Array) -> Array:
-    """Weights (k, k) of the corners of a box, segment or hull in the corners of the same shrunk on all sides.
+def shrunk_weights(corners: Array, inset: float, tools: Array) -> Array:
+    """Weights (m, k, k) of corners (m, k, 3) of a solid in m places in those of the same shrunk on all sides.
 
-    Where nothing would be left, it is a point as far from the tool as it may be. A hull is drawn in towards
-    the mean of its corners, to a speck at most.
+    It is a box, segment or hull. Where nothing would be left, it is a point as far from the tool (m, 3) as it
+    may be. A hull is drawn in towards the mean of its corners, to a speck at most.
     """
-    if len(corners) > len(SIGNS):
-        left = max(OPTIONS.min_shrunk_share, 1.0 - inset / float(polytope(corners).depth(corners.mean(0))))
-        return left * np.eye(len(corners)) + (1.0 - left) / len(corners)
-    sides = (corners[[4, 2, 1] if len(corners) == 8 else [1]] - corners[0]) / 2
-    square = np.maximum((sides * sides).sum(1), DEGENERATE**2)
+    count = corners.shape[1]
+    if count > len(SIGNS):
+        thickness = float(polytope(corners[0]).depth(corners[0].mean(0)))
+        left = max(OPTIONS.min_shrunk_share, 1.0 - inset / thickness)
+        return np.broadcast_to(left * np.eye(count) + (1.0 - left) / count, (len(corners), count, count))
+    sides = (corners[:, [4, 2, 1] if count == len(SIGNS) else [1]] - corners[:, :1]) / 2
+    square = np.maximum((sides * sides).sum(-1), DEGENERATE**2)
     shares = inset / np.sqrt(square)
-    toward = np.clip(sides @ (tool - corners.mean(0)) / square, -1.0, 1.0)
-    signs = SIGNS if len(corners) == 8 else SIGNS[[0, 7], :1]
-    at = signs * np.maximum(0.0, 1.0 - shares) - np.clip(toward * np.maximum(0.0, shares - 1.0), -1.0, 1.0)
-    return ((1 + at[:, None] * signs[None]) / 2).prod(-1)
+    toward = np.clip((sides * (tools - corners.mean(1))[:, None]).sum(-1) / square, -1.0, 1.0)
+    signs = SIGNS if count == len(SIGNS) else SIGNS[[0, 7], :1]
+    aside = np.clip(toward * np.maximum(0.0, shares - 1.0), -1.0, 1.0)
+    at = signs * np.maximum(0.0, 1.0 - shares)[:, None] - aside[:, None]
+    weights: Array = ((1 + at[:, :, None] * signs) / 2).prod(-1)
+    return weights
 
 
-def mesh_depth(contact: ToolContact, swept: SweptSolid, piece: Piece) -> float:
-    """Depth to which a solid has sunk into a mesh, where all of it may touch [m]."""
+class SweptSolids(NamedTuple):
+    """A link's solid and the tool over m parts of segments, at samples of each.
+
+    Between them corners leave their chords by at most ``bulge``, the tool by ``tool_bulge`` [m].
+    """
+
+    hulls: Array  # (m, samples, k, 3) [m]
+    radius: float  # [m]
+    tools: Array  # (m, samples, 3) [m]
+    bulge: Array  # (m,)
+    tool_bulge: Array  # (m,)
+
+    @property
+    def middle(self) -> tuple[Array, Array]:
+        """Corners (m, k, 3) and tools (m, 3) at the sample in the middle [m]."""
+        k = self.hulls.shape[1] // 2
+        return self.hulls[:, k], self.tools[:, k]
+
+    def take(self, which: Mask | Indices | slice) -> SweptSolids:
+        tools, bulges = self.tools[which], (self.bulge[which], self.tool_bulge[which])
+        return SweptSolids(self.hulls[which], self.radius, tools, *bulges)
+
+    def shrunk(self, contact: ToolContact) -> Array:
+        """Corners of the solids without what may sink in, (m, samples, k, 3) [m]."""
+        hulls, tools = self.middle
+        cores: Array = (
+            shrunk_weights(hulls, max(0.0, contact.depth - self.radius), tools)[:, None] @ self.hulls
+        )
+        return cores
+
+
+def mesh_depth(contact: ToolContact, swept: SweptSolids, piece: Piece) -> float:
+    """Depth to which one solid has sunk into a mesh, where all of it may touch [m]."""
     low, high = 0.0, OPTIONS.max_depth
     while high - low > OPTIONS.contact_depth_step:
         depth = (low + high) / 2
@@ -107,77 +142,78 @@ def mesh_depth(contact: ToolContact, swept: SweptSolid, piece: Piece) -> float:
     return high
 
 
-class SweptSolid(NamedTuple):
-    """A link's solid and the tool over part of a segment: at its beginning, middle and end.
-
-    Between those samples corners leave their chords by at most ``bulge``, the tool by ``tool_bulge`` [m].
-    """
-
-    hulls: Array  # (3, k, 3) [m]
-    radius: float  # [m]
-    tools: Array  # (3, 3) [m]
-    bulge: float
-    tool_bulge: float
-
-
-def is_allowed(contact: ToolContact, swept: SweptSolid, piece: Piece) -> bool:
-    """Return whether a solid is proven to touch a piece no deeper than allowed, and only with its tip."""
-    weights = shrunk_weights(swept.hulls[1], max(0.0, contact.depth - swept.radius), swept.tools[1])
-    cores = weights @ swept.hulls
+def is_allowed(contact: ToolContact, swept: SweptSolids, piece: Piece) -> bool:
+    """Return whether one solid is proven to touch a piece no deeper than allowed, and only with its tip."""
+    cores = swept.shrunk(contact)
     if _plane_proves(contact, swept, cores, piece):
         return True
-    if piece.mesh is None or piece.mesh.contains(cores[1, 0]):
+    if piece.mesh is None or piece.mesh.contains(cores[0, swept.hulls.shape[1] // 2, 0]):
         return False
     # A line from the shrunk solid, outside the mesh, to a point inside goes down through a triangle's plane.
     around = swept.radius + swept.bulge + contact.clearance
     triangles = piece.mesh.vertices[piece.mesh.faces]
-    low, high = swept.hulls.min((0, 1)) - around, swept.hulls.max((0, 1)) + around
+    low, high = swept.hulls.min((0, 1, 2)) - around, swept.hulls.max((0, 1, 2)) + around
     near = ((triangles.min(1) <= high) & (triangles.max(1) >= low)).all(1)
     return all(_plane_proves(contact, swept, cores, Piece(triangle, NONE)) for triangle in triangles[near])
 
 
-def _plane_proves(contact: ToolContact, swept: SweptSolid, cores: Array, piece: Piece) -> bool:
-    """Return whether a plane on the hull of a piece proves the contact allowed; ``cores`` are shrunk."""
+def _plane_proves(contact: ToolContact, swept: SweptSolids, cores: Array, piece: Piece) -> bool:
+    """Return whether a plane on the hull of a piece proves the contact of one solid allowed."""
     normal = np.zeros(3)
-    corners = np.ascontiguousarray(piece.corners)
-    apart = hull_distance(cores[1], corners, piece.disc, normal, np.empty(3))[0] > piece.ball
+    corners, core = np.ascontiguousarray(piece.corners), np.ascontiguousarray(cores[0, cores.shape[1] // 2])
+    apart = hull_distance(core, corners, piece.disc, normal, np.empty(3))[0] > piece.ball
     normals = [normal] if apart else []
     if len(corners) == 3:
         face = np.cross(corners[1] - corners[0], corners[2] - corners[0])
         face /= max(float(np.linalg.norm(face)), DEGENERATE**2)
         normals += [face, -face]
-    moved = float(np.linalg.norm(swept.hulls - swept.hulls[1], axis=-1).max()) + swept.bulge
-    drift = moved + float(np.linalg.norm(swept.tools - swept.tools[1], axis=-1).max()) + swept.tool_bulge
-    for n in normals:
-        height = float(piece.support(n))
-        core = (cores @ n).min() - max(0.0, swept.radius - contact.depth)
-        deepest = (swept.hulls @ n).min() - swept.radius + contact.depth
-        if min(core, deepest) < height + swept.bulge - TOUCH:
-            continue
-        plane = n, height + contact.clearance + moved
-        farthest = farthest_below_plane(swept.hulls[1], swept.radius, plane, swept.tools[1])
-        if farthest <= contact.reach + TOUCH - drift:
-            return True
-    return False
+    return any(planes_prove(contact, swept, cores, n[None], piece.support(n[None]))[0] for n in normals)
 
 
-def farthest_below_plane(corners: Array, radius: float, plane: tuple[Array, float], tool: Array) -> float:
-    """Upper bound for the distance from the tool of what of a solid lies below a plane (n, n . p) [m].
+def planes_prove(
+    contact: ToolContact, swept: SweptSolids, cores: Array, normals: Array, heights: Array
+) -> Mask:
+    """Mask of solids whose contact planes ``normals @ p = heights``, (m, 3) and (m,), prove allowed.
 
-    A box or hull is cut by the plane; a capsule is covered by spheres along its axis.
+    Of the pieces touched nothing is above the planes; ``cores`` are the solids `SweptSolids.shrunk`.
     """
-    normal, height = plane
-    if len(corners) > 2:
-        above = corners @ normal - height
-        i, j = np.nonzero((above[:, None] < 0) & (above > 0))
-        share = (above[i] / (above[i] - above[j]))[:, None]
-        cut = np.concatenate([corners[above <= 0], corners[i] + share * (corners[j] - corners[i])])
-        return float(np.linalg.norm(cut - tool, axis=1).max(initial=0.0))
-    centers = np.linspace(corners[0], corners[1], OPTIONS.capsule_spheres)
-    r = radius + float(np.linalg.norm(centers[1] - centers[0])) / 2
-    room, off = np.clip(height - centers @ normal, None, r), centers - tool
-    up, size = off @ normal, np.linalg.norm(off, axis=1)
+    hulls, tools = swept.middle
+    moved = np.linalg.norm(swept.hulls - hulls[:, None], axis=-1).max((1, 2)) + swept.bulge
+    drift = moved + np.linalg.norm(swept.tools - tools[:, None], axis=-1).max(1) + swept.tool_bulge
+    along = normals[:, None, :, None]
+    core = (cores @ along).min((1, 2, 3)) - max(0.0, swept.radius - contact.depth)
+    deepest = (swept.hulls @ along).min((1, 2, 3)) - swept.radius + contact.depth
+    proven: Mask = np.minimum(core, deepest) >= heights + swept.bulge - TOUCH
+    near = np.flatnonzero(proven)
+    below = heights[near] + contact.clearance + moved[near]
+    farthest = farthest_below_planes(hulls[near], swept.radius, normals[near], below, tools[near])
+    proven[near] = farthest <= contact.reach + TOUCH - drift[near]
+    return proven
+
+
+def farthest_below_planes(
+    corners: Array, radius: float, normals: Array, heights: Array, tools: Array
+) -> Array:
+    """Upper bounds (m,) for the distances from tools of what of a solid lies below planes [m].
+
+    A box or hull, by its corners (m, k, 3), is cut by the plane; a capsule is covered by spheres.
+    """
+    if corners.shape[1] > 2:
+        above = (corners @ normals[:, :, None])[..., 0] - heights[:, None]
+        lengths = np.linalg.norm(corners - tools[:, None], axis=-1)
+        farthest: Array = np.where(above <= 0, lengths, 0.0).max(1, initial=0.0)
+        m, i, j = np.nonzero((above < 0)[:, :, None] & (above > 0)[:, None])
+        share = (above[m, i] / (above[m, i] - above[m, j]))[:, None]
+        cut = corners[m, i] + share * (corners[m, j] - corners[m, i])
+        np.maximum.at(farthest, m, np.linalg.norm(cut - tools[m], axis=1))
+        return farthest
+    shares = np.linspace(0.0, 1.0, OPTIONS.capsule_spheres)[:, None]
+    centers = corners[:, :1] + shares * (corners[:, 1:] - corners[:, :1])
+    r = (radius + np.linalg.norm(centers[:, 1] - centers[:, 0], axis=-1) / 2)[:, None]
+    room = np.clip(heights[:, None] - (centers @ normals[:, :, None])[..., 0], None, r)
+    off = centers - tools[:, None]
+    up, size = (off @ normals[:, :, None])[..., 0], np.linalg.norm(off, axis=-1)
     free = up * r <= room * size  # the farthest point of the sphere is below the plane
     rim = np.sqrt(np.maximum(size**2 - up**2, 0.0)) + np.sqrt(np.maximum(r**2 - room**2, 0.0))
     far = np.where(free, size + r, np.hypot(up + room, rim))
-    return float(far[room >= -r].max(initial=0.0))
+    return np.where(room >= -r, far, 0.0).max(1, initial=0.0)
