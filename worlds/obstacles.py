@@ -28,7 +28,7 @@ from regionik.worlds.arrays import (
     transform_points,
 )
 from regionik.worlds.errors import InputError
-from regionik.worlds.surfaces import mesh_shadow
+from regionik.worlds.surfaces import mesh_shadow, winding_number
 
 if TYPE_CHECKING:
     import trimesh  # takes long to load: imported by the functions that need it
@@ -331,26 +331,24 @@ class Mesh(Obstacle):
     def distance(self, point: Array) -> float:
         import trimesh
 
-        corners = self.vertices[self.faces]
+        corners = self.vertices[self.faces[self._perhaps_nearest(point)]]
         spots = np.broadcast_to(point, (len(corners), 3))
         nearest = trimesh.triangles.closest_point(corners, spots)  # type: ignore[no-untyped-call]
         gap = float(np.linalg.norm(nearest - point, axis=1).min())
         return -gap if self.contains(point) else gap
+
+    def _perhaps_nearest(self, point: Array) -> Index:
+        """Triangles whose boxes are no farther from a point than the nearest corner."""
+        low, high = self._boxes
+        gap = np.linalg.norm(np.maximum(np.maximum(low - point, point - high), 0.0), axis=1)
+        return np.flatnonzero(gap <= np.linalg.norm(self.vertices[self.faces[:, 0]] - point, axis=1).min())
 
     def contains(self, point: Array) -> bool:
         """Return True where the surface winds round the point (generalised winding number above 1/2)."""
         low, high = self._extent
         if (point < low).any() or (point > high).any():
             return False
-        a, b, c = (one - point[:, None] for one in self._columns)
-        la, lb, lc = (np.sqrt(_dot(v, v)) for v in (a, b, c))
-        triple = (
-            a[0] * (b[1] * c[2] - b[2] * c[1])
-            + a[1] * (b[2] * c[0] - b[0] * c[2])
-            + a[2] * (b[0] * c[1] - b[1] * c[0])
-        )
-        scale = la * lb * lc + lc * _dot(a, b) + la * _dot(b, c) + lb * _dot(c, a)
-        return bool(abs(np.arctan2(triple, scale).sum()) > np.pi)
+        return abs(winding_number(self._columns, point)) > 1 / 2
 
     def transformed(self, T: Array) -> Self:
         return replace(self, vertices=transform_points(T, self.vertices))
@@ -358,6 +356,12 @@ class Mesh(Obstacle):
     @cached_property
     def _extent(self) -> Array:
         return self.bounds
+
+    @cached_property
+    def _boxes(self) -> tuple[Array, Array]:
+        """Low and high corners of boxes round triangles, (n, 3) each."""
+        corners = self.vertices[self.faces]
+        return corners.min(axis=1), corners.max(axis=1)
 
     @cached_property
     def _columns(self) -> tuple[Array, Array, Array]:
@@ -391,12 +395,6 @@ def as_polygon(outline: Polygon | ArrayLike, what: str) -> Any:
         raise InputError(f"{what}: expected an outline that does not cross or touch itself: {why}")
     check_near_origin(polygon.bounds, what)
     return polygon
-
-
-def _dot(a: Array, b: Array) -> Array:
-    """Products of vectors (3, n), (n,)."""
-    product: Array = np.einsum("ij,ij->j", a, b)
-    return product
 
 
 def _box_distance(excess: Array) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -45,6 +45,34 @@ def mesh_shadow(
     sheets = lines[~shapely.covers(shapely.buffer(whole, 2 * SHADOW_GRID), lines)]
     shadow: BaseGeometry = shapely.union_all([whole, *shapely.buffer(sheets, SHEET_WIDTH)])
     return shadow
+
+
+def winding_number(corners: Sequence[Array], point: Array) -> float:
+    """Number of times that a surface winds round a point: the sum of its triangles' solid angles over 4 pi.
+
+    Parameters
+    ----------
+    corners : three (3, n) arrays
+        Coordinates of each corner of all triangles [m].
+    point : (3,) array [m]
+
+    Source: Van Oosterom and Strackee, The solid angle of a plane triangle (1983).
+    """
+    a, b, c = (one - point[:, None] for one in corners)
+    la, lb, lc = (np.sqrt(_dot(v, v)) for v in (a, b, c))
+    triple = (
+        a[0] * (b[1] * c[2] - b[2] * c[1])
+        + a[1] * (b[2] * c[0] - b[0] * c[2])
+        + a[2] * (b[0] * c[1] - b[1] * c[0])
+    )
+    scale = la * lb * lc + lc * _dot(a, b) + la * _dot(b, c) + lb * _dot(c, a)
+    return float(np.arctan2(triple, scale).sum()) / (2 * np.pi)
+
+
+def _dot(a: Array, b: Array) -> Array:
+    """Products of vectors (3, n), (n,)."""
+    product: Array = np.einsum("ij,ij->j", a, b)
+    return product
 
 
 def _sliced(mesh: trimesh.Trimesh, height: float, up: float) -> trimesh.Trimesh:

@@ -184,7 +184,7 @@ def _first_unproven(
     scene = bodies.scene(contact)
     i, k, m, s = first_unproven_on_path(scene, bases, joints, float(margin))
     outside = dict[tuple[int, int], _Ball]()
-    for n in range(i if bodies.has_meshes else 0):
+    for n in range(i if bodies.mesh_rows else 0):
         motion = motion_between(bodies.mobile, bases[n], joints[n], bases[n + 1], joints[n + 1])
         inside = _first_inside_mesh(bodies, scene, motion, outside, begun=n > 0)
         if inside[0] >= 0:
@@ -232,26 +232,26 @@ def _first_inside_mesh(
     has ``begun``. By solid and row, ``outside`` has where the last look was, and what is outside about it.
     """
     links, hulls, boxes = bodies.links, bodies.hulls, np.empty((len(bodies.robot.all_solids), 2, 3))
-    bounds_triangles = hulls.next > np.arange(len(hulls.next)) + 1
+    touched = set(scene.contact.owner.tolist())
+    rows = [m for m in bodies.mesh_rows if not begun or int(hulls.owner[m]) in touched]
     swept_boxes(bodies.mobile, links, motion, boxes)
     speed = tool_speed(bodies.mobile, motion, WORLD)
     for k, link in enumerate(links.link.tolist()):
         low, high = boxes[k]
-        meet = (low <= hulls.boxes[:, 1]).all(1) & (hulls.boxes[:, 0] <= high).all(1) & bounds_triangles
-        if begun:
-            meet &= links.outermost[k] & np.isin(hulls.owner, scene.contact.owner)
-        for m in np.flatnonzero(meet).tolist():
-            piece, s = bodies.pieces[m], 0.0
-            while piece.mesh is not None and s <= 1.0:
+        for m in rows if links.outermost[k] or not begun else []:
+            mesh, s = bodies.pieces[m].mesh, 0.0
+            if (low > hulls.boxes[m, 1]).any() or (hulls.boxes[m, 0] > high).any():
+                continue
+            while mesh is not None and s <= 1.0:
                 frames = _frames(bodies, _stopped(motion, s), WORLD)
                 left = range_left(scene.contact, hulls.owner[m], frames[-2, :3, 3])
                 left = left if links.outermost[k] else -np.inf
                 T, corners = frames[link], links.corners if left < 0 else links.core
                 spot = T[:3, :3] @ corners[links.first[k]] + T[:3, 3]
                 if (k, m) not in outside or math.dist(spot, outside[k, m].middle) >= outside[k, m].radius:
-                    if piece.mesh.contains(spot):
+                    if mesh.contains(spot):
                         return k, m, s
-                    outside[k, m] = _Ball(spot, piece.gap(spot, np.inf))
+                    outside[k, m] = _Ball(spot, bodies.pieces[m].gap(spot, np.inf))
                 s += max(abs(left) / speed if speed > 0 else np.inf, LOOK)
     return -1, -1, 1.0
 

@@ -122,9 +122,14 @@ class Bodies:
     depth: float  # how deep the tool may sink into what it touches [m]
 
     @cached_property
-    def has_meshes(self) -> bool:
-        """True if some piece is a mesh, inside which a solid may lie without touching its surface."""
-        return any(piece.mesh is not None for piece in self.pieces)
+    def mesh_rows(self) -> tuple[int, ...]:
+        """Rows that bound a whole mesh, inside which a solid may lie without touching its surface."""
+        found, m = list[int](), 0
+        while m < len(self.pieces):
+            whole = self.pieces[m].mesh is not None
+            found += [m] if whole else []
+            m = int(self.hulls.next[m]) if whole else m + 1
+        return tuple(found)
 
     def scene(self, contact: ContactTargets | None) -> RobotScene:
         """The record that kernels take, with where the tool may touch."""
