@@ -85,3 +85,11 @@ def test_each_bead_of_a_print_is_printed(kind: str, arm: str, tmp_path: Path) ->
     found = print_of(program, robot, tmp_path, z)
     assert found.lift_offs <= 3
     each_bead_is_printed(found, program, tmp_path, z)
+
+
+@pytest.mark.long
+def test_fifty_thousand_moves_are_planned_as_layers(tmp_path: Path) -> None:
+    program = sliced("rrf", layers=30, moves=835)
+    found = print_of(program, robot_named("youbot"), tmp_path)
+    assert (len(found.setpoints), found.lift_offs) == (50_160, 0)
+    each_bead_is_printed(found, program, tmp_path)

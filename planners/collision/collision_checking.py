@@ -84,13 +84,13 @@ def swept_boxes(robot: MobileArm, links: LinkHulls, motion: MotionSegment, boxes
     The boxes of n + 1 states, grown by a / (8 n^2): so far may a point that accelerates by a at the most be
     off the chord between two of them.
     """
-    turn = abs(motion.drive[2])
+    turn, rests = abs(motion.drive[2]), motion.arc == 0.0 and not motion.drive.any()
     for k in range(len(motion.bend)):
-        turn = max(turn, abs(motion.bend[k]))
+        turn, rests = max(turn, abs(motion.bend[k])), rests and motion.bend[k] == 0.0
     chords = min(max(1, math.ceil(turn / _CHORD)), _CHORDS)
     frames, placed = np.empty((len(robot.arm.axis) + 2, 4, 4)), np.empty_like(links.corners)
     boxes[:, 0], boxes[:, 1] = np.inf, -np.inf
-    for c in range(chords + 1):
+    for c in range(1 if rests else chords + 1):
         link_frames(robot, motion, c / chords, WORLD, frames)
         for k in range(len(links.link)):
             a, b = links.first[k], links.first[k + 1]
@@ -99,7 +99,7 @@ def swept_boxes(robot: MobileArm, links: LinkHulls, motion: MotionSegment, boxes
                 for j in range(a, b):
                     boxes[k, 0, d] = min(boxes[k, 0, d], placed[j, d])
                     boxes[k, 1, d] = max(boxes[k, 1, d], placed[j, d])
-    for k in range(len(links.link)):
+    for k in range(0 if rests else len(links.link)):
         points = links.corners[links.first[k] : links.first[k + 1]]
         sag = speed_bounds(robot, motion, links.link[k], WORLD, points)[1] / (8 * chords * chords)
         boxes[k, 0] -= sag

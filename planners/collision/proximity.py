@@ -16,6 +16,7 @@ from regionik.planners.collision.collision_checking import (
     bound_by_boxes,
     distance_bounds,
     first_unproven_on_path,
+    is_clear,
     place_solid,
     swept_boxes,
     touches_as_allowed,
@@ -113,6 +114,8 @@ def state_clear(
     bodies: Bodies, base: Array, joints: Array, margin: float, contact: ContactTargets | None
 ) -> bool:
     """True if every link is proven to keep a distance from everything in a state; quicker than `nearest`."""
+    if is_clear(bodies.scene(contact), float(margin), base, joints, -1):
+        return True
     return is_path_clear(bodies, np.array([base, base]), np.array([joints, joints]), margin, contact)
 
 
