@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import math
 import sys
 import types
 from dataclasses import replace
 from pathlib import Path
+from tempfile import NamedTemporaryFile
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -25,10 +28,11 @@ from regionik.timing.trajectory import sample_plan, trajectory
 from regionik.values import Motion, Plan
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
-from regionik.worlds.errors import InputError
+from regionik.worlds.errors import InputError, RobotNote
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, FrameNames, World
 from regionik.worlds.toolpath import rotation_from_quaternion
+from regionik.worlds.urdf.loader import load_robot
 from tests.maths import Array
 from tests.plans import every_solid, l_shape, synthetic_plan, timed
 
@@ -160,7 +164,8 @@ def test_the_bag_is_read(plan: Plan, folder: Path) -> None:
     way = trajectory(plan)
     with Reader(folder / "bag") as bag:
         kinds = {connection.topic: connection.msgtype for connection in bag.connections}
-        assert set(kinds) == {"/arm_trajectory", "/base_trajectory", "/base_path", "/tf", "/joint_states"}
+        moved = {"/arm_trajectory", "/base_trajectory", "/base_path", "/tf", "/joint_states"}
+        assert set(kinds) == moved | {"/robot_description", "/world"}
         seen = dict.fromkeys(kinds, 0)
         for connection, time, raw in bag.messages():
             read: Any = STORE.deserialize_cdr(raw, connection.msgtype)
@@ -190,7 +195,7 @@ def test_any_reader_of_mcap_opens_the_bag(folder: Path) -> None:
     with Reader(folder / "bag") as bag:
         same = [(one.msgtype, one.topic, time, bytes(raw)) for one, time, raw in bag.messages()]
     assert sorted(same) == sorted(read, key=lambda row: (row[0] or "", *row[1:]))
-    assert len({topic for _, topic, _, _ in read}) == 5
+    assert len({topic for _, topic, _, _ in read}) == 7
 
 
 def matrix(transform: Any) -> Array:
@@ -302,6 +307,78 @@ def test_a_folder_is_new_and_the_same_bytes_again(plan: Plan, folder: Path, tmp_
     with pytest.raises(InputError, match="there"):
         export(plan, tmp_path / "no" / "where", "ros2-folder")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["again"]
+
+
+def test_the_robot_is_described_as_it_is_moved(plan: Plan) -> None:
+    robot, frames = plan.world.robot, plan.world.frames
+    described = ros2_files(plan)["robot.urdf"]
+    assert isinstance(described, str)
+    with NamedTemporaryFile("w", suffix=".urdf") as file:
+        file.write(described)
+        file.flush()
+        with pytest.warns(RobotNote, match="inside joint_5_link"):
+            again = load_robot(file.name, tip="tool")
+        assert ElementTree.parse(file.name).find("link").get("name") == frames.base_link  # type: ignore[union-attr]
+    states = sample_plan(plan, 5.0).sample
+    assert again.tool(states.base, states.joints) == pytest.approx(robot.tool(states.base, states.joints))
+    taken = replace(frames, base_link="arm_base")
+    with pytest.raises(InputError, match="base_link: arm_base is a link of the arm"):
+        ros2_files(replace(plan, world=replace(plan.world, frames=taken)))
+
+
+def test_layouts_show_what_the_bag_holds(plan: Plan, tmp_path: Path) -> None:
+    world = replace(plan.world, obstacles=every_solid().obstacles)
+    files = ros2_files(replace(plan, world=world), frame="odom")
+    for name, content in files.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_bytes(content if isinstance(content, bytes) else content.encode())
+    said: dict[str, Any] = {}
+    with Reader(tmp_path / "bag") as bag:
+        kept: dict[str, Any] = {one.topic: one.ext for one in bag.connections}
+        for one, _, data in bag.messages():
+            said[one.topic] = STORE.deserialize_cdr(data, one.msgtype)
+    assert said["/robot_description"].data == files["robot.urdf"]
+    seen = yaml.safe_load(files["plan.rviz"])["Visualization Manager"]
+    assert seen["Global Options"]["Fixed Frame"] == "odom"
+    shown = [one.get("Topic", one.get("Description Topic")) for one in seen["Displays"]]
+    shown = [one for one in shown if one]
+    assert len(shown) == 3
+    for asked in shown:
+        (offered,) = kept[asked["Value"]].offered_qos_profiles
+        assert (asked["Durability Policy"], offered.durability.name) == ("Transient Local", "TRANSIENT_LOCAL")
+    panels = json.loads(files["foxglove.json"])["configById"]
+    scene = panels["3D!scene"]
+    assert {*scene["topics"], scene["layers"]["robot"]["topic"]} <= set(said)
+    assert [one["label"] for one in panels["Plot!joints"]["paths"]] == list(world.robot.chain.names)
+    *solids, path = said["/world"].markers
+    assert [one.ns for one in solids] == [solid.name for solid in world.solids]
+    for one, solid in zip(solids, world.solids, strict=True):
+        corners = np.array([[p.x, p.y, p.z] for p in one.points])
+        assert len(corners) % 3 == 0
+        assert np.stack([corners.min(0), corners.max(0)]) == pytest.approx(solid.bounds, abs=0.03)
+    assert [[p.x, p.y, p.z] for p in path.points] == [one.position.tolist() for one in world.task]
+
+
+def test_the_launch_file_starts_what_the_folder_holds(plan: Plan, tmp_path: Path, monkeypatch: Any) -> None:
+    started = list[dict[str, Any]]()
+    stand_ins: dict[str, dict[str, Any]] = {
+        "launch": {"LaunchDescription": list},
+        "launch.actions": {"ExecuteProcess": lambda **asked: started.append(asked)},
+        "launch_ros": {},
+        "launch_ros.actions": {"Node": lambda **asked: started.append(asked)},
+    }
+    for name, members in stand_ins.items():
+        module = types.ModuleType(name)
+        module.__dict__.update(members)
+        monkeypatch.setitem(sys.modules, name, module)
+    export(plan, tmp_path / "cell", "ros2-folder", rate=5.0)
+    path = tmp_path / "cell" / "view.launch.py"
+    scope: dict[str, Any] = {"__file__": str(path)}
+    exec(compile(path.read_text(), str(path), "exec"), scope)
+    scope["generate_launch_description"]()
+    publisher, rviz, player = started
+    assert publisher["parameters"][0]["robot_description"] == (tmp_path / "cell/robot.urdf").read_text()
+    assert all(Path(one).exists() for one in (rviz["arguments"][1], player["cmd"][3]))
 
 
 def test_the_command_and_what_it_lacks(

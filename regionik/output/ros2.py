@@ -201,24 +201,34 @@ class Event(NamedTuple):
     topic: str
     kind: str
     message: Message
+    stays: bool = False  # said again to who listens later ("transient local")
 
 
 def bag_files(events: Sequence[Event]) -> dict[str, bytes]:
     """Return the files of a rosbag2 with MCAP storage, by their names; this needs rosbags."""
     try:
+        from rosbags import interfaces as ros
         from rosbags.rosbag2 import StoragePlugin, Writer
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
         raise InputError(f"a bag for ROS 2 needs regionik[ros2]: {error}") from None
     store = get_typestore(Stores.ROS2_HUMBLE)
     kinds = {event.topic: event.kind for event in events}
+    stay, never = {event.topic for event in events if event.stays}, ros.QosTime(0, 0)
+    latched = ros.Qos(
+        ros.QosHistory.KEEP_LAST, 1, ros.QosReliability.RELIABLE, ros.QosDurability.TRANSIENT_LOCAL,
+        never, never, ros.QosLiveliness.AUTOMATIC, never, False,
+    )  # fmt: skip
     with tempfile.TemporaryDirectory() as place:
         bag = Path(place) / "bag"
         with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
             topics = {
-                topic: writer.add_connection(topic, kind, typestore=store) for topic, kind in kinds.items()
+                topic: writer.add_connection(
+                    topic, kind, typestore=store, offered_qos_profiles=[latched] if topic in stay else []
+                )
+                for topic, kind in kinds.items()
             }
-            for time, topic, kind, document in events:
+            for time, topic, kind, document, _ in events:
                 message = _ros_message(store, kind, document)
                 writer.write(topics[topic], time, store.serialize_cdr(message, kind))
         return {path.name: path.read_bytes() for path in sorted(bag.iterdir())}

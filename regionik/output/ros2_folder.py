@@ -20,6 +20,7 @@ from regionik.output.ros2 import (
     quaternion,
     vector,
 )
+from regionik.output.ros2_views import view_files, world_events
 from regionik.timing.trajectory import sample_plan
 from regionik.values import Plan
 from regionik.view.triangle_meshes import obstacle_mesh
@@ -52,7 +53,10 @@ nav2.yaml             parameters of nav2's controller server and local costmap f
 settings.yaml         what execute_plan.py asks of the base, and from when to when the tool works [s]
 execute_plan.py       sends the arm's trajectory, leads the base along its own, stops both where one fails,
                       and says on /tool_on when the tool works
-bag/                  rosbag2 (MCAP) of /tf, /joint_states and the messages above, for RViz and Foxglove
+bag/                  rosbag2 (MCAP) of /tf, /joint_states, the messages above, the robot and the solids
+view.launch.py        starts RViz with plan.rviz and plays the bag: ros2 launch ./view.launch.py
+robot.urdf            the robot, its base as the root link, its solids as they collide
+foxglove.json         a layout for Foxglove, beside which the bag is opened
 """
 
 
@@ -86,11 +90,13 @@ def ros2_files(plan: Plan, rate: float | None = None, frame: str = FRAME) -> dic
     events = [
         Event(0, f"/{ARM}", "trajectory_msgs/msg/JointTrajectory", arm),
         Event(0, f"/{BASE_MOTION}", "trajectory_msgs/msg/MultiDOFJointTrajectory", base),
-        Event(0, f"/{PATH}", "nav_msgs/msg/Path", path),
+        Event(0, f"/{PATH}", "nav_msgs/msg/Path", path, stays=True),
+        *world_events(plan.world, frame),
         *motion_events(plan.world, sample_plan(plan, rate).sample, frame),
     ]
     bag = {f"bag/{name}": content for name, content in bag_files(events).items()}
-    return {**texts, SCRIPT: _SCRIPT_TEXT.read_text("utf-8"), "README.txt": about, **bag}
+    texts |= {SCRIPT: _SCRIPT_TEXT.read_text("utf-8"), "README.txt": about, **view_files(plan.world, frame)}
+    return {**texts, **bag}
 
 
 def _tool_spans(plan: Plan) -> list[Message]:

@@ -44,11 +44,24 @@ def robot_to_urdf(robot: Robot, floor: Polygon) -> str:
     _joint(root, _prismatic("base_x", 0, x_low, x_high), "world", "base_x_link")
     _joint(root, _prismatic("base_y", 1, y_low, y_high), "base_x_link", "base_y_link")
     yaw = Joint("base_yaw", "revolute", -np.inf, np.inf, np.eye(4))
-    base = _joint(root, yaw, "base_y_link", "base")
+    return _with_links(root, robot, _joint(root, yaw, "base_y_link", "base"))
+
+
+def robot_description(robot: Robot, base_link: str) -> str:
+    """URDF text of a robot as ROS publishes it: the base is its root link, which something else moves."""
+    others = {"arm_base", "tool", *(f"{joint.name}_link" for joint in robot.chain.joints)}
+    if base_link in others:
+        raise InputError(f"frames: base_link: {base_link} is a link of the arm, expected another name")
+    root = ElementTree.Element("robot", name=robot.name)
+    return _with_links(root, robot, ElementTree.SubElement(root, "link", name=base_link))
+
+
+def _with_links(root: ElementTree.Element, robot: Robot, base: ElementTree.Element) -> str:
+    """URDF text with what the base and the arm's links carry."""
     _add_footprint(base, robot)
     for solid in robot.base_solids:
         _add_solid(base, solid)
-    _connect(root, "mount", "fixed", robot.T_base_arm, "base", "arm_base")
+    _connect(root, "mount", "fixed", robot.T_base_arm, base.attrib["name"], "arm_base")
     parent = "arm_base"
     for k, joint in enumerate(robot.chain.joints):
         child = f"{joint.name}_link"
@@ -59,7 +72,7 @@ def robot_to_urdf(robot: Robot, floor: Polygon) -> str:
         parent = child
     _connect(root, "tool_fixed", "fixed", robot.chain.T_last_tool, parent, "tool")
     for link in root.iter("link"):
-        _add_visuals(link)
+        _add_visuals(link, Color.ROBOT if link is base else Color.ARM)
     ElementTree.indent(root)
     return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
 
@@ -145,9 +158,8 @@ def _collision(
     return ElementTree.SubElement(collision, "geometry")
 
 
-def _add_visuals(link: ElementTree.Element) -> None:
-    """Make each collision element of a link a visual one too, with its colour."""
-    color = Color.ROBOT if link.get("name") == "base" else Color.ARM
+def _add_visuals(link: ElementTree.Element, color: int) -> None:
+    """Make each collision element of a link a visual one too, with a colour 0xRRGGBB."""
     rgb = [(color >> shift & 255) / 255 for shift in (16, 8, 0)]
     for k, collision in enumerate(link.findall("collision")):
         visual = ElementTree.Element("visual", name=collision.get("name", ""))
