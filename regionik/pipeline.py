@@ -35,7 +35,7 @@ from regionik.reachability.reach import answers_for
 from regionik.reachability.target_search import TargetSearch
 from regionik.reachability.unreached import first_unreached
 from regionik.regions import has_no_known_place, planned_areas
-from regionik.scene import Scene, scene_of
+from regionik.scene import Scene, WorldSource, scene_of, world_of
 from regionik.smoothing.smooth_motion import smooth_motion
 from regionik.values import Plan, PlannedArea, Stop
 from regionik.verification.stops import within_reachable_circles
@@ -49,7 +49,7 @@ from regionik.worlds.errors import (
     NoPlanFound,
     Repair,
 )
-from regionik.worlds.scene import Target, World
+from regionik.worlds.scene import Target
 
 ORACLES = Oracles(
     reach=lambda scene: answers_for(scene, scene.task),
@@ -58,12 +58,14 @@ ORACLES = Oracles(
 )
 
 
-def plan(world: World, *, seed: int = 0, say: Say | None = None, progress: Progress | None = None) -> Plan:
+def plan(
+    world: WorldSource, *, seed: int = 0, say: Say | None = None, progress: Progress | None = None
+) -> Plan:
     """Plan the whole tool path of a world.
 
     Parameters
     ----------
-    world : World
+    world : World, or the name or file of one
     seed : int
         Same world, same seed, same bytes.
     say : callable, optional
@@ -85,13 +87,12 @@ def plan(world: World, *, seed: int = 0, say: Say | None = None, progress: Progr
 
     Examples
     --------
-    >>> from regionik.worlds.documents.world_file import load_world
-    >>> plan(load_world("free")).lift_offs
+    >>> plan("free").lift_offs
     0
     """
     with listening(progress), counted():
         return _planned(
-            scene_of(world), seed, lambda left, quick: _explained(left, quick, seed, say or unsaid)
+            scene_of(world_of(world)), seed, lambda left, quick: _explained(left, quick, seed, say or unsaid)
         )
 
 
@@ -160,7 +161,7 @@ def _timed_if_limited(planned: Plan) -> Plan:
 
 
 def why(
-    world: World,
+    world: WorldSource,
     target: Target | ArrayLike | None = None,
     *,
     say: Say | None = None,
@@ -176,7 +177,7 @@ def why(
 
     Parameters
     ----------
-    world : World
+    world : World, or the name or file of one
     target : Target or (3,) array_like, optional
         A bare point leaves the tool direction free [m]. By default the world's whole path is explained, as
         `plan` explains what it refuses: nothing stands in the way only of what it plans. What the rules let
@@ -198,15 +199,15 @@ def why(
 
     Examples
     --------
-    >>> from regionik.worlds.documents.world_file import load_world
-    >>> found = why(load_world("pillar"), [0.5, 0.0, 0.7])
+    >>> found = why("pillar", [0.5, 0.0, 0.7])
     >>> [(cause.kind, repair.kind) for cause, repair in zip(found.causes, found.repairs)]
     [('reach', 'move-target')]
     """
     with listening(progress), counted():
+        scene = scene_of(world_of(world))
         if target is None:
-            return _why_path(scene_of(world), 0, say or unsaid)
-        return _why_target(scene_of(world), target, say or unsaid)
+            return _why_path(scene, 0, say or unsaid)
+        return _why_target(scene, target, say or unsaid)
 
 
 def _why_target(scene: Scene, target: Target | ArrayLike, say: Say) -> Explanation | None:

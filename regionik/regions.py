@@ -25,7 +25,7 @@ from regionik.areas.free_space import (
 from regionik.areas.ground import Side, united
 from regionik.postures.families import BACK, FRONT
 from regionik.reach_table import heeds_headings, inner_reach_tables, reach_table
-from regionik.scene import Scene, scene_of
+from regionik.scene import Scene, WorldSource, scene_of, world_of
 from regionik.values import PlannedArea
 from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import Array, frozen
@@ -95,12 +95,12 @@ class Area:
         return largest_clearance(scene_of(self.world), self.target)
 
 
-def admissible_area(world: World, target: Target | ArrayLike, criteria: Criteria | None = None) -> Area:
+def admissible_area(world: WorldSource, target: Target | ArrayLike, criteria: Criteria | None = None) -> Area:
     """Area of the arm axis from which the tool reaches a target.
 
     Parameters
     ----------
-    world : World
+    world : World, or the name or file of one
     target : Target or (3,) array_like
         A bare point leaves the tool direction free [m].
     criteria : Criteria, optional
@@ -116,6 +116,7 @@ def admissible_area(world: World, target: Target | ArrayLike, criteria: Criteria
     InputError
         For a target that is not three finite numbers, or criteria that the arm cannot be held to.
     """
+    world = world_of(world)
     if not isinstance(target, Target):
         target = Target(frozen(target, (3,), "target"))
     if criteria is not None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,6 +27,7 @@ from regionik.postures.arm import goal_of
 from regionik.postures.collision_checker import CollisionChecker, bodies_in, checker_at, checker_from
 from regionik.worlds.arrays import Array, Mask
 from regionik.worlds.body import with_lift
+from regionik.worlds.errors import InputError
 from regionik.worlds.prepared import Prepared
 from regionik.worlds.robot import Robot, with_joint_margin
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
@@ -191,6 +194,20 @@ class Scene(Prepared):
 def _limited_lift(scene: Scene, lift: tuple[float, float]) -> Robot:
     """Return the robot of models with its lifts limited to a part of their range."""
     return with_lift(scene._model_robot, lift)
+
+
+WorldSource = World | str | os.PathLike[str]  # a world, the name of a bundled one, or its file
+
+
+def world_of(source: WorldSource) -> World:
+    """Return a world as it is, or what `load_world` makes of a name or path."""
+    from regionik.worlds.documents.world_file import load_world  # readers take long to load
+
+    if isinstance(source, World):
+        return source
+    if not isinstance(source, str | os.PathLike):
+        raise InputError(f"world: expected a World, or the name or file of one, got {type(source).__name__}")
+    return load_world(source if isinstance(source, str) else Path(source))
 
 
 @lru_cache(maxsize=MAX_SCENES)

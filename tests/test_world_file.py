@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+import regionik as rik
 from docs.schemas import world_schema
+from regionik.view.page import html_page
 from regionik.worlds.bundled import robot_named, world_names, world_path
 from regionik.worlds.chain import Chain
 from regionik.worlds.documents.world_file import RulesPart, load_world, world_from_document, world_to_document
@@ -514,3 +517,25 @@ def test_a_set_point_given_twice_in_a_row_is_taken_once(
     assert len(again_read.task) == 25 - removed
     path.write_text(f"{path.read_text()}rules: {{mode: stops}}\n")
     assert len(load_world(path).task) == 25  # an arm may be asked to come twice
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        lambda world: rik.plan(world).setpoints[0].base.tolist(),
+        rik.why,
+        lambda world: [(stop.first, stop.last) for stop in rik.stops(world)],
+        lambda world: rik.admissible_area(world, [0.5, 0.0, 0.25]).inner.wkt,
+        lambda world: rik.reach(world, [[0.5, 0.0, 0.25]]).base.tolist(),
+        lambda world: rik.reach_field(world, [[0.5, 0.0, 0.25]], 0.3).values.tolist(),
+        lambda world: rik.reach_slice(world, 0.25, 0.3).values.tolist(),
+        html_page,
+    ],
+)
+def test_doors_take_a_world_or_its_name_or_its_file(asked: Callable[[Any], Any], tmp_path: Path) -> None:
+    (tmp_path / "free.yaml").write_bytes(world_path("free").read_bytes())
+    found = asked(load_world("free"))
+    assert found == asked("free")
+    assert found == asked(tmp_path / "free.yaml") or asked is html_page  # which has the file's name
+    with pytest.raises(rik.InputError, match="world: expected a World, or the name or file of one, got int"):
+        asked(5)

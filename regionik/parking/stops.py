@@ -23,15 +23,14 @@ from regionik.planners.coverage.set_cover import least_cover, undominated
 from regionik.postures.arm_roadmap import FixedBasePostures
 from regionik.reachability.reach import answers_for
 from regionik.reachability.unreached import unreached
-from regionik.scene import Scene, scene_of
+from regionik.scene import Scene, WorldSource, scene_of, world_of
 from regionik.values import Skipped, Stop
 from regionik.worlds.errors import Cause, Explanation, InputError, NoPlanFound
-from regionik.worlds.scene import World
 
 OPTIONS = PARKING.places
 
 
-def stops(world: World) -> tuple[Stop, ...]:
+def stops(world: WorldSource) -> tuple[Stop, ...]:
     """Fewest stops of the base from which all set-points are done standing still.
 
     By `regionik.worlds.scene.Rules`: ``order`` says whether set-points keep their order, ``stop_criterion``
@@ -41,7 +40,7 @@ def stops(world: World) -> tuple[Stop, ...]:
 
     Parameters
     ----------
-    world : World
+    world : World, or the name or file of one
         Its ``rules.mode`` does not matter here.
 
     Returns
@@ -59,11 +58,10 @@ def stops(world: World) -> tuple[Stop, ...]:
 
     Examples
     --------
-    >>> from regionik.worlds.documents.world_file import load_world
-    >>> [(stop.first, stop.last) for stop in stops(load_world("pillar"))]
+    >>> [(stop.first, stop.last) for stop in stops("pillar")]
     [(0, 9), (10, 14)]
     """
-    return find_served(scene_of(world))[0]
+    return find_served(scene_of(world_of(world)))[0]
 
 
 def find_served(scene: Scene) -> tuple[tuple[Stop, ...], Parking, tuple[Skipped, ...]]:

@@ -20,7 +20,7 @@ from regionik.postures.poses import pose_of
 from regionik.reach_table import reach_table
 from regionik.reachability.options import REACHABILITY
 from regionik.regions import checked_targets, path_areas
-from regionik.scene import Scene, scene_of
+from regionik.scene import Scene, WorldSource, scene_of, world_of
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.robot import with_joint_margin
@@ -114,7 +114,7 @@ class Field:
         return np.array([pose_of(self.scene.robot, axis, turn) for turn in turns])
 
 
-def reach_field(world: World, targets: ArrayLike | Sequence[Target], cell: float = 0.05) -> Field:
+def reach_field(world: WorldSource, targets: ArrayLike | Sequence[Target], cell: float = 0.05) -> Field:
     """Number of targets that the arm reaches from each place of its axis on the floor.
 
     A target counts where its inner area holds the middle of the cell: base and body may stand there, and a
@@ -123,7 +123,7 @@ def reach_field(world: World, targets: ArrayLike | Sequence[Target], cell: float
 
     Parameters
     ----------
-    world : World
+    world : World, or the name or file of one
     targets : (n, 3) array_like or sequence of Target
         Bare points leave the tool direction free [m].
     cell : float
@@ -136,11 +136,11 @@ def reach_field(world: World, targets: ArrayLike | Sequence[Target], cell: float
 
     Examples
     --------
-    >>> from regionik.worlds.documents.world_file import load_world
-    >>> found = reach_field(load_world("free"), [[0.5, 0.0, 0.25], [0.7, 0.0, 0.25]], cell=0.2)
+    >>> found = reach_field("free", [[0.5, 0.0, 0.25], [0.7, 0.0, 0.25]], cell=0.2)
     >>> int(found.values.max()), found.most
     (2, 2)
     """
+    world = world_of(world)
     asked, scene = checked_targets(targets), scene_of(world)
     x, y = _axes(world.floor.polygon.bounds, cell)
     best = np.zeros((len(y), len(x)), dtype=np.int32)
@@ -155,12 +155,12 @@ def reach_field(world: World, targets: ArrayLike | Sequence[Target], cell: float
     return Field(world.name, x, y, cell, best, len(asked), heading, world, points)
 
 
-def reach_slice(world: World, height: float, cell: float = 0.05) -> Field:
+def reach_slice(world: WorldSource, height: float, cell: float = 0.05) -> Field:
     """Positions of the tool at one height that are reached from anywhere on the floor.
 
     Parameters
     ----------
-    world : World
+    world : World, or the name or file of one
     height : float
         [m]
     cell : float
@@ -177,6 +177,7 @@ def reach_slice(world: World, height: float, cell: float = 0.05) -> Field:
     InputError
         For a height that is not finite, or a cell that is too small.
     """
+    world = world_of(world)
     z, scene = np.array([float(frozen([height], (1,), "height")[0])]), scene_of(world)
     outer, inner = _distances(scene, z, inner=False)[0], _distances(scene, z, inner=True)[0]
     far = float(outer.max(initial=0.0))

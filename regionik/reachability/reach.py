@@ -30,7 +30,7 @@ from regionik.reachability.options import REACHABILITY
 from regionik.reachability.refinement import KnownArea, diameter, refine
 from regionik.reachability.target_search import TargetResult, TargetSearch
 from regionik.regions import checked_targets, path_areas, round_outer_areas
-from regionik.scene import Scene, scene_of
+from regionik.scene import Scene, WorldSource, scene_of, world_of
 from regionik.values import Answer, Configuration
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError, ReasonCode
@@ -44,7 +44,7 @@ _IN = "whatever the posture, the end of the arm is in {} there, or nearer to it 
 
 
 def reach(
-    world: World,
+    world: WorldSource,
     targets: ArrayLike | Sequence[Target],
     *,
     base: ArrayLike | None = None,
@@ -62,7 +62,7 @@ def reach(
 
     Parameters
     ----------
-    world : World
+    world : World, or the name or file of one
     targets : (n, 3) array_like or sequence of Target
         Bare points leave the tool direction free [m].
     base : (3,) array_like, optional
@@ -86,16 +86,16 @@ def reach(
 
     Examples
     --------
-    >>> from regionik.worlds.documents.world_file import load_world
-    >>> reach(load_world("pillar"), [[0.5, 0, 0.25], [0.5, 0, 2.0]]).verdict.tolist()
+    >>> reach("pillar", [[0.5, 0, 0.25], [0.5, 0, 2.0]]).verdict.tolist()
     ['reachable', 'unreachable']
-    >>> reach(load_world("pillar"), [[0.5, 0, 0.25], [1.5, 0, 0.25]], base=[0.1, 0, 0]).verdict.tolist()
+    >>> reach("pillar", [[0.5, 0, 0.25], [1.5, 0, 0.25]], base=[0.1, 0, 0]).verdict.tolist()
     ['reachable', 'unreachable']
     """
     if chunk < 1:
         raise InputError(f"chunk: must be at least 1, got {chunk}")
     asked = checked_targets(targets)
     chunks = [asked[k : k + chunk] for k in range(0, max(1, len(asked)), chunk)]
+    world = world_of(world)
     place = None if base is None else tuple(frozen(base, (3,), "base").tolist())
     parts: dict[int, Answer] = {}
     done = 0

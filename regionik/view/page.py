@@ -15,6 +15,7 @@ from threading import Thread
 from typing import Any
 
 from regionik.regions import Area
+from regionik.scene import WorldSource
 from regionik.storage.files import write_atomic
 from regionik.timing.trajectory import is_timed
 from regionik.values import Answer, Plan
@@ -28,7 +29,7 @@ from regionik.worlds.scene import World
 _PAGE, _SCRIPT = (Path(__file__).with_name(name) for name in ("page.html", "page.js"))
 
 
-def to_html(what: Plan | World | Picture, path: str | os.PathLike[str]) -> None:
+def to_html(what: Plan | WorldSource | Picture, path: str | os.PathLike[str]) -> None:
     """Write a plan, animated, or a world as one HTML file that needs no server and no network.
 
     The page has a time bar, curves of joints, speeds and clearances, the figures at each set-point, layers
@@ -36,7 +37,7 @@ def to_html(what: Plan | World | Picture, path: str | os.PathLike[str]) -> None:
 
     Parameters
     ----------
-    what : Plan, World or Picture
+    what : Plan, Picture, World, or the name or file of one
     path : path
         The page; written whole or not at all.
 
@@ -48,7 +49,7 @@ def to_html(what: Plan | World | Picture, path: str | os.PathLike[str]) -> None:
     write_atomic(path, html_page(what))
 
 
-def html_page(what: Plan | World | Picture) -> str:
+def html_page(what: Plan | WorldSource | Picture) -> str:
     """Return the text of the file that `to_html` writes."""
     picture = picture_of(what)
     commands = (base64.b64encode(command).decode("ascii") for command in packed_commands(picture))

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from regionik.scene import WorldSource, world_of
 from regionik.values import Plan
 from regionik.view import triangle_meshes
 from regionik.view.options import VIEW
@@ -29,7 +30,6 @@ from regionik.view.world_picture import picture_of_world
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import translation
 from regionik.worlds.errors import EngineError
-from regionik.worlds.scene import World
 
 OPTIONS = VIEW.board
 
@@ -57,14 +57,14 @@ runpy.run_module(module, run_name="__main__", alter_sys=True)
 """
 
 
-def show(what: Plan | World | Picture, open_browser: bool = True) -> Any:
+def show(what: Plan | WorldSource | Picture, open_browser: bool = True) -> Any:
     """Show a plan or a world live in the browser.
 
     A helper process serves the picture. It ends with this Python process; `stop` ends it before.
 
     Parameters
     ----------
-    what : Plan, World or Picture
+    what : Plan, Picture, World, or the name or file of one
     open_browser : bool
         The address is printed in any case.
 
@@ -81,11 +81,11 @@ def show(what: Plan | World | Picture, open_browser: bool = True) -> Any:
     return visualizer
 
 
-def picture_of(what: Plan | World | Picture) -> Picture:
+def picture_of(what: Plan | WorldSource | Picture) -> Picture:
     """The picture of a plan or a world; a picture as it is."""
     if isinstance(what, Picture):
         return what
-    return picture_of_plan(what) if isinstance(what, Plan) else picture_of_world(what)
+    return picture_of_plan(what) if isinstance(what, Plan) else picture_of_world(world_of(what))
 
 
 def start_server() -> Any:
