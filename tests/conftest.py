@@ -54,6 +54,7 @@ def shared_plans(tmp_path_factory: pytest.TempPathFactory) -> None:
         planned.share(tmp_path_factory.getbasetemp().parent / "plans")
 
 
+os.environ["REGIONIK_QUIET"] = "1"  # lines of progress come by the clock
 settings.register_profile("quick", deadline=None, max_examples=8)
 settings.register_profile("long", deadline=None, max_examples=100)
 FOUND = (Phase.explicit, Phase.generate)

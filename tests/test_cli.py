@@ -10,6 +10,7 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -611,6 +612,25 @@ def test_progress_shows_late_and_only_on_a_terminal(
         for k in range(4):
             progress("areas", k, 3)
     assert ("areas" in screen.getvalue()) is shows
+
+
+@pytest.mark.parametrize("quiet", ["", "1"])
+def test_logs_have_a_line_now_and_then(quiet: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    lines, told = list[str](), threading.Event()
+
+    def write(text: str) -> None:
+        lines.append(text)
+        if text.endswith(" s: plan, areas 1 of 3"):
+            told.set()
+
+    monkeypatch.setattr(sys, "stderr", io.StringIO())
+    monkeypatch.setenv("REGIONIK_QUIET", quiet)
+    monkeypatch.setattr(console, "COMMANDS", replace(COMMANDS, line_interval=1e-3))
+    monkeypatch.setattr(console, "print_message", write)
+    with console.DelayedProgress("plan") as progress:
+        progress("areas", 1, 3)
+        assert quiet or told.wait(HANGS)
+    assert bool(lines) is not bool(quiet)
 
 
 LINE = "version: 1\nrobot: youbot\nfloor: {polygon: [[-1, -1], [2, -1], [2, 1], [-1, 1]]}\n"

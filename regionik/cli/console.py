@@ -14,7 +14,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict, replace
 from pathlib import Path
-from threading import Lock, Timer
+from threading import Event, Lock, Thread, Timer
+from time import monotonic
 from types import TracebackType
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -133,9 +134,9 @@ class DelayedProgress:
     """Progress bars on stderr for work that takes longer than a second.
 
     It listens to all stages while it is entered; call it with ``(stage, done, total)`` for others. It shows
-    those that are not done, nothing where stderr is no terminal, and leaves nothing behind on one. ``work``
-    is shown from beginning to end, ``rest`` says what remains of it when Ctrl-C ends it, and ``said`` is what
-    was said while it went on.
+    those that are not done, and leaves nothing behind. Where stderr is no terminal there is a line every ten
+    seconds, unless REGIONIK_QUIET is set. ``work`` is shown from beginning to end, ``rest`` says what remains
+    of it when Ctrl-C ends it, and ``said`` is what was said while it went on.
     """
 
     def __init__(self, work: str = "", rest: str = "") -> None:
@@ -148,6 +149,8 @@ class DelayedProgress:
         self._lock = Lock()
         self._compiled = 0  # kernels
         self._timer: Timer | None = None
+        self._ended = Event()
+        self._lines: Thread | None = None
 
     def __enter__(self) -> DelayedProgress:
         if sys.stderr.isatty():
@@ -160,6 +163,9 @@ class DelayedProgress:
             self._timer = Timer(COMMANDS.progress_delay, self._bars.start)
             self._timer.daemon = True
             self._timer.start()
+        elif not os.environ.get("REGIONIK_QUIET"):
+            self._lines = Thread(target=self._write_lines, daemon=True)
+            self._lines.start()
         self._listening.enter_context(listening(self))
         self._listening.enter_context(interrupts.described(self._stopped))
         if self._work:
@@ -184,15 +190,27 @@ class DelayedProgress:
         """True on a terminal."""
         return self._bars is not None
 
+    @property
+    def _going_on(self) -> str:
+        """Stages that are not done, and how far they are."""
+        at = self._at.copy().items()
+        left = [
+            (f"{stage} {n} of {total}" if total else stage)
+            for stage, (n, total) in at
+            if n < total or not total
+        ]
+        return ", ".join(left)
+
+    def _write_lines(self) -> None:
+        """Write how far the work is, again and again until it ends."""
+        begun = monotonic()
+        while not self._ended.wait(COMMANDS.line_interval):
+            print_message(f"{monotonic() - begun:.0f} s: {self._going_on or 'at work'}")
+
     def _stopped(self) -> str:
         """Say where the work was stopped, and what is kept of it."""
-        at = [
-            f"{stage} {done} of {total}" if total else stage
-            for stage, (done, total) in self._at.copy().items()
-            if done < total or not total
-        ]
-        rest = "what is said above holds" if self.said else self._rest
-        return (f" at {', '.join(at)}" if at else "") + (f": {rest}" if rest else "")
+        at, rest = self._going_on, "what is said above holds" if self.said else self._rest
+        return (f" at {at}" if at else "") + (f": {rest}" if rest else "")
 
     def say(self, text: str) -> None:
         """Write text for people on stderr, above the bars."""
@@ -214,6 +232,9 @@ class DelayedProgress:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._ended.set()
+        if self._lines is not None:
+            self._lines.join()
         if self._timer is not None:
             self._timer.cancel()
             self._timer.join()

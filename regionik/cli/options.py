@@ -10,6 +10,7 @@ class CommandOptions:
     """All of them."""
 
     progress_delay: float = 1.0  # shorter work shows no progress bar [s]
+    line_interval: float = 10.0  # between lines where there is no bar [s]
     # Expressions of kernels as plain Python, some five seconds, from which warm-up is named
     min_plain_work: float = 1.5e8
     max_listed: int = 20  # violations, or set-points left out
