@@ -85,7 +85,7 @@ bench-all: .venv/installed-simulate
 	@for script in benchmarks/bench_*.py; do echo "$$script"; \
 		$(BIN)/python -m benchmarks.$$(basename $$script .py) || exit 1; done
 
-tables: .venv/installed
+tables: .venv/installed-compare
 	$(BIN)/python -m benchmarks.tables -o docs/tables.md
 
 docs: .venv/installed-docs

@@ -6,11 +6,15 @@ Run: python -m benchmarks.tables [-o docs/tables.md]
 from __future__ import annotations
 
 import argparse
+import sys
+from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
 
 from benchmarks.tables.table import markdown
 from regionik.planners.kernels import compiled_at_once
+from regionik.storage.files import write_atomic
+from regionik.worlds.errors import InputError
 
 PAPERS = {
     "santos": "M-FABRIK (Santos et al., IEEE Access 2020)",
@@ -31,22 +35,36 @@ Each table is a test as well, but for its times: `tests/test_table_*.py`.
 """
 
 
-def document() -> str:
-    """The whole document."""
-    parts = [PREFACE]
+MISSING = "Not computed: "  # begins what stands in a paper's place where a rival's package is missing
+
+
+def paper(name: str) -> str:
+    """The section of a paper."""
+    try:
+        return "\n".join(map(markdown, import_module(f"benchmarks.tables.{name}").tables()))
+    except InputError as error:
+        return f"{MISSING}{error}.\n"
+
+
+def documents() -> Iterator[str]:
+    """The document as it grows paper by paper."""
+    text = PREFACE
     for name, title in PAPERS.items():
-        parts += [f"## {title}\n", *map(markdown, import_module(f"benchmarks.tables.{name}").tables())]
-    return "\n".join(parts)
+        text = f"{text}\n## {title}\n\n{paper(name)}"
+        yield text
 
 
-def main() -> None:
+def main() -> int:
     parser = argparse.ArgumentParser(description="Recompute every table of the papers.")
     parser.add_argument("-o", "--out", type=Path, default=Path("docs/tables.md"), help="file to write")
     path = parser.parse_args().out
+    text = ""
     with compiled_at_once():
-        path.write_text(document(), encoding="utf-8")
-    print(f"wrote {path}")
+        for text in documents():
+            write_atomic(path, text)
+    print(f"wrote {path}" + (", not all of it: see there" if MISSING in text else ""))
+    return 1 if MISSING in text else 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

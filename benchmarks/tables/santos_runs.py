@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from benchmarks.tables.clock import REPEATS, seconds
 from benchmarks.tables.sliding import SlidingRival
 from regionik.mfabrik import Solver, configurations, solver_for
-from regionik.papers.rivals.iterative import DampedLeastSquares, PseudoInverse
+from regionik.papers.rivals.iterative import DampedLeastSquares, PseudoInverse, SmallSteps
 from regionik.planners.driving.greedy_steps import greedy_points
 from regionik.planners.geometry.polygons import FlatPolygon, clamp
 from regionik.postures.poses import axis_of
@@ -28,7 +28,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import load_world
 
-OURS = "M-FABRIK"
+OURS, SMALL_STEPS = "M-FABRIK", "pseudo-inverse, small steps"
 RUNS = 1000
 SEED = 1
 WIDE = 1.0  # targets lie within this of the base along x and y [m]
@@ -50,6 +50,7 @@ def methods(accuracy: float) -> Mapping[str, Method]:
     robot = load_world("free").robot
     return {
         "pseudo-inverse": SlidingRival.make(PseudoInverse, robot, accuracy),
+        SMALL_STEPS: SlidingRival.make(SmallSteps, robot, accuracy),
         "DLS": SlidingRival.make(DampedLeastSquares, robot, accuracy),
         OURS: Solver(robot, tolerance=accuracy, heading="face_target"),
     }

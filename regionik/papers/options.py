@@ -46,6 +46,7 @@ class ComparisonOptions:
 
     restarts: int = 10  # other postures to start from, the same for all methods that start again
     max_iterations: int = 300  # from each start
+    small_gain: float = 0.0508  # share of each step that the rivals of Santos et al. take, by their table 3
     max_runs: int = 40  # of a method along the path, of which the fastest counts
     time_budget: float = 0.5  # after which a method is not run again [s]
     tie_ratio: float = 1.05  # of iterations, times or errors below which no method is better
