@@ -287,7 +287,7 @@ class Prism(Obstacle):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Mesh(Obstacle):
-    """A closed triangle mesh, taken as a solid.
+    """A closed triangle mesh, taken as a solid, or a sheet of triangles.
 
     Attributes
     ----------
@@ -296,6 +296,9 @@ class Mesh(Obstacle):
         In the world [m].
     faces : (m, 3) array of int
         Indices of the corners of each triangle.
+    sheet : bool
+        It is a surface without an inside, as a skin or a scan: it need not be closed, and its triangles may
+        lie in any way.
 
     Examples
     --------
@@ -307,6 +310,7 @@ class Mesh(Obstacle):
     name: str
     vertices: Array
     faces: Index
+    sheet: bool = False
 
     def __post_init__(self) -> None:
         freeze(self, self.name, vertices=(None, 3))
@@ -344,9 +348,9 @@ class Mesh(Obstacle):
         return np.flatnonzero(gap <= np.linalg.norm(self.vertices[self.faces[:, 0]] - point, axis=1).min())
 
     def contains(self, point: Array) -> bool:
-        """Return True where the surface winds round the point (generalised winding number above 1/2)."""
+        """Return True where the surface of a solid winds round the point (winding number above 1/2)."""
         low, high = self._extent
-        if (point < low).any() or (point > high).any():
+        if self.sheet or (point < low).any() or (point > high).any():
             return False
         return abs(winding_number(self._columns, point)) > 1 / 2
 

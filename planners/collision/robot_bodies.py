@@ -126,9 +126,9 @@ class Bodies:
         """Rows that bound a whole mesh, inside which a solid may lie without touching its surface."""
         found, m = list[int](), 0
         while m < len(self.pieces):
-            whole = self.pieces[m].mesh is not None
-            found += [m] if whole else []
-            m = int(self.hulls.next[m]) if whole else m + 1
+            mesh = self.pieces[m].mesh
+            found += [m] if mesh is not None and not mesh.sheet else []
+            m = m + 1 if mesh is None else int(self.hulls.next[m])
         return tuple(found)
 
     def scene(self, contact: ContactTargets | None) -> RobotScene:

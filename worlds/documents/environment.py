@@ -171,29 +171,33 @@ class MapCell(PrismShape):
     name: OneLine
 
 
+_SHEET = "a surface without an inside, such as a skin or a scan, which need not be closed"
+
+
 class MeshFile(Strict):
     file: FileName = Field(description="an STL, OBJ, PLY or OFF file")
     position: Vec3 = [0.0, 0.0, 0.0]
     rpy: Vec3 = [0.0, 0.0, 0.0]
     scale: Positive = 1.0
+    sheet: bool = Field(default=False, description=_SHEET)
 
     def solid(self, name: str, folder: Path) -> Mesh:
         with located("file", ""):
             vertices, faces = read_mesh(file_in(folder, self.file))
-            return _closed(
-                Mesh(name, vertices * self.scale, faces).transformed(pose(self.position, self.rpy))
-            )
+            mesh = Mesh(name, vertices * self.scale, faces, self.sheet)
+            return _closed(mesh.transformed(pose(self.position, self.rpy)))
 
 
 class MeshInline(Strict):
-    vertices: Annotated[Many[Vec3], Field(min_length=4)] = Field(description="points [[x, y, z], ...] [m]")
+    vertices: Annotated[Many[Vec3], Field(min_length=3)] = Field(description="points [[x, y, z], ...] [m]")
     faces: Annotated[
-        Many[Annotated[list[Corner], Field(min_length=3, max_length=3)]], Field(min_length=4)
+        Many[Annotated[list[Corner], Field(min_length=3, max_length=3)]], Field(min_length=1)
     ] = Field(description="triangles [[i, j, k], ...]")
+    sheet: bool = Field(default=False, description=_SHEET)
 
     def solid(self, name: str, _folder: Path) -> Mesh:
         with located("faces", ""):
-            return _closed(Mesh(name, np.array(self.vertices), np.array(self.faces)))
+            return _closed(Mesh(name, np.array(self.vertices), np.array(self.faces), self.sheet))
 
 
 MeshShape = Annotated[
@@ -295,8 +299,11 @@ def huge_meshes(parts: Iterable[_NamedObstacle], solids: Iterable[Solid], floor:
 
 
 def _closed(mesh: Mesh) -> Mesh:
-    if not mesh.is_closed:
-        raise InputError("expected a closed surface, every edge in two triangles")
+    if not (mesh.sheet or mesh.is_closed):
+        raise InputError(
+            "expected a closed surface, every edge in two triangles; a skin or a scan, which has no inside, "
+            "is read with sheet: true"
+        )
     return mesh
 
 
@@ -323,8 +330,9 @@ def solid_to_document(solid: Solid) -> dict[str, Any]:
             shape = {"sphere": {"radius": float(radius), "center": center.tolist()}}
         case Prism():
             shape = {"prism": _prism(solid)}
-        case Mesh(vertices=vertices, faces=faces):
-            shape = {"mesh": {"vertices": vertices.tolist(), "faces": faces.tolist()}}
+        case Mesh(vertices=vertices, faces=faces, sheet=sheet):
+            surface = {"vertices": vertices.tolist(), "faces": faces.tolist()}
+            shape = {"mesh": surface | ({"sheet": True} if sheet else {})}
     return {"name": solid.name, **shape}
 
 
