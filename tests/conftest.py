@@ -24,7 +24,8 @@ FIRST = """cut_off
     view hostile world_file urdf urdf_collision urdf_versions faults examples docs cli occupancy_map visuals
     planfile files ros2_folder plot gcode srdf
     random_worlds repairs doors wheeled_plans colors shown_solver opinion doctests proximity stops rivals
-    clear_posture motion bulk footprint retime wheels arms criteria"""
+    clear_posture motion bulk footprint retime wheels arms criteria
+    few_stops strokes why why_arm poses laws"""
 _FIRST = {f"test_{name}": k for k, name in enumerate(FIRST.split())}
 
 

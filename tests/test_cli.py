@@ -380,14 +380,14 @@ def test_plot(run: Run, name: str, planned: Path, tmp_path: Path) -> None:
     assert (tmp_path / name).read_bytes().startswith(starts[Path(name).suffix.lower()])
 
 
-def test_same_seed_same_bytes_in_two_processes(tmp_path: Path) -> None:
-    files = [tmp_path / "a.json", tmp_path / "b.json"]
-    for salt, file in zip("12", files, strict=True):
-        environment = {**os.environ, "PYTHONHASHSEED": salt}
-        with spawned("plan", "pillar", "--seed", 3, "-o", file, env=environment) as process:
-            _, err = process.communicate(timeout=HANGS)
-            assert process.returncode == 0, err
-    assert files[0].read_bytes() == files[1].read_bytes()
+def test_same_seed_same_bytes_in_two_processes(planned: Path, tmp_path: Path) -> None:
+    """Sets of names have another order in each: the hashes that order them are salted."""
+    salt = "1" if os.environ.get("PYTHONHASHSEED") != "1" else "2"
+    environment = {**os.environ, "PYTHONHASHSEED": salt}
+    with spawned("plan", "pillar", "-o", tmp_path / "plan.json", env=environment) as process:
+        _, err = process.communicate(timeout=HANGS)
+        assert process.returncode == 0, err
+    assert (tmp_path / "plan.json").read_bytes() == planned.read_bytes()
 
 
 # Reach --------------------------------------------------------------------------------------------------

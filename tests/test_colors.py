@@ -121,7 +121,7 @@ def test_nor_one_of_any_bundled_world_that_areas_decide(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "seed", [pytest.param(seed, marks=pytest.mark.slow if seed < 25 else MINUTES) for seed in range(100)]
+    "seed", [pytest.param(seed, marks=pytest.mark.slow if seed < 10 else MINUTES) for seed in range(100)]
 )
 def test_colours_and_verdicts_agree_on_random_worlds(seed: int) -> None:
     world = random_world(seed)

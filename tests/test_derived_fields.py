@@ -6,7 +6,6 @@ import copy
 import json
 from collections.abc import Callable
 from dataclasses import replace
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -20,19 +19,15 @@ from regionik.output.plan_file import load_plan
 from regionik.pipeline import plan, search
 from regionik.scene import scene_of
 from regionik.timing.retime import retime
-from regionik.values import Plan, Report
+from regionik.values import Report
 from regionik.verification.verifier import verify
 from regionik.worlds.documents.world_file import load_world
+from tests.planned import planned
 from tests.plans import plan_to_document
 from tests.soaked import soaked_world
 
 Document = dict[str, Any]
 Tamper = Callable[[Document], None]
-
-
-@lru_cache(maxsize=1)
-def planned() -> Plan:
-    return plan(load_world("pillar"))
 
 
 def checked(document: Document, folder: Path) -> Report:
@@ -43,7 +38,7 @@ def checked(document: Document, folder: Path) -> Report:
 
 
 def tampered(tamper: Tamper) -> Document:
-    document: Document = copy.deepcopy(plan_to_document(planned()))
+    document: Document = copy.deepcopy(plan_to_document(planned("pillar")))
     tamper(document)
     return document
 
@@ -73,7 +68,7 @@ def test_a_tool_position_that_base_and_joints_do_not_give(way: float, tmp_path: 
 
 @pytest.mark.parametrize("error", [5e-4, 9.0])
 def test_an_error_that_is_not_the_distance_of_the_tool(error: float, tmp_path: Path) -> None:
-    worst = max(range(len(planned().setpoints)), key=lambda i: planned().setpoints[i].error)
+    worst = max(range(len(planned("pillar").setpoints)), key=lambda i: planned("pillar").setpoints[i].error)
     report = checked(tampered(lambda d: set_at(d, f"setpoints.{worst}.error", error)), tmp_path)
     assert not report.ok
     assert {violation.kind for violation in report.violations} == {"derived"}
@@ -102,7 +97,7 @@ def test_figures_that_the_states_do_not_give(place: str, value: Any, tmp_path: P
 
 
 def test_a_duration_that_is_not_the_last_time(tmp_path: Path) -> None:
-    timed = retime(planned())
+    timed = retime(planned("pillar"))
     document = plan_to_document(timed)
     assert checked(document, tmp_path).ok
     document["stats"]["timing"]["duration"] /= 2
@@ -161,9 +156,9 @@ def test_the_base_of_a_stop_is_in_its_area() -> None:
 
 
 def test_honest_areas_hold(tmp_path: Path) -> None:
-    assert verify_areas(planned()).ok
+    assert verify_areas(planned("pillar")).ok
     path = tmp_path / "plan.json"
-    planned().save(path)
+    planned("pillar").save(path)
     assert run(["verify", str(path)]) == 0
 
 

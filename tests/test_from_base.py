@@ -74,7 +74,7 @@ def test_a_heading_that_is_given_leaves_what_the_pivot_reaches() -> None:
 def test_what_is_reached_from_anywhere_is_reached_from_where_its_answer_stands(seed: int) -> None:
     world = random_world(seed)
     free = rik.reach(world, world.task)
-    for i in np.flatnonzero(free.reachable)[:6].tolist():
+    for i in np.flatnonzero(free.reachable)[:3].tolist():
         there = rik.reach(world, [world.task[i]], base=free.base[i])
         assert there.verdict[0] == "reachable", there.reason
         assert rik.verify_answers(world, there, [world.task[i]]).ok

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -13,12 +14,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.affinity import affine_transform, scale
 
-from regionik.pipeline import search
+from regionik.pipeline import plan, search
 from regionik.pruning import whole_path
 from regionik.reachability.reach import reach
 from regionik.regions import admissible_area, path_areas
 from regionik.scene import scene_of
-from regionik.values import Configuration
+from regionik.values import Configuration, Plan
 from regionik.verification.verifier import verify
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
@@ -31,6 +32,7 @@ from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from tests import examples
 from tests.kinds import Solid
 from tests.maths import Array
+from tests.planned import planned
 from tests.plans import plan_text, plan_to_document
 from tests.test_random_worlds import random_world
 
@@ -46,6 +48,11 @@ def sound_world(seed: int) -> World:
     """A random world whose tool may sink in where a set-point lies in a solid."""
     world = random_world(seed)
     return replace(world, rules=replace(world.rules, tool_contact=0.2, contact_depth=0.04))
+
+
+@cache
+def planned_sound(seed: int) -> Plan:
+    return search(scene_of(sound_world(seed)))
 
 
 def slim_world(seed: int) -> World:
@@ -102,11 +109,17 @@ def test_areas_move_with_the_world(seed: int, x: float, y: float, yaw: float) ->
     assert two.outer.area == pytest.approx(one.outer.area, rel=0.02, abs=0.005)
 
 
-@pytest.mark.parametrize("seed", SOUND)
-def test_plans_move_with_the_world(seed: int) -> None:
-    world = sound_world(seed)
-    for shift, yaw in ((np.array([2.0, -1.0]), 0.0), (np.array([0.3, 4.0]), 2.0)):
-        assert verify(search(scene_of(moved(world, shift, yaw)))).ok
+@pytest.mark.parametrize(
+    ("seed", "x", "y", "yaw"),
+    [
+        (5, 0.3, 4.0, 2.0),
+        (10, 2.0, -1.0, 0.0),
+        pytest.param(5, 2.0, -1.0, 0.0, marks=pytest.mark.slow),
+        pytest.param(10, 0.3, 4.0, 2.0, marks=pytest.mark.slow),
+    ],
+)
+def test_plans_move_with_the_world(seed: int, x: float, y: float, yaw: float) -> None:
+    assert verify(search(scene_of(moved(sound_world(seed), np.array([x, y]), yaw)))).ok
 
 
 def larger(robot: Robot, by: float) -> Robot:
@@ -189,7 +202,7 @@ def in_units(world: World, by: float) -> World:
 @pytest.mark.parametrize("seed", SOUND)
 def test_a_plan_holds_in_any_unit(seed: int) -> None:
     """Lengths of world and plan in feet, centimetres or the like: the same verdict, margins in that unit."""
-    made = search(scene_of(sound_world(seed)))
+    made = planned_sound(seed)
     margins = verify(made).margins
     for by in (0.5, 3.280839895, 100.0):
         unit = by ** np.array([1, 1, 0])
@@ -207,13 +220,19 @@ def test_a_plan_holds_in_any_unit(seed: int) -> None:
         assert report.margins["joints"] == pytest.approx(margins["joints"])
 
 
-@pytest.mark.parametrize("seed", SOUND)
-def test_what_can_be_planned_can_be_planned_in_other_units(seed: int) -> None:
-    one = search(scene_of(sound_world(seed)))
-    for by in (0.25, 2.0):
-        other = search(scene_of(in_units(sound_world(seed), by)))
-        assert other.lift_offs == one.lift_offs
-        assert verify(other).ok
+@pytest.mark.parametrize(
+    ("seed", "by"),
+    [
+        (5, 0.25),
+        (10, 2.0),
+        pytest.param(5, 2.0, marks=pytest.mark.slow),
+        pytest.param(10, 0.25, marks=pytest.mark.slow),
+    ],
+)
+def test_what_can_be_planned_can_be_planned_in_other_units(seed: int, by: float) -> None:
+    other = search(scene_of(in_units(sound_world(seed), by)))
+    assert other.lift_offs == planned_sound(seed).lift_offs
+    assert verify(other).ok
 
 
 @settings(max_examples=examples(6))
@@ -262,7 +281,7 @@ def shuffled(value: Any) -> Any:
 def test_order_of_keys_gives_the_same_bytes(name: str) -> None:
     world = load_world(name)
     again = world_from_document(shuffled(world_to_document(world)))
-    assert plan_text(search(scene_of(again))) == plan_text(search(scene_of(world)))
+    assert plan_text(plan(again)) == plan_text(planned(name))
 
 
 @pytest.mark.parametrize("seed", SOUND)
@@ -274,7 +293,7 @@ def test_order_of_obstacles_and_corners_does_not_matter(seed: int) -> None:
         floor=Floor(shapely.Polygon([*corners[2:], *corners[:2]][::-1])),
         obstacles=world.obstacles[::-1],
     )
-    one, two = (plan_to_document(search(scene_of(each))) for each in (world, other))
+    one, two = (plan_to_document(each) for each in (planned_sound(seed), search(scene_of(other))))
     assert [s["kind"] for s in one["states"]] == [s["kind"] for s in two["states"]]
     for mine, yours in zip(path_areas(scene_of(world)).inner, path_areas(scene_of(other)).inner, strict=True):
         assert mine.symmetric_difference(yours).area < 1e-9

@@ -76,7 +76,7 @@ def test_crowded_worlds_are_planned_whole(name: str) -> None:
     assert least_distance(found) >= found.world.rules.arm_clearance
 
 
-@pytest.mark.parametrize("name", ["shelf", "tao1"])
+@pytest.mark.parametrize("name", [pytest.param("shelf", marks=pytest.mark.slow), "tao1"])
 def test_without_avoidance_link_and_obstacle_are_named(name: str) -> None:
     world = load_world(name)
     why = why_not(unguarded(world))
@@ -176,7 +176,7 @@ def past_a_board() -> World:
 
 
 def test_the_arm_is_lifted_past_what_it_cannot_pass() -> None:
-    found = plan(past_a_board())
+    found = planned("past a board", past_a_board)
     assert found.lift_offs == 1
     assert verify(found).ok
     assert least_distance(found) >= 0.0

@@ -23,8 +23,6 @@ import regionik as rik
 from regionik.output import plan_file
 from regionik.output.export import plan_to_geojson
 from regionik.output.plan_file import load_plan, plan_schema
-from regionik.pipeline import search
-from regionik.scene import scene_of
 from regionik.storage import plan_document
 from regionik.storage.files import json_values
 from regionik.storage.plan_document import multipolygon, plan_to_text
@@ -32,9 +30,9 @@ from regionik.values import Motion, Plan
 from regionik.verification.verifier import verify
 from regionik.view.figures import plot
 from regionik.view.page import to_html
-from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import FileNote, InputError
 from regionik.worlds.readers.text import MAX_BYTES
+from tests.planned import planned
 from tests.plans import every_solid, l_shape, plan_to_document, synthetic_plan
 
 SCHEMA = Path(__file__).parents[1] / "docs" / "plan.schema.json"
@@ -145,7 +143,7 @@ def test_parts_are_those_that_a_feature_names(document: dict[str, Any], tmp_path
 
 
 def test_areas_too_many_to_be_read_back_are_left_out(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    made = search(scene_of(load_world("slab")))
+    made = planned("slab")
     made.save(tmp_path / "plan.json")
     whole = (tmp_path / "plan.json").stat().st_size
     for module in (plan_document, plan_file):

@@ -59,6 +59,10 @@ def test_a_plan_that_does_not_hold_is_explained() -> None:
     assert found.causes[0].name.startswith("side ")
 
 
+def test_a_target_out_of_reach_is_explained() -> None:
+    assert refused(hall((0.5, 0.0, 2.0))).verdict == "unreachable"
+
+
 def test_a_blocked_start_is_mended_by_a_short_step() -> None:
     world = hall(SPOTS[0], SPOTS[2])
     start = Start(np.array([-0.5, 0.0, 0.0]), world.robot.carry)
@@ -150,7 +154,7 @@ def craned(stop_tolerance: float) -> World:
 
 
 @pytest.mark.parametrize(
-    "seeds", [(4, 24), pytest.param((8, 17), marks=pytest.mark.slow), pytest.param(range(60), marks=MINUTES)]
+    "seeds", [pytest.param((4, 24), marks=pytest.mark.slow), pytest.param(range(60), marks=MINUTES)]
 )
 def test_both_doors_say_the_same(seeds: range) -> None:
     verdicts = set()

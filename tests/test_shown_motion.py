@@ -14,7 +14,6 @@ from regionik.timing.limits import segments_on_path
 from regionik.timing.options import TIMING
 from regionik.timing.retime import retime
 from regionik.values import Plan
-from regionik.verification.verifier import verify
 from tests.planned import planned
 
 # set-points, most lift-offs
@@ -55,8 +54,7 @@ def test_every_set_point_is_met_with_few_lift_offs(name: str) -> None:
     targets = np.array([target.position for target in found.world.task])
     assert len(targets) == setpoints
     assert np.linalg.norm(tools - targets, axis=1).max() <= found.world.rules.tolerance * (1 + 1e-6)
-    assert found.lift_offs <= lift_offs
-    assert verify(found).ok
+    assert found.lift_offs <= lift_offs  # that the plan holds says `tests.test_every_world`
 
 
 @pytest.mark.slow

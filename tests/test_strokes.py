@@ -24,6 +24,7 @@ from regionik.worlds.documents.world_file import load_world, world_from_document
 from regionik.worlds.errors import FileNote, InputError, NoPlanFound
 from regionik.worlds.scene import World
 from regionik.worlds.strokes import numbered_strokes, split_strokes, within_strokes
+from tests.planned import planned
 from tests.plans import plan_of, straight, world_of
 from tests.test_motion import past_a_board
 
@@ -265,12 +266,12 @@ def test_a_lift_off_within_a_stroke_is_told(tmp_path: Path, capsys: pytest.Captu
 def test_a_run_that_gets_stuck_in_a_stroke_ends_before_it(mode: str) -> None:
     """Where a board is in the arm's way, not in the base's; stops are found without regard to strokes."""
     world = past_a_board()
-    where = lifted_before(search(scene_of(world)))[0]
     count = len(world.task)
     whole = with_strokes(world, *[1] * count, mode=mode)
     with pytest.raises(NoPlanFound, match=f"within stroke 1, which goes from set-point 1 to {count}"):
         search(scene_of(whole))
     if mode == "continuous":
+        where = lifted_before(planned("past a board", past_a_board))[0]
         parted = with_strokes(world, *[1] * (where - 1), *[2] * (count - where + 1))
         found = search(scene_of(parted))
         assert lifted_before(found) == [where - 1]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -81,31 +82,22 @@ def test_one_state_is_checked() -> None:
     assert "post" in only(verify(plan_of(world_of(motion, post), motion)), "clearance").text
 
 
-def test_missing_setpoint() -> None:
+@pytest.mark.parametrize(
+    ("field", "states", "values", "words", "setpoint"),
+    [
+        ("kind", [4], ["step"], "set-point 3 of 5 is missing", 2),
+        ("kind", [5], ["setpoint"], "set-point 3 of 5 appears 2 times", 2),
+        ("setpoint", [2, 4], [2, 1], "set-point 2 of 5 comes after set-point 3 of 5: out of order", 1),
+    ],
+)
+def test_setpoints_missing_twice_or_out_of_order(
+    field: str, states: list[int], values: list[Any], words: str, setpoint: int
+) -> None:
     motion = straight()
-    world = world_of(motion)
-    kind = motion.kind.copy()
-    kind[4] = "step"
-    found = of_kind(verify(plan_of(world, replace(motion, kind=kind))), "structure")
-    assert any("set-point 3 of 5 is missing" in v.text and v.setpoint == 2 for v in found)
-
-
-def test_setpoint_twice() -> None:
-    motion = straight()
-    world = world_of(motion)
-    kind = motion.kind.copy()
-    kind[5] = "setpoint"
-    found = of_kind(verify(plan_of(world, replace(motion, kind=kind))), "structure")
-    assert any("set-point 3 of 5 appears 2 times" in v.text for v in found)
-
-
-def test_setpoints_out_of_order() -> None:
-    motion = straight()
-    world = world_of(motion)
-    owner = motion.setpoint.copy()
-    owner[[2, 4]] = owner[[4, 2]]
-    found = of_kind(verify(plan_of(world, replace(motion, setpoint=owner))), "structure")
-    assert any("out of order" in v.text and "set-point 2 of 5" in v.text for v in found)
+    changed = getattr(motion, field).copy()
+    changed[states] = values
+    found = of_kind(verify(plan_of(world_of(motion), replace(motion, **{field: changed}))), "structure")
+    assert any(words in one.text and one.setpoint == setpoint for one in found)
 
 
 def test_step_of_a_setpoint_far_away() -> None:

@@ -220,6 +220,7 @@ def test_a_browser_shows_a_world(tmp_path: Path) -> None:
         settle(browser)
         assert_colors(browser, red=0.04, blue=0.1, grey=0.02)
         assert not browser.evaluate("!document.getElementById('dock').hidden")
+        assert "WebGL" not in browser.evaluate("document.body.innerText")
         assert browser.complaints == []
 
 
@@ -379,13 +380,6 @@ def test_a_page_without_webgl_says_so_and_tells_the_rest(tmp_path: Path) -> None
                 drag(browser, (x + width / 2, y + height / 2))
                 end = float(plan.motion.time[-1])
                 assert number(told(browser)["time"]) == pytest.approx(end / 2, abs=2 * end / width)
-
-
-@needs_browser
-def test_a_page_with_webgl_does_not_speak_of_it(tmp_path: Path) -> None:
-    to_html(l_shape(), tmp_path / "page.html")
-    with opened(tmp_path / "page.html") as browser:
-        assert "WebGL" not in browser.evaluate("document.body.innerText")
 
 
 @needs_browser

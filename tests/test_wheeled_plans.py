@@ -10,7 +10,9 @@ import pytest
 import shapely
 
 from regionik import plan, verify
+from regionik.pipeline import search
 from regionik.planners.tries import at_most, counted
+from regionik.scene import scene_of
 from regionik.values import Plan
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import load_world
@@ -92,14 +94,14 @@ def test_a_long_base_passes_a_corridor_lengthwise(width: float, base: BaseKind) 
 
 def test_a_corridor_too_narrow_is_told_with_both_widths() -> None:
     with pytest.raises(NoPlanFound) as caught:
-        plan(corridor(0.36))
+        search(scene_of(corridor(0.36)))  # `plan` looks for repairs too
     assert "0.360 m wide at its narrowest" in caught.value.explanation.reason
     assert "nowhere less than 0.380 m" in caught.value.explanation.reason
     beyond = corridor(0.36)
     with pytest.raises(
         NoPlanFound, match="has known places only on floor that the base cannot get to"
     ) as cut:
-        plan(replace(beyond, task=beyond.task[:3] + beyond.task[-4:]))
+        search(scene_of(replace(beyond, task=beyond.task[:3] + beyond.task[-4:])))
     assert "0.360 m wide at its narrowest" in cut.value.explanation.reason
 
 

@@ -95,28 +95,6 @@ def test_a_target_too_high_wants_a_mast() -> None:
     assert "too short" in found.reason
 
 
-def test_a_base_beside_the_tools_direction_wants_a_wider_cone() -> None:
-    world = hall(floor=Floor(shapely.box(-0.05, 0.3, 0.05, 0.5)))
-    target = Target(np.array([0.0, 0.0, 0.3]), np.array([1.0, 0.0, 0.0]), 0.3)
-    found = explained(world, target)
-    assert {cause.kind for cause in found.causes} == {"floor", "direction"}
-    cone = of_kind(found, "cone")
-    assert (cone.unit, cone.vector) == ("rad", ())
-    assert np.arctan2(0.3, 0.05) <= cone.amount < np.arctan2(0.5, 0.05)  # from the corners of the floor
-    ends = [replace(target, cone=share * cone.amount) for share in (1.0, 0.95)]
-    assert reach(world, ends).reachable.tolist() == [True, False]
-
-
-def test_a_path_with_too_many_lift_offs() -> None:
-    world = load_world("pillar")
-    found = explained(replace(world, rules=replace(world.rules, max_lift_offs=0)), None)
-    assert (found.verdict, found.setpoint) == ("ladder-broken", 10)
-    names = [cause.name for cause in found.causes]
-    assert names == ["rules.max_lift_offs", "pillar", "rules.clearance"]
-    assert {"lift-off", "clearance", "move-obstacle"} <= {repair.kind for repair in found.repairs}
-    assert "inner areas alone" in found.reason
-
-
 def test_a_plan_carries_causes_and_repairs() -> None:
     world = load_world("free")
     task = (*world.task[:2], Target(world.task[2].position + [0.0, 0.0, 0.6]))
@@ -134,16 +112,9 @@ def test_bad_targets_are_refused() -> None:
         why(hall(), [0.0, 1.0])
 
 
-def test_random_cases_are_irreducible_and_mended() -> None:
+def test_a_random_case_is_irreducible_and_mended_the_smallest_change_first() -> None:
     """`benchmarks/bench_why.py` asks more of them, some by `tests/test_still_shown.py`."""
-    found = cases(range(52, 54))
-    assert found
-    for case in found:
-        is_mended(case)
-
-
-def is_mended(case: World) -> None:
-    """Assert that the causes of a case are irreducible and that its repairs mend it, the smallest first."""
+    case = cases(range(52, 54))[0]
     found = explained(case, case.task[0])
     assert proven_irreducible(case, found)
     shares = [share(scene_of(case), repair) for repair in found.repairs]

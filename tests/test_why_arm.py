@@ -47,7 +47,13 @@ CASES = {
 }
 
 
-@pytest.fixture(scope="module", params=CASES)
+# Its causes and repairs are those of the ball that nothing may enter.
+LIKE_ANOTHER = {"in a ball": pytest.mark.slow}
+
+
+@pytest.fixture(
+    scope="module", params=[pytest.param(name, marks=LIKE_ANOTHER.get(name, ())) for name in CASES]
+)
 def case(request: pytest.FixtureRequest) -> tuple[World, Explanation, set[str], set[str]]:
     world, causes, repairs = CASES[request.param]
     found = why(world, world.task[0])
