@@ -219,7 +219,6 @@ def reach_of(scene: Scene, target: Target, *, coarse: bool = False) -> BaseGeome
 
 def rejected_parts(scene: Scene, target: Target) -> tuple[RejectedPart, ...]:
     """Obstacles, floor edge and limits that make the area smaller than a stretched arm's disc."""
-    ground = scene.ground
     span = reach_bound(scene.robot.chain)
     rise = target.position[2] - span.height - scene.robot.mount[2]
     stretched = span.length**2 - rise**2
@@ -234,9 +233,19 @@ def rejected_parts(scene: Scene, target: Target) -> tuple[RejectedPart, ...]:
     name = "tool direction" if target.orientation is None else "tool orientation"
     taken = [RejectedPart(kind, "joint limits" if kind == "limits" else name, disc - wide)]
     taken.append(RejectedPart("criteria", "criteria", wide - reach))
-    taken.append(RejectedPart("floor", "edge of the floor", reach - ground.inner.floor))
+    taken += rejected_by_floor(scene, reach)
     taken += rejected_by_obstacles(scene, reach, target)
     return tuple(part for part in taken if part.polygon.area > 1e-12)
+
+
+def rejected_by_floor(scene: Scene, reach: BaseGeometry) -> Iterator[RejectedPart]:
+    """Parts of a reach in which the base would be off the floor, or where zones do not let it be."""
+    whole = scene.changed(zones=()).ground.inner.floor
+    yield RejectedPart("floor", "edge of the floor", reach - whole)
+    for zone in scene.world.zones:
+        yield RejectedPart(
+            "zone", zone.name, (reach & whole) - scene.changed(zones=(zone,)).ground.inner.floor
+        )
 
 
 def rejected_by_obstacles(

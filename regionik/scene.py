@@ -36,7 +36,7 @@ from regionik.worlds.strokes import within_strokes
 MAX_CUTS = 8  # of one scene to what is near some places, that are kept at a time
 MAX_SCENES = 8  # of worlds that public functions were asked about, that are kept at a time
 
-_BODY = frozenset({"robot", "floor", "obstacles", "rules"})
+_BODY = frozenset({"robot", "floor", "obstacles", "zones", "rules"})
 DEPENDS_ON = {  # fields of the world that each part is made of
     "ground": _BODY,
     "free_floor": _BODY | {"start"},

@@ -175,8 +175,8 @@ FAULTS = (
     Fault(
         "verify: clearance of the base halved",
         "regionik/verification/base_clearance.py",
-        "bad = distance < self.limit - EXACT",
-        "bad = distance < self.limit / 2 - EXACT",
+        "bad = distance < self.limits[solid] - EXACT",
+        "bad = distance < self.limits[solid] / 2 - EXACT",
         ("tests/test_verify.py",),
     ),
     Fault(
@@ -315,8 +315,8 @@ FAULTS = (
     Fault(
         "scene: the ground is kept when obstacles change",
         "regionik/scene.py",
-        '_BODY = frozenset({"robot", "floor", "obstacles", "rules"})',
-        '_BODY = frozenset({"robot", "floor", "rules"})',
+        '_BODY = frozenset({"robot", "floor", "obstacles", "zones", "rules"})',
+        '_BODY = frozenset({"robot", "floor", "zones", "rules"})',
         ("tests/test_scene.py",),
     ),
     Fault(
@@ -350,7 +350,7 @@ FAULTS = (
     Fault(
         "areas: posts that the footprint meets are not looked at for the column",
         "regionik/areas/layers.py",
-        "narrow and _stands_upright(",
+        "covered[asked] and _stands_upright(",
         "_stands_upright(",
         ("tests/test_robot_body.py",),
     ),
@@ -916,6 +916,62 @@ FAULTS = (
         "return ahead & down &",
         "return (last >= 0) & down &",
         ("tests/test_strokes.py",),
+    ),
+    Fault(
+        "areas: obstacles keep the clearance of the rules, whatever they ask for",
+        "regionik/areas/layers.py",
+        "return replace(shadow, more=solid.clearance - world.rules.clearance)",
+        "return shadow",
+        ("tests/test_own_clearances.py",),
+    ),
+    Fault(
+        "areas: a column keeps clear where the footprint would by the rules alone",
+        "regionik/areas/layers.py",
+        "asked: _is_covered(corners, world.arm_clearance - asked, footprint)",
+        "asked: _is_covered(corners, world.arm_clearance - world.base_clearance, footprint)",
+        ("tests/test_own_clearances.py",),
+    ),
+    Fault(
+        "drives: obstacles keep the clearance of the rules, whatever they ask for",
+        "planners/driving/footprint_scene.py",
+        "(clearance + shadow.kept for shadow in shadows)",
+        "(clearance + shadow.radius for shadow in shadows)",
+        ("tests/test_own_clearances.py",),
+    ),
+    Fault(
+        "verify: obstacles ask for the clearance of the rules alone",
+        "regionik/verification/base_clearance.py",
+        "(world.rules.clearance if solid.clearance is None else solid.clearance)",
+        "world.rules.clearance",
+        ("tests/test_own_clearances.py",),
+    ),
+    Fault(
+        "why: less clearance by the rules is less of obstacles' own",
+        "regionik/areas/layers.py",
+        "self.clearance if self.names[k] in self.own else clearance",
+        "clearance",
+        ("tests/test_own_clearances.py",),
+    ),
+    Fault(
+        "zones: one to keep out of is not taken from the floor",
+        "worlds/zones.py",
+        "parts = shapely.get_parts(cut(floor, self.polygon))",
+        'parts = shapely.get_parts(cut(floor, self.polygon) if self.keep == "in" else floor)',
+        ("tests/test_zones.py",),
+    ),
+    Fault(
+        "verify: the base may enter zones to keep out of",
+        "regionik/verification/zones.py",
+        'ground = shapely.difference(around, shapely.buffer(zone.polygon, allowance, join_style="mitre"))',
+        "ground = around",
+        ("tests/test_zones.py",),
+    ),
+    Fault(
+        "verify: zones take no errors of an execution",
+        "regionik/verification/verifier.py",
+        "yield from verify_zones(world, segments, names)",
+        "yield from verify_zones(replace(world, rules=type(world.rules)()), segments, names)",
+        ("tests/test_zones.py",),
     ),
 )
 

@@ -48,6 +48,11 @@ def solid(entry: str) -> str:
     return broken("youbot", f"{{dh: [[0, 0.1, 0, 0, -1, 1]], solids: [{{link: 0, name: fist, {entry}}}]}}")
 
 
+def zoned(polygon: str, keep: str = "out") -> str:
+    """The good file with a zone."""
+    return f"{GOOD}zones: [{{name: zone, keep: {keep}, polygon: {polygon}}}]\n"
+
+
 NASTY = (
     Nasty("empty file", "", ("expected a mapping",)),
     Nasty("a list", "[1, 2]", ("expected a mapping",)),
@@ -316,6 +321,38 @@ NASTY = (
         "mass of no link",
         broken("youbot", "{name: youbot, masses: [{link: 5, mass: 1}]}"),
         ("robot.masses[0].link", "from 0 to 4", "got 5"),
+    ),
+    Nasty(
+        "negative clearance of its own",
+        broken("name: post", "name: post, clearance: -0.1"),
+        ("obstacles[1].clearance", "at least 0", "got -0.1"),
+    ),
+    Nasty(
+        "clearance of text", broken("name: post", "name: post, clearance: far"), ("obstacles[1].clearance",)
+    ),
+    Nasty("zone of two points", zoned("[[0, 0], [1, 1]]"), ("zones[0].polygon", "3 values or more", "got 2")),
+    Nasty(
+        "zone that crosses itself",
+        zoned("[[0, 0], [1, 1], [1, 0], [0, 1]]"),
+        ("zones[0].polygon", "does not cross or touch itself"),
+    ),
+    Nasty(
+        "zone kept nowhere", zoned("[[0, 0], [1, 0], [0, 1]]", keep="off"), ("zones[0].keep", "'in' or 'out'")
+    ),
+    Nasty(
+        "zone for some set-points",
+        zoned("[[0, 0], [1, 0], [0, 1]], setpoints: [99]"),
+        ("zones[0]", "unknown key 'setpoints'", "name, keep, polygon, holes"),
+    ),
+    Nasty(
+        "zone that is called as an obstacle",
+        zoned("[[0, 0], [1, 0], [0, 1]]").replace("name: zone", "name: post"),
+        ("zones[0].name", "a name of its own", "'post' is obstacles[1]"),
+    ),
+    Nasty(
+        "zone that leaves no floor",
+        zoned("[[-2, -2], [5, -2], [5, 3], [-2, 3]]"),
+        ("zones", "leave some of the floor"),
     ),
     Nasty("misspelt rule", broken("step: 0.1", "stpe: 0.1"), ("rules", "'stpe'", "arm_clearance")),
 )

@@ -186,8 +186,9 @@ def test_circle_and_door_are_the_paper_s_simulations() -> None:
 
 def test_names() -> None:
     ours = ("corridor", "depot", "facade", "free", "l_shape", "pillar", "pipe", "shelf", "slab", "wall")
+    asked = "walkway", "workplace"
     assert world_names() == tuple(
-        sorted((*ours, "tao1", "tao2", "tao3", "posts1", "posts2", "circle", "door"))
+        sorted((*ours, *asked, "tao1", "tao2", "tao3", "posts1", "posts2", "circle", "door"))
     )
     assert robot_names() == ("youbot", "youbot-real", "hinge5", "dof10", "pioneer7", "pioneer-parm")
     assert all(world_path(name).is_file() for name in world_names())

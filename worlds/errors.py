@@ -16,6 +16,7 @@ CauseKind = Literal[
     "clearance",
     "direction",
     "floor",
+    "zone",
     "base",
     "path",
     "self",
@@ -32,6 +33,7 @@ ReasonCode = Literal[
     "no-room",  # nowhere on the floor is room for the base
     "base-blocked",  # the base is too near to obstacles wherever the arm reaches it from, or at its one pose
     "body-blocked",  # what stands on the base is, as under a table
+    "zone-blocked",  # zones keep the base from all places that the arm reaches it from, or from its one pose
     "off-floor",  # the one pose of the base is
     "wrong-heading",  # of the one pose, by the rules
     "in-obstacle",  # the target is, or nearer to it than the end of the arm may come

@@ -43,6 +43,12 @@ class Shadow:
 
     core: BaseGeometry
     radius: float = 0.0
+    more: float = 0.0  # what is kept from it beyond the clearance that others ask for, below 0 for less [m]
+
+    @property
+    def kept(self) -> float:
+        """Distance from the core that is kept beyond the clearance that others ask for [m]."""
+        return self.radius + self.more
 
     def distance(self, other: BaseGeometry) -> float:
         """Return the distance from a shape on the floor, 0 where they meet [m]."""
@@ -54,9 +60,21 @@ class Shadow:
 
 
 class Obstacle:
-    """Base of all solids; what they share, and what each of them gives."""
+    """Base of all solids; what they share, and what each of them gives.
+
+    Attributes
+    ----------
+    name : str
+    clearance : float or None
+        Least distance of the base from it, in place of that of the rules; None for that of the rules [m].
+    """
 
     name: str
+    clearance: float | None
+
+    def __post_init__(self) -> None:
+        if self.clearance is not None and not 0 <= self.clearance < np.inf:
+            raise InputError(f"{self.name}: clearance: must be at least 0, got {self.clearance:g}")
 
     @property
     def bounds(self) -> Array:
@@ -104,6 +122,8 @@ class Box(Obstacle):
         [m]
     yaw : float
         [rad]
+    clearance : float or None
+        As in `Obstacle` [m].
 
     Examples
     --------
@@ -115,8 +135,10 @@ class Box(Obstacle):
     size: Array
     center: Array
     yaw: float = 0.0
+    clearance: float | None = None
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         freeze(self, self.name, size=(3,), center=(3,))
         check_near_origin(self.center, f"{self.name}: center")
         _check_positive(self.name, "size", *self.size)
@@ -154,6 +176,8 @@ class Cylinder(Obstacle):
         [m]
     center : (3,) array
         [m]
+    clearance : float or None
+        As in `Obstacle` [m].
 
     Examples
     --------
@@ -165,8 +189,10 @@ class Cylinder(Obstacle):
     radius: float
     height: float
     center: Array
+    clearance: float | None = None
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         freeze(self, self.name, center=(3,))
         check_near_origin(self.center, f"{self.name}: center")
         _check_positive(self.name, "radius and height", self.radius, self.height)
@@ -198,6 +224,8 @@ class Sphere(Obstacle):
         [m]
     center : (3,) array
         [m]
+    clearance : float or None
+        As in `Obstacle` [m].
 
     Examples
     --------
@@ -208,8 +236,10 @@ class Sphere(Obstacle):
     name: str
     radius: float
     center: Array
+    clearance: float | None = None
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         freeze(self, self.name, center=(3,))
         check_near_origin(self.center, f"{self.name}: center")
         _check_positive(self.name, "radius", self.radius)
@@ -240,6 +270,8 @@ class Prism(Obstacle):
         Or its corners (n, 2) in order [m].
     bottom, top : float
         [m]
+    clearance : float or None
+        As in `Obstacle` [m].
 
     Examples
     --------
@@ -251,8 +283,10 @@ class Prism(Obstacle):
     polygon: Polygon
     bottom: float
     top: float
+    clearance: float | None = None
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         object.__setattr__(self, "polygon", as_polygon(self.polygon, f"{self.name}: polygon"))
         if not isinstance(self.polygon, Polygon):
             parts = shapely.get_num_geometries(self.polygon)
@@ -299,6 +333,8 @@ class Mesh(Obstacle):
     sheet : bool
         It is a surface without an inside, as a skin or a scan: it need not be closed, and its triangles may
         lie in any way.
+    clearance : float or None
+        As in `Obstacle` [m].
 
     Examples
     --------
@@ -311,8 +347,10 @@ class Mesh(Obstacle):
     vertices: Array
     faces: Index
     sheet: bool = False
+    clearance: float | None = None
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         freeze(self, self.name, vertices=(None, 3))
         check_near_origin(self.vertices, f"{self.name}: vertices")
         faces = frozen_faces(self.faces, len(self.vertices), f"{self.name}: mesh")

@@ -16,6 +16,7 @@ from regionik.worlds.limits import Criteria, Execution, ParkingAccuracy, Speeds
 from regionik.worlds.obstacles import Box, Prism, Solid, as_polygon
 from regionik.worlds.robot import Robot
 from regionik.worlds.strokes import check_strokes
+from regionik.worlds.zones import Zone
 
 
 @dataclass(frozen=True)
@@ -121,7 +122,7 @@ class Rules:
     Attributes
     ----------
     clearance : float
-        Least distance of the base from every solid that it could hit.
+        Least distance of the base from every solid that it could hit and that has none of its own.
     arm_clearance : float
         Least distance of the arm's links from every solid.
     step : float
@@ -271,6 +272,8 @@ class Floor:
     def __post_init__(self) -> None:
         object.__setattr__(self, "polygon", as_polygon(self.polygon, "floor: polygon"))
         object.__setattr__(self, "cells", tuple(self.cells))
+        if any(cell.clearance is not None for cell in self.cells):
+            raise InputError("floor: cells: expected that they keep the clearance of the rules")
 
     def __repr__(self) -> str:
         return f"Floor(polygon=<{self.polygon.area:g} m2>, cells={len(self.cells)})"
@@ -324,6 +327,8 @@ class World:
         Limits by which plans are timed; None leaves them without times, unless the robot has speeds.
     frames : FrameNames
         What exports call the frames of world, base and tool.
+    zones : tuple of Zone
+        Where the base stays inside or outside, all of them at once, each under a name of its own.
 
     Examples
     --------
@@ -343,18 +348,27 @@ class World:
     about: str = ""
     speeds: Speeds | None = None
     frames: FrameNames = field(default_factory=FrameNames)
+    zones: tuple[Zone, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "obstacles", tuple(self.obstacles))
+        object.__setattr__(self, "zones", tuple(self.zones))
         object.__setattr__(self, "task", tuple(self.task))
         check_strokes([target.stroke for target in self.task], self.rules.order)
         places: dict[str, str] = {}
-        for group, solids in (("floor.cells", self.floor.cells), ("obstacles", self.obstacles)):
-            for k, solid in enumerate(solids):
+        named = (
+            ("floor.cells", self.floor.cells),
+            ("obstacles", self.obstacles),
+            ("zones", self.zones),
+        )
+        for group, parts in named:
+            for k, solid in enumerate(parts):
                 place = f"{group}[{k}]"
                 if places.setdefault(solid.name, place) != place:
                     text = f"expected a name of its own, {solid.name!r} is {places[solid.name]}"
                     raise InputError(f"{place}.name: {text}")
+        if self.open_floor.is_empty:
+            raise InputError(f"zones: expected that they leave some of the floor, got none of {self.floor}")
         dof = self.robot.chain.dof
         if self.start is not None and len(self.start.joints) != dof:
             names = ", ".join(self.robot.chain.names)
@@ -374,6 +388,21 @@ class World:
         """Clearance of the base as planned: that of the rules and what execution may take of it [m]."""
         return self.rules.clearance + self.base_allowance
 
+    def base_clearance_from(self, solid: Solid) -> float:
+        """Clearance of the base from a solid as planned: its own, or that of the rules [m]."""
+        own = self.rules.clearance if solid.clearance is None else solid.clearance
+        return own + self.base_allowance
+
+    @property
+    def asks_alike(self) -> bool:
+        """True where no solid asks for a clearance of its own."""
+        return all(solid.clearance is None for solid in self.solids)
+
+    @cached_property
+    def widest_base_clearance(self) -> float:
+        """The largest clearance of the base from any solid as planned [m]."""
+        return max([self.base_clearance, *map(self.base_clearance_from, self.solids)])
+
     @cached_property
     def arm_clearance(self) -> float:
         """Clearance of the arm as planned: that of the rules and what execution may take of it [m]."""
@@ -388,10 +417,18 @@ class World:
 
     @cached_property
     def drivable_floor(self) -> Polygon | MultiPolygon:
-        """Floor on which the footprint stays as planned: less a strip that execution may take [m]."""
+        """Floor on which the footprint stays as planned: what zones leave, less what execution may take."""
         if not self.base_allowance:
-            return self.floor.polygon
-        left: Polygon | MultiPolygon = self.floor.polygon.buffer(-self.base_allowance, join_style="mitre")
+            return self.open_floor
+        left: Polygon | MultiPolygon = self.open_floor.buffer(-self.base_allowance, join_style="mitre")
+        return left
+
+    @cached_property
+    def open_floor(self) -> Polygon | MultiPolygon:
+        """What zones leave of the floor."""
+        left: Polygon | MultiPolygon = self.floor.polygon
+        for zone in self.zones:
+            left = zone.left_of(left)
         return left
 
     @cached_property

@@ -152,7 +152,7 @@ class FootprintFloor:
 
     def _refusal(self, start: Array, goal: Array) -> NarrowPassageError:
         """Error that compares the narrowest place with the footprint and says if no way is a proof."""
-        keep = [(shadow.core, self.clearance + shadow.radius) for shadow in self.obstacles]
+        keep = [(shadow.core, self.clearance + shadow.kept) for shadow in self.obstacles]
         grown = [core.buffer(far) if far > 0 else core for core, far in keep]
         free = shapely.difference(self.floor, shapely.union_all(grown))
         passage = passage_width(free, Point(start[:2]), Point(goal[:2]))

@@ -100,7 +100,7 @@ class Outline:
 
     corners: tuple[tuple[float, float], ...]  # counter-clockwise [m]
     shadows: tuple[Shadow, ...]
-    clearance: float  # that it keeps from each of them [m]
+    clearance: float  # that it keeps from each of them, but for what they ask for beyond it [m]
 
 
 def footprint_scene(
@@ -119,7 +119,7 @@ def footprint_scene(
     floor : Polygon or MultiPolygon
         The footprint stays inside, without clearance [m].
     obstacles : sequence of Shadow
-        The footprint keeps ``clearance`` from each of them.
+        The footprint keeps ``clearance`` from each of them, and what each asks for beyond it.
     clearance : float [m]
     upper : sequence of Outline
         Other outlines of the base, each among obstacles of its own; the floor does not bind them.
@@ -149,7 +149,7 @@ def _obstacle_tables(obstacles: Sequence[Shadow], clearance: float) -> tuple[Arr
     """Edges (m, 4) of shadows, the distance to keep from each (m,), and the area that shadows cover."""
     shadows = [shadow for shadow in obstacles if not shadow.core.is_empty]
     tables = [np.zeros((0, 4)), *(core_edges(shadow.core) for shadow in shadows)]
-    distances = [0.0, *(clearance + shadow.radius for shadow in shadows)]
+    distances = [0.0, *(clearance + shadow.kept for shadow in shadows)]
     bodies = [shadow.core for shadow in shadows if isinstance(shadow.core, Polygon | MultiPolygon)]
     none = FlatPolygon(np.zeros((0, 2)), np.zeros(1, dtype=np.int64))
     covered = FlatPolygon.from_shapely(shapely.union_all(bodies)) if bodies else none

@@ -228,7 +228,7 @@ def convex_scene(
     corners = footprint_scene(footprint, floor, obstacles, clearance).corners
     edges = [(edge.reshape(2, 2), 0.0) for edge in core_edges(floor)]
     solids = [
-        (core, clearance + shadow.radius) for shadow in obstacles for core in shapely.get_parts(shadow.core)
+        (core, clearance + shadow.kept) for shadow in obstacles for core in shapely.get_parts(shadow.core)
     ]
     convex = [(shapely.get_coordinates(core), keep) for core, keep in solids if _is_convex(core)]
     rest = [(core, keep) for core, keep in solids if not _is_convex(core)]

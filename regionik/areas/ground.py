@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -91,6 +92,14 @@ class Side:
         return pieces
 
 
+class Nearest(NamedTuple):
+    """A solid near to the base, the distance between their shadows and what the base has to keep [m]."""
+
+    name: str
+    gap: float
+    clearance: float
+
+
 @dataclass(frozen=True, eq=False)
 class Ground:
     """Floor of a world and layers of its base, and what they leave of it."""
@@ -112,7 +121,7 @@ class Ground:
 
     @property
     def clearance(self) -> float:
-        """That the footprint keeps from each shadow [m]."""
+        """That the footprint keeps from each shadow, but for what that asks for beyond it [m]."""
         return self.base.clearance
 
     @property
@@ -171,13 +180,13 @@ class Ground:
         """Outlines above the footprint about another point, (2,) from there to the arm axis [m]."""
         return [layer.moved(offset, margin) for layer in self.around]
 
-    def nearest(self, shape: BaseGeometry) -> tuple[str, float] | None:
-        """Name and distance of the shadow nearest to a shape on the floor."""
-        gaps = [shadow.distance(shape) for shadow in self.shadows]
-        if not gaps:
-            return None
-        k = int(np.argmin(gaps))
-        return self.names[k], gaps[k]
+    def nearest(self, shape: BaseGeometry) -> Nearest | None:
+        """The shadow nearest to a shape on the floor, by what is left of its clearance."""
+        found = [
+            Nearest(name, shadow.distance(shape), keep)
+            for name, shadow, keep in zip(self.names, self.shadows, self.base.keeps, strict=True)
+        ]
+        return min(found, key=lambda one: one.gap - one.clearance, default=None)
 
 
 def ground_from(world: World) -> Ground:

@@ -7,7 +7,7 @@ more than the footprint does.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
@@ -53,11 +53,14 @@ class BodyLayer:
         About the arm axis, in the base's directions [m].
     names : tuple of str
         Of the solids whose shadows the outline keeps clear of.
+    own : frozenset of str
+        Names of those that ask for a clearance of their own.
     """
 
     part: str
     outline: Outline
     names: tuple[str, ...]
+    own: frozenset[str] = frozenset()
 
     @property
     def shadows(self) -> tuple[Shadow, ...]:
@@ -65,8 +68,13 @@ class BodyLayer:
 
     @property
     def clearance(self) -> float:
-        """That is kept from each shadow [m]."""
+        """That is kept from each shadow, but for what it asks for beyond it [m]."""
         return self.outline.clearance
+
+    @property
+    def keeps(self) -> list[float]:
+        """Clearance from each shadow [m]."""
+        return [self.clearance + shadow.more for shadow in self.shadows]
 
     @cached_property
     def far(self) -> float:
@@ -88,14 +96,18 @@ class BodyLayer:
         return [grow(shadow, by, inner) for shadow in self.shadows]
 
     def grown_about(self, shape: BaseGeometry, clearance: float) -> list[tuple[str, BaseGeometry]]:
-        """Shadows that reject some of an inner area at a clearance: names, and what of them is about it."""
-        by = clearance + self.far + ROUNDING_MARGIN
+        """Shadows that reject some of an inner area at a clearance: names, and what of them is about it.
+
+        Solids that ask for a clearance of their own keep that.
+        """
         x0, y0, x1, y1 = shape.bounds
         found = []
-        for k in self.within(shape, by):
-            shadow = self.shadows[k]
+        most = max(clearance, self.clearance) if self.own else clearance
+        for k in self.within(shape, most + self.far + ROUNDING_MARGIN):
+            shadow, keep = self.shadows[k], self.clearance if self.names[k] in self.own else clearance
+            by = keep + self.far + ROUNDING_MARGIN
             if shapely.get_num_coordinates(shadow.core) > AREAS.min_cut_vertices:
-                wide = 2 * (by + shadow.radius) + ROUNDING_MARGIN
+                wide = 2 * (by + shadow.kept) + ROUNDING_MARGIN
                 around = shapely.box(x0 - wide, y0 - wide, x1 + wide, y1 + wide)
                 shadow = replace(shadow, core=shapely.intersection(shadow.core, around))
             found.append((self.names[k], grow(shadow, by, inner=True)))
@@ -105,7 +117,7 @@ class BodyLayer:
         """Return the layer cut to what matters to an outline within a region."""
         shadows, names = [], []
         for k in self.within(region, self.clearance):
-            by = self.clearance + self.shadows[k].radius + ROUNDING_MARGIN
+            by = self.clearance + self.shadows[k].kept + ROUNDING_MARGIN
             core = self.shadows[k].core
             if shapely.get_num_coordinates(core) > AREAS.max_whole_vertices:
                 core = shapely.intersection(core, shapely.buffer(region, by, join_style="mitre"))
@@ -127,7 +139,7 @@ class BodyLayer:
 
     def within(self, shape: BaseGeometry, by: float) -> list[int]:
         """Shadows that may meet a shape once grown by ``by`` [m], in order."""
-        widest = max((shadow.radius for shadow in self.shadows), default=0.0)
+        widest = max((shadow.kept for shadow in self.shadows), default=0.0)
         found = self.cores.query(shape, predicate="dwithin", distance=(by + widest) * 1.01)
         return np.sort(found).tolist()
 
@@ -140,11 +152,20 @@ class BodyLayer:
 def footprint_layer(world: World) -> BodyLayer:
     """Return the layer of the footprint."""
     robot = world.robot
-    found = [(solid.name, shadow_of(solid, robot.body_height, 0.0)) for solid in world.solids]
-    met = [(name, shadow) for name, shadow in found if shadow is not None]
+    found = [(solid, shadow_of(solid, robot.body_height, 0.0)) for solid in world.solids]
+    met = [(solid, shadow) for solid, shadow in found if shadow is not None]
+    own = frozenset(solid.name for solid, _ in met if solid.clearance is not None)
     corners = as_corners(robot.footprint - robot.mount[:2])
-    outline = Outline(corners, tuple(shadow for _, shadow in met), world.base_clearance)
-    return BodyLayer(base_name(robot), outline, tuple(name for name, _ in met))
+    shadows = tuple(_with_own_clearance(shadow, solid, world) for solid, shadow in met)
+    outline = Outline(corners, shadows, world.base_clearance)
+    return BodyLayer(base_name(robot), outline, tuple(solid.name for solid, _ in met), own)
+
+
+def _with_own_clearance(shadow: Shadow, solid: Solid, world: World) -> Shadow:
+    """Return the shadow of a solid with what the base keeps from that beyond the rules' clearance."""
+    if solid.clearance is None:
+        return shadow
+    return replace(shadow, more=solid.clearance - world.rules.clearance)
 
 
 def upper_layers(world: World, footprint: BodyLayer, *, inside: bool) -> tuple[BodyLayer, ...]:
@@ -166,17 +187,27 @@ def layers_of(
     found = []
     for prism in prisms:
         corners = as_corners(np.array(prism.outline) - world.robot.mount[:2])
-        narrow = _is_covered(corners, world.arm_clearance, footprint)
         met = [
             (solid.name, shadow)
-            for solid in world.solids
-            if not (narrow and _stands_upright(solid, world.robot.body_height))
-            and (shadow := shadow_of(solid, prism.high + keep, prism.low - keep)) is not None
+            for solid in _beyond_footprint(world, corners, footprint)
+            if (shadow := shadow_of(solid, prism.high + keep, prism.low - keep)) is not None
         ]
         if met:
             names, shadows = zip(*met, strict=True)
             found.append(BodyLayer(prism.part, Outline(corners, shadows, world.arm_clearance), names))
     return _without_repeats(found)
+
+
+def _beyond_footprint(world: World, corners: Corners, footprint: BodyLayer) -> Iterator[Solid]:
+    """Yield the solids that may reject an outline where they do not reject the footprint."""
+    covered = {
+        asked: _is_covered(corners, world.arm_clearance - asked, footprint)
+        for asked in set(map(world.base_clearance_from, world.solids))
+    }
+    for solid in world.solids:
+        asked = world.base_clearance_from(solid)
+        if not (covered[asked] and _stands_upright(solid, world.robot.body_height)):
+            yield solid
 
 
 def _without_repeats(layers: Sequence[BodyLayer]) -> tuple[BodyLayer, ...]:
@@ -190,11 +221,10 @@ def _without_repeats(layers: Sequence[BodyLayer]) -> tuple[BodyLayer, ...]:
     return tuple(layer for _, layer in kept)
 
 
-def _is_covered(corners: Corners, clearance: float, footprint: BodyLayer) -> bool:
-    """True if an outline grown by its clearance lies within the footprint grown by that of the base."""
+def _is_covered(corners: Corners, more: float, footprint: BodyLayer) -> bool:
+    """True if an outline grown by so much ``more`` than the footprint lies within that."""
     shape = shapely.convex_hull(shapely.multipoints(footprint.outline.corners))
-    more = footprint.clearance - clearance
-    room = grown(shape, more, outside=False) if more > 0 else shrunk(shape, -more, outside=False)
+    room = grown(shape, -more, outside=False) if more < 0 else shrunk(shape, more, outside=False)
     return bool(room.covers(MultiPoint(corners)))
 
 
@@ -218,7 +248,7 @@ def shadow_of(solid: Solid, below: float, above: float) -> Shadow | None:
 @lru_cache(maxsize=4096)
 def grow(shadow: Shadow, by: float, inner: bool) -> BaseGeometry:
     """A shadow grown by a disc, as a polygon around it (``inner``) or within it; shrunk where less than 0."""
-    far = shadow.radius + by
+    far = shadow.kept + by
     return grown(shadow.core, far, outside=inner) if far >= 0 else shrunk(shadow.core, -far, outside=inner)
 
 

@@ -28,7 +28,7 @@ def region_in_reach(world: World, places: Array, more: float) -> BaseGeometry:
     """Squares about places and start in which all lies that the robot may come near to, and more [m]."""
     robot, rules = world.robot, world.rules
     body = float(np.linalg.norm(robot.footprint, axis=1).max() + np.linalg.norm(robot.mount[:2]))
-    near = max(world.base_clearance, world.arm_clearance, rules.tool_contact) + rules.tolerance
+    near = max(world.widest_base_clearance, world.arm_clearance, rules.tool_contact) + rules.tolerance
     far = span_about_tool(robot) + 2 * body + near + AREAS.kept_width + more
     squares = [_squares(places[:, :2], far)]
     if world.start is not None:
@@ -59,7 +59,7 @@ def cut_to(world: World, region: BaseGeometry, *, floor: bool) -> World:
     polygon = world.floor.polygon
     if floor:
         polygon = shapely.intersection(polygon, region)
-        if polygon.area <= 0:
+        if shapely.intersection(world.open_floor, region).area <= 0:
             return world
     return replace(world, floor=replace(world.floor, polygon=polygon, cells=cells), obstacles=obstacles)
 

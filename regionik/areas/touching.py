@@ -26,13 +26,19 @@ def without_rounding_margin(ground: Ground) -> Ground:
 
 def _looser(layer: BodyLayer) -> BodyLayer:
     """A layer that keeps its clearance without the margin."""
-    left = layer.clearance - ROUNDING_MARGIN - BOUND_ROUNDING
-    shadows = tuple(_thinner(shadow, max(0.0, -left)) for shadow in layer.shadows)
-    return replace(layer, outline=replace(layer.outline, shadows=shadows, clearance=max(0.0, left)))
+    left = max(0.0, layer.clearance - ROUNDING_MARGIN - BOUND_ROUNDING)
+    shadows = tuple(_thinner(shadow, layer.clearance, left) for shadow in layer.shadows)
+    return replace(layer, outline=replace(layer.outline, shadows=shadows, clearance=left))
 
 
-def _thinner(shadow: Shadow, by: float) -> Shadow:
-    """A shadow without a rim [m]; whole where it is too thin for that."""
+def _thinner(shadow: Shadow, clearance: float, left: float) -> Shadow:
+    """A shadow with what it asks for beyond what is left of a clearance [m].
+
+    Where that is less than nothing it loses a rim; it is whole where it is too thin for that.
+    """
+    keep = clearance + shadow.more - ROUNDING_MARGIN - BOUND_ROUNDING
+    shadow = replace(shadow, more=max(0.0, keep) - left if shadow.more else 0.0)
+    by = max(0.0, -keep)
     if by <= shadow.radius:
         return replace(shadow, radius=shadow.radius - by)
     core = shapely.buffer(shadow.core, shadow.radius - by, join_style="mitre")

@@ -424,7 +424,7 @@ def _required_number(world: World) -> dict[str, tuple[str, float]]:
         "direction": ("of", cone),
         "orientation": ("of", cone),
         "contact": ("of", rules.deepest_contact),
-        "clearance": ("over", rules.clearance + round(world.base_clearance - rules.clearance, 4)),
+        "clearance": ("over", world.asks_alike * (rules.clearance + round(world.base_allowance, 4))),
         "arm": ("over", rules.arm_clearance + round(world.arm_clearance - rules.arm_clearance, 4)),
     }
     if criteria is not None:

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from regionik.explain.constraints import ARM_CLEARANCE, CLEARANCE, with_rules
+from regionik.explain.constraints import (
+    ARM_CLEARANCE,
+    CLEARANCE,
+    own_clearance,
+    with_own_clearance,
+    with_rules,
+)
 from regionik.explain.minimal_change import grid_above
 from regionik.explain.options import EXPLAIN
 from regionik.scene import Scene
@@ -15,6 +21,7 @@ from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import translation
 from regionik.worlds.errors import Repair, RepairKind, Unit
+from regionik.worlds.obstacles import Solid
 from regionik.worlds.scene import Target
 
 
@@ -109,8 +116,17 @@ def on_grid(step: Array) -> Array:
     return np.round(np.round(step / EXPLAIN.grid) * EXPLAIN.grid, 6) + 0.0
 
 
+def lower_clearances(scene: Scene, names: Iterable[str]) -> Iterator[Change | None]:
+    """Less clearance of the base: by the rules, and from each of some obstacles that asks for its own."""
+    if scene.world.solids:
+        yield lower_clearance(scene)
+    for name in names:
+        if any(solid.name == name and solid.clearance for solid in scene.world.obstacles):
+            yield lower_clearance(scene, own_clearance(name))
+
+
 def lower_clearance(scene: Scene, name: str = CLEARANCE) -> Change | None:
-    """Less clearance of the base, or of the arm."""
+    """Less clearance of the base by the rules or from one obstacle, or of the arm."""
     most = _clearance(scene, name)
     if most == 0:
         return None
@@ -119,7 +135,7 @@ def lower_clearance(scene: Scene, name: str = CLEARANCE) -> Change | None:
         left = float(np.floor((most - cut) / EXPLAIN.grid + 1e-6)) * EXPLAIN.grid
         return _repair(scene, "clearance", name, max(0.0, round(left, 6)))
 
-    return Change(scene, most, repair, monotone=name == CLEARANCE)
+    return Change(scene, most, repair, monotone=name != ARM_CLEARANCE)
 
 
 def open_cone(scene: Scene, who: str) -> Change | None:
@@ -195,12 +211,24 @@ def move_obstacle(scene: Scene, name: str) -> Move | None:
 # The table ---------------------------------------------------------------------------------------------
 
 
-def _rule(name: str) -> str:
-    return "arm_clearance" if name == ARM_CLEARANCE else "clearance"
+_CLEARANCES = {CLEARANCE: "clearance", ARM_CLEARANCE: "arm_clearance"}  # of the rules
+
+
+def _obstacle_asking(scene: Scene, name: str) -> Solid:
+    """The obstacle whose own clearance has that name."""
+    return next(solid for solid in scene.world.obstacles if own_clearance(solid.name) == name)
 
 
 def _clearance(scene: Scene, name: str) -> float:
-    return getattr(scene.rules, _rule(name))
+    if name in _CLEARANCES:
+        return getattr(scene.rules, _CLEARANCES[name])
+    return _obstacle_asking(scene, name).clearance or 0.0
+
+
+def _with_clearance(scene: Scene, repair: Repair, _: int) -> Scene:
+    if repair.name in _CLEARANCES:
+        return with_rules(scene, **{_CLEARANCES[repair.name]: repair.amount})
+    return with_own_clearance(scene, _obstacle_asking(scene, repair.name).name, repair.amount)
 
 
 def _arm_length(scene: Scene) -> float:
@@ -245,7 +273,7 @@ def _part_of_arm(scene: Scene, repair: Repair) -> float:
 
 
 def _clearance_text(scene: Scene, repair: Repair) -> str:
-    whose = "arm's clearance" if repair.name == ARM_CLEARANCE else "clearance"
+    whose = {CLEARANCE: "clearance", ARM_CLEARANCE: "arm's clearance"}.get(repair.name, repair.name)
     return f"lower the {whose} of {_clearance(scene, repair.name):.4f} m to {repair.amount:.4f} m"
 
 
@@ -262,7 +290,7 @@ def _lift_off_text(_: Scene, repair: Repair) -> str:
 
 _TABLE: dict[RepairKind, ChangeKind] = {
     "clearance": ChangeKind(
-        lambda scene, repair, _: with_rules(scene, **{_rule(repair.name): repair.amount}),
+        _with_clearance,
         lambda scene, repair: (_clearance(scene, repair.name) - repair.amount) / _arm_length(scene),
         _clearance_text,
     ),

@@ -60,9 +60,19 @@ def constraints_of(scene: Scene) -> tuple[Constraint, ...]:
     found = [Constraint("obstacle", solid.name, partial(without_obstacle, name=solid.name)) for solid in far]
     if scene.floor.cells:
         found.append(Constraint("obstacle", CELLS, without_cells))
+    found += [
+        Constraint("zone", zone.name, partial(without_zone, name=zone.name)) for zone in scene.world.zones
+    ]
     found.append(Constraint("floor", EDGE, without_edge))
     if scene.rules.clearance > 0 and scene.world.solids:
         found.append(Constraint("clearance", CLEARANCE, partial(with_rules, clearance=0.0)))
+    found += [
+        Constraint(
+            "clearance", own_clearance(solid.name), partial(with_own_clearance, name=solid.name, to=0.0)
+        )
+        for solid in far
+        if solid.clearance
+    ]
     if scene.rules.execution is not None:
         found.append(Constraint("execution", EXECUTION, partial(with_rules, execution=None)))
     if len(scene.robot.footprint) > 1:
@@ -128,6 +138,25 @@ def without_start(scene: Scene) -> Scene:
 def without_obstacle(scene: Scene, name: str) -> Scene:
     """No obstacle of that name."""
     return scene.changed(obstacles=tuple(solid for solid in scene.world.obstacles if solid.name != name))
+
+
+def own_clearance(name: str) -> str:
+    """What an obstacle's own clearance is called."""
+    return f"clearance from {name}"
+
+
+def with_own_clearance(scene: Scene, name: str, to: float) -> Scene:
+    """Another clearance of its own for the obstacle of that name."""
+    return scene.changed(
+        obstacles=tuple(
+            replace(solid, clearance=to) if solid.name == name else solid for solid in scene.world.obstacles
+        )
+    )
+
+
+def without_zone(scene: Scene, name: str) -> Scene:
+    """No zone of that name."""
+    return scene.changed(zones=tuple(zone for zone in scene.world.zones if zone.name != name))
 
 
 def without_cells(scene: Scene) -> Scene:
@@ -223,6 +252,11 @@ def join(names: Sequence[str]) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
+def zone_words(name: str) -> str:
+    """A zone as it stands in a sentence."""
+    return f"the zone {name}"
+
+
 def no_way_to(who: str) -> str:
     """Beginning of a sentence on a target that is neither shown to be in reach nor ruled out."""
     return f"No way was found to reach {who[0].lower()}{who[1:]}"
@@ -260,6 +294,13 @@ def _name(scene: Scene, one: Constraint) -> str:
         CELLS: f"the {CELLS}",
         JOINT_LIMITS: f"the {JOINT_LIMITS} of {scene.robot.name}",
     }
+    words |= {
+        own_clearance(solid.name): f"the {own_clearance(solid.name)}, {solid.clearance:g} m"
+        for solid in scene.world.obstacles
+        if solid.clearance is not None
+    }
+    if one.kind == "zone":
+        return zone_words(one.name)
     plain = f"the {one.name}" if one.kind in ("floor", "direction") else one.name
     return words.get(one.name, plain)
 

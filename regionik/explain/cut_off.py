@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from regionik.areas.free_space import FreeSpace, Index, into_span
 from regionik.areas.layers import Geometries, grow
 from regionik.explain.causes import deletion_filter
-from regionik.explain.constraints import CELLS, EDGE, join, no_way_to, setpoint_at, spot
+from regionik.explain.constraints import CELLS, EDGE, join, no_way_to, setpoint_at, spot, zone_words
 from regionik.explain.options import EXPLAIN
 from regionik.planners.driving.footprint_planner import passage_width
 from regionik.planners.driving.footprint_scene import footprint_width
@@ -26,9 +26,10 @@ from regionik.worlds.errors import Cause, Explanation, SetpointFailure
 class Barrier(NamedTuple):
     """What keeps a base from places."""
 
-    # Obstacles and `CELLS` that together do, none of which can be left out; none where the floor alone does
+    # Obstacles, zones and `CELLS` that together do, none of which can be left out; none where the floor does
     names: tuple[str, ...]
     proven: bool  # by outer areas: there is no way at all
+    zones: frozenset[str] = frozenset()  # names that are zones
 
     @property
     def floor_words(self) -> str:
@@ -38,15 +39,22 @@ class Barrier(NamedTuple):
     @property
     def words(self) -> str:
         """The names in a sentence, and what they do."""
-        named = join([f"the {name}" if name == CELLS else name for name in self.names or ("the floor",)])
+        named = join([self._said(name) for name in self.names] or ["the floor"])
         many = len(self.names) > 1 or self.names == (CELLS,)
         if self.proven:
             return f"{named} {'cut' if many else 'cuts'} it off"
         return f"{named} {'are' if many else 'is'} in the way"
 
+    def _said(self, name: str) -> str:
+        if name in self.zones:
+            return zone_words(name)
+        return f"the {name}" if name == CELLS else name
+
     def causes(self, margin: float | None = None) -> tuple[Cause, ...]:
         """The names as causes, or the floor, with what is missing [m]."""
-        found = tuple(Cause("obstacle", name, margin) for name in self.names)
+        found = tuple(
+            Cause("zone" if name in self.zones else "obstacle", name, margin) for name in self.names
+        )
         return found or (Cause("floor", EDGE, margin),)
 
 
@@ -72,7 +80,8 @@ def barrier(scene: Scene, here: Array, there: Array) -> Barrier | None:
             return _parted(free.outer if proven else free.turning, here, there)
 
         if parts(scene):
-            return Barrier(_together(scene, parts, LineString([here[:2], there[0, :2]])), proven)
+            names = _together(scene, parts, LineString([here[:2], there[0, :2]]))
+            return Barrier(names, proven, frozenset(zone.name for zone in scene.world.zones))
     return None
 
 
@@ -101,17 +110,19 @@ def _together(scene: Scene, parts: Callable[[Scene], bool], way: LineString) -> 
     for name, shadow in zip(ground.names, ground.shadows, strict=True):
         if name in off:
             off[name] = min(off[name], float(shadow.core.distance(way)))
-    every = sorted(off, key=lambda name: -off[name]) + ([CELLS] if scene.floor.cells else [])
+    zones = [zone.name for zone in scene.world.zones]
+    every = sorted(off, key=lambda name: -off[name]) + ([CELLS] if scene.floor.cells else []) + zones
     remaining = deletion_filter(every, lambda names: parts(_keeping(scene, names)))
-    given = [solid.name for solid in scene.world.obstacles]
+    given = [*(solid.name for solid in scene.world.obstacles), *zones]
     return tuple(sorted(remaining, key=lambda name: given.index(name) if name in given else len(given)))
 
 
 def _keeping(scene: Scene, names: Sequence[str]) -> Scene:
-    """A world without the obstacles, and cells of a map, that are not named."""
+    """A world without the obstacles, zones and cells of a map that are not named."""
+    zones = tuple(zone for zone in scene.world.zones if zone.name in names)
     solids = tuple(solid for solid in scene.world.obstacles if solid.name in names)
     floor = scene.floor if CELLS in names else replace(scene.floor, cells=())
-    return scene.changed(obstacles=solids, floor=floor)
+    return scene.changed(obstacles=solids, floor=floor, zones=zones)
 
 
 def cut_off(
@@ -131,7 +142,7 @@ def cut_off(
     reason = (
         f"No way was found {lead} has known places only on floor {found.floor_words}: {found.words}. "
         f"The nearest such place is {gap:.3f} m beyond the floor the base can drive on, at a clearance of "
-        f"{scene.world.base_clearance:.3f} m."
+        f"{scene.world.base_clearance:.3f} m{'' if scene.world.asks_alike else ' or what obstacles ask for'}."
     )
     reason += narrow_passage(scene, floor, areas)
     failures = (SetpointFailure(i, "ladder-broken", reason),)
@@ -140,7 +151,8 @@ def cut_off(
 
 def beyond(scene: Scene, i: int, here: BaseGeometry, areas: BaseGeometry) -> SetpointFailure:
     """The failure of a set-point i whose ``areas`` are all on other floor than the base is on, ``here``."""
-    names = crossed(scene, shapely.shortest_line(here, areas)) if not here.is_empty else []
+    way = shapely.shortest_line(here, areas) if not here.is_empty else LineString()
+    names = [*crossed(scene, way), *map(zone_words, crossed_zones(scene, way))]
     reason = f"{setpoint_at(scene.task, i)} has known places only on floor that the base cannot get to"
     return SetpointFailure(
         i, "ladder-broken", f"{reason}: {join(names or ['the edge of the floor'])} cuts it off."
@@ -196,8 +208,15 @@ def _clear_floor(scene: Scene) -> BaseGeometry:
     return shapely.difference(ground.floor, shapely.union_all(taken))
 
 
+def crossed_zones(scene: Scene, bridge: BaseGeometry) -> list[str]:
+    """Zones that do not let the base be all along a line on the floor."""
+    return [zone.name for zone in scene.world.zones if not zone.allows(bridge)]
+
+
 def crossed(scene: Scene, bridge: BaseGeometry) -> list[str]:
     """Obstacles whose grown shadows a line on the floor runs through."""
+    if bridge.is_empty:
+        return []
     ground = scene.ground
     names = (
         name for name, _, taken in ground.rejections(bridge, ground.clearance) if taken.intersects(bridge)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import shapely
 from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
+from regionik.areas.ground import Nearest
 from regionik.areas.touching import BOUND_ROUNDING
+from regionik.explain.causes import deletion_filter
 from regionik.explain.changes import lift_within, one_lift_off
 from regionik.explain.constraints import (
     join,
@@ -17,8 +20,9 @@ from regionik.explain.constraints import (
     setpoint_at,
     with_rules,
     within_stroke,
+    zone_words,
 )
-from regionik.explain.cut_off import crossed, narrow_floor, narrow_passage
+from regionik.explain.cut_off import crossed, crossed_zones, narrow_floor, narrow_passage
 from regionik.planners.driving.footprint_planner import NarrowPassageError
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.geometry.offsets import deepest_inside, farthest_outside
@@ -39,6 +43,7 @@ from regionik.worlds.errors import Cause, CauseKind, Explanation, ReasonCode, Re
 from regionik.worlds.obstacles import Shadow
 from regionik.worlds.scene import Target, World
 from regionik.worlds.self_collision import base_name
+from regionik.worlds.zones import Zone
 
 _Told = tuple[ReasonCode, str, tuple[Cause, ...], tuple[Repair, ...]]  # the reason in a word and in words
 
@@ -61,6 +66,10 @@ def no_place(scene: Scene, i: int, targets: Sequence[Target] | None = None) -> E
     above = _blocked_above(scene, target) if open_clearance is None else []
     if above:
         code, reason, causes, repairs = _under(scene, above, lead, proven=proven)
+    elif open_clearance is None and _has_room_without_own(scene, target):
+        code, reason, causes, repairs = _crowded_out(scene, lead, reach, None, proven=proven)
+    elif open_clearance is None and (zones := _zones_in_the_way(scene, target)):
+        code, reason, causes, repairs = _zoned_out(zones, lead, proven=proven)
     elif open_clearance is None:
         code, reason, causes, repairs = _out_of_reach(scene, target, lead, reach, proven=proven)
         if targets is None and causes[0].kind == "floor" and causes[0].margin is not None:
@@ -76,6 +85,35 @@ def no_place(scene: Scene, i: int, targets: Sequence[Target] | None = None) -> E
     if not proven:
         reason += f" It is not ruled out either: {_left_open(scene, target)}."
     return Explanation("unreachable" if proven else "undecided", i, reason, causes, repairs, code=code)
+
+
+def _has_room_without_own(scene: Scene, target: Target) -> bool:
+    """True where obstacles that ask for a clearance of their own leave a target no place, and less would."""
+    if not scene.ground.base.own:
+        return False
+    bare = tuple(
+        one if one.clearance is None else replace(one, clearance=0.0) for one in scene.world.obstacles
+    )
+    return largest_clearance(scene.changed(obstacles=bare), target) is not None
+
+
+def _zones_in_the_way(scene: Scene, target: Target) -> list[Zone]:
+    """Zones that leave a target no place, where it would have one without them; few of them that do."""
+    zones = scene.world.zones
+
+    def shut(some: Sequence[Zone]) -> bool:
+        return largest_clearance(scene.changed(zones=tuple(some)), target) is None
+
+    return [] if not zones or shut(()) else list(deletion_filter(zones, shut))
+
+
+def _zoned_out(zones: Sequence[Zone], lead: str, *, proven: bool) -> _Told:
+    """Reason where zones leave the base no place from which the arm reaches."""
+    reach, would = ("could reach", "would be") if proven else ("is known to reach", "would or might be")
+    sides = ("in" if zone.keep == "out" else "outside" for zone in zones)
+    named = [f"{side} {zone_words(zone.name)}" for side, zone in zip(sides, zones, strict=True)]
+    reason = f"{lead}: wherever the arm {reach} it from, the base {would} {' or '.join(named)}."
+    return "zone-blocked", reason, tuple(Cause("zone", zone.name) for zone in zones), ()
 
 
 def _left_open(scene: Scene, target: Target) -> str:
@@ -176,17 +214,20 @@ def _missing_postures(scene: Scene, target: Target) -> tuple[ReasonCode, str]:
 
 
 def _crowded_out(
-    scene: Scene, lead: str, outer: BaseGeometry, open_clearance: float, *, proven: bool
+    scene: Scene, lead: str, outer: BaseGeometry, open_clearance: float | None, *, proven: bool
 ) -> _Told:
-    wanted = scene.world.base_clearance
-    missing = wanted - open_clearance
+    """Reason where the base finds no room for its clearances; ``open_clearance`` is one that leaves some."""
     blockers = sorted(rejected_by_obstacles(scene, outer), key=lambda part: -part.polygon.area)
     names = list(dict.fromkeys(part.name for part in blockers if part.polygon.area > 1e-12))
     reach, is_near = ("could reach", "is") if proven else ("is known to reach", "is or may be")
-    reason = (
-        f"{lead}: wherever the arm {reach} it from, the base {is_near} nearer than its clearance of "
-        f"{wanted:.3f} m to {join(names[:4])}. The most clearance that is known to leave a place is "
-        f"{rounded_down(open_clearance, 3):.3f} m, {missing:.3f} m less."
+    near = _nearer_than_allowed(scene, names[:4])
+    reason = f"{lead}: wherever the arm {reach} it from, the base {is_near} {near}."
+    if open_clearance is None:
+        return "base-blocked", reason, tuple(Cause("obstacle", name) for name in names), ()
+    missing = scene.world.base_clearance - open_clearance
+    reason += (
+        f" The most clearance that is known to leave a place is {rounded_down(open_clearance, 3):.3f} m, "
+        f"{missing:.3f} m less."
     )
     causes = tuple(Cause("obstacle", name, missing) for name in names)
     left = rounded_down(
@@ -195,6 +236,16 @@ def _crowded_out(
     text = f"a clearance of {left:.3f} m lets it be reached"
     repairs = (Repair("clearance", "rules.clearance", left, text),) if left >= 0 else ()
     return "base-blocked", reason, causes, repairs
+
+
+def _nearer_than_allowed(scene: Scene, names: Sequence[str]) -> str:
+    """Words on a base that is too near to obstacles, with the clearances that these ask for."""
+    world = scene.world
+    asked = {one.name: world.base_clearance_from(one) for one in world.solids if one.clearance is not None}
+    if asked.keys().isdisjoint(names):
+        return f"nearer than its clearance of {world.base_clearance:.3f} m to {join(names)}"
+    named = [f"{name} ({asked.get(name, world.base_clearance):.3f} m)" for name in names]
+    return f"nearer than its clearance to {join(named)}"
 
 
 def too_many_lifts(scene: Scene, i: int, bridge: BaseGeometry, number: int, count: int) -> Explanation:
@@ -223,14 +274,15 @@ def stroke_between_stops(scene: Scene, stops: Sequence[Stop]) -> Explanation | N
 
 def _broken(scene: Scene, i: int, bridge: BaseGeometry, told: str, repair: Repair) -> Explanation:
     """A refusal of a lift-off; ``bridge`` is the shortest way between places of the base."""
-    blockers = crossed(scene, bridge)
-    names = join(blockers) if blockers else "the arm's reach"
+    blockers, zones = crossed(scene, bridge), crossed_zones(scene, bridge)
+    names = join([*blockers, *map(zone_words, zones)] or ["the arm's reach"])
     reason = (
         f"The path breaks between set-points {i} and {i + 1} of {len(scene.task)}: no known place of the "
         f"base serves both, {bridge.length:.3f} m apart at the nearest, because of {names}; the tool would "
         f"have to be lifted here, {told}"
     )
     causes = tuple(Cause("obstacle", name, float(bridge.length)) for name in blockers)
+    causes += tuple(Cause("zone", name, float(bridge.length)) for name in zones)
     causes = causes or (Cause("reach", names, None),)
     return Explanation("ladder-broken", i, reason, causes, (repair,))
 
@@ -243,6 +295,13 @@ def blocked_start(scene: Scene) -> Explanation | None:
     x, y, _ = scene.start.base
     outline = scene.robot.outline(scene.start.base)
     where = f"The start at ({x:z.3f}, {y:z.3f})"
+    zone = next(
+        (one for one in scene.world.zones if not one.allows(outline, scene.world.base_allowance)), None
+    )
+    if zone is not None and _is_off_floor(scene.world, outline):
+        side = "outside" if zone.keep == "in" else "in"
+        reason = f"{where} is {side} {zone_words(zone.name)}; the base must start {_where_allowed(zone)}."
+        return Explanation("start-blocked", None, reason, (Cause("zone", zone.name),))
     if _is_off_floor(scene.world, outline):
         off = farthest_outside(outline, scene.world.drivable_floor)
         reason = f"{where} is off the floor by {off:.3f} m; the base must start on it."
@@ -251,16 +310,21 @@ def blocked_start(scene: Scene) -> Explanation | None:
     found = too_close(scene, scene.start.base)
     if found is None:
         return None
-    name, gap = found
+    name, gap, clearance = found
     shadows = [shadow for n, shadow in zip(ground.names, ground.shadows, strict=True) if n == name]
     depth = max(_depth(shadow, outline) for shadow in shadows)
     place = f"inside {name}, {depth:.3f} m deep" if gap == 0.0 else f"{gap:.3f} m from {name}"
-    missing = ground.clearance - gap + (depth if gap == 0.0 else 0.0)
+    missing = clearance - gap + (depth if gap == 0.0 else 0.0)
     reason = (
         f"{where} is blocked: the base stands {place}, and must keep a clearance of "
-        f"{ground.clearance:.3f} m. It would have to start at least {missing:.3f} m farther away."
+        f"{clearance:.3f} m. It would have to start at least {missing:.3f} m farther away."
     )
     return Explanation("start-blocked", None, reason, (Cause("obstacle", name, missing),))
+
+
+def _where_allowed(zone: Zone) -> str:
+    """Words on where the base is to be."""
+    return "inside it" if zone.keep == "in" else "outside it, all of its footprint"
 
 
 def is_blocked(scene: Scene, base: Array) -> bool:
@@ -268,11 +332,18 @@ def is_blocked(scene: Scene, base: Array) -> bool:
     return _is_off_floor(scene.world, scene.robot.outline(base)) or too_close(scene, base) is not None
 
 
-def too_close(scene: Scene, base: Array) -> tuple[str, float] | None:
-    """The obstacle nearest to a base (3,) that stands too close to it, and its distance [m]."""
-    ground = scene.ground
-    found = ground.nearest(scene.robot.outline(base))
-    return None if found is None or found[1] >= ground.clearance - BOUND_ROUNDING else found
+def too_close(scene: Scene, base: Array) -> Nearest | None:
+    """The obstacle that a base (3,) stands too close to, by most."""
+    ground, outline = scene.ground, scene.robot.outline(base)
+    found = ground.nearest(outline)
+    if found is None or found.gap < found.clearance - BOUND_ROUNDING:
+        return found
+    if found.gap > 0.0:
+        return None
+    for name, shadow, keep in zip(ground.names, ground.shadows, ground.base.keeps, strict=True):
+        if _depth(shadow, outline) > BOUND_ROUNDING:  # in what asks for no clearance
+            return Nearest(name, 0.0, keep)
+    return None
 
 
 def _is_off_floor(world: World, outline: BaseGeometry) -> bool:

@@ -19,6 +19,7 @@ from regionik.explain.changes import (
     allow_lift_offs,
     lift_within,
     lower_clearance,
+    lower_clearances,
     move_obstacle,
     move_target,
     open_cone,
@@ -78,9 +79,14 @@ class Oracles:
     look: Callable[[Scene, int], Verdict]
 
 
+def _named(causes: Sequence[Constraint]) -> list[str]:
+    """Names of the obstacles among the causes."""
+    return [one.name for one in causes if one.kind == "obstacle"]
+
+
 def _obstacles(scene: Scene, causes: Sequence[Constraint]) -> Iterator[Move | None]:
     """Moves of the obstacles among the causes; moving any other does not help."""
-    return (move_obstacle(scene, one.name) for one in causes if one.kind == "obstacle")
+    return (move_obstacle(scene, name) for name in _named(causes))
 
 
 @dataclass(frozen=True)
@@ -141,8 +147,7 @@ class TargetQuestion(_OneTarget):
     def changes(self, causes: Sequence[Constraint]) -> Iterator[Change | Move | None]:
         scene, target, span = self.scene, self.scene.task[0], reach_bound(self.scene.robot.chain)
         model = scene.model(target)
-        if scene.world.solids:
-            yield lower_clearance(scene)
+        yield from lower_clearances(scene, _named(causes))
         yield open_cone(scene, self.who)
         if model.exact:  # any other arm needs a search for each height
             height = float(target.position[2] - scene.robot.mount[2]) - span.height
@@ -311,8 +316,7 @@ class PathQuestion:
             yield allow_lift_offs(self.scene, self.setpoint)
         if any(one.name == LIFT_WITHIN for one in causes):
             yield Change(self.scene, 1, lambda _: lift_within(self.scene, self.setpoint), counted=True)
-        if self.scene.world.solids:
-            yield lower_clearance(self.scene)
+        yield from lower_clearances(self.scene, _named(causes))
         if not self.scene.free_floor.turns_matter:
             yield from _obstacles(self.scene, causes)
             yield raise_arm(self.scene, reach_bound(self.scene.robot.chain).length)

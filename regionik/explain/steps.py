@@ -80,7 +80,7 @@ def _opens(move: Move, *, space: bool) -> Opens:
 def _farthest(scene: Scene) -> float:
     """Length of a move that brings the target next to the arm, wherever that may stand [m]."""
     span, target = reach_bound(scene.robot.chain), scene.task[0].position
-    off = float(scene.floor.polygon.distance(Point(target[:2])))
+    off = float(scene.world.open_floor.distance(Point(target[:2])))
     height = abs(float(target[2] - scene.robot.mount[2]) - span.height)
     return off + height + 2 * (span.radius + span.length)
 
@@ -105,7 +105,7 @@ def obstacle_steps(move: Move) -> Steps | None:
     room = shapely.union_all(areas.inner[shapely.area(areas.inner) > MIN_AREA])
     if shadow is None or room.is_empty:
         return None
-    taken = grow(shadow, ground.clearance + ground.far + ROUNDING_MARGIN, inner=True)
+    taken = grow(shadow, scene.world.base_clearance_from(solid) + ground.far + ROUNDING_MARGIN, inner=True)
     spot = scene.task[0].position
 
     def opens(steps: Array) -> NDArray[np.bool_]:

@@ -9,9 +9,11 @@ from dataclasses import replace
 import numpy as np
 
 from regionik.explain.changes import (
+    Change,
     Move,
     lift_within,
     lower_clearance,
+    lower_clearances,
     move_obstacle,
     move_start,
     move_target,
@@ -20,7 +22,7 @@ from regionik.explain.changes import (
     smaller_circle,
     smallest_first,
 )
-from regionik.explain.constraints import ARM_CLEARANCE, CLEARANCE, mended
+from regionik.explain.constraints import ARM_CLEARANCE, mended
 from regionik.explain.failures import is_blocked, too_close
 from regionik.explain.minimal_change import Holds, Scan, circle
 from regionik.explain.options import EXPLAIN
@@ -79,11 +81,12 @@ def _groups(scene: Scene, i: int, quick: Explanation) -> Iterator[Iterator[Repai
     wide = scene.rules.stop_tolerance
     if scene.rules.mode == "stops" and wide:
         yield (smaller_circle(scene, (1 - share) * wide) for share in OPTIONS.given_up_shares)
-    for name in (CLEARANCE, ARM_CLEARANCE):
-        lower = lower_clearance(scene, name)
-        if lower is not None and scene.world.arm_solids:
+    named = list(dict.fromkeys(cause.name for cause in quick.causes if cause.kind == "obstacle"))
+    arms = [lower_clearance(scene, ARM_CLEARANCE)] if scene.world.arm_solids else []
+    for lower in (*lower_clearances(scene, named), *arms):
+        if lower is not None:
             yield (lower.repair(share * lower.most) for share in OPTIONS.given_up_shares)
-    for name in dict.fromkeys(cause.name for cause in quick.causes if cause.kind == "obstacle"):
+    for name in named:
         move = move_obstacle(scene, name)
         if move is not None:
             yield _moved(move, _away(scene, i, name)[None])
@@ -113,17 +116,22 @@ def mended_start(scene: Scene, quick: Explanation, blocked: Asked, plans: Asked)
     A repair says so where the path is not planned with it, or was not with as many tries as are made at most.
     """
     found = list[Repair]()
-    lower = lower_clearance(scene)
-    deep = any((cause.margin or 0.0) >= scene.world.base_clearance for cause in quick.causes)
-    if lower is not None and not deep:  # no clearance helps a base that stands in a solid, or off the floor
-        amount = CLEARANCE_SCAN.first(lambda cut: not blocked(lower.at(cut)), lower.most)
-        found += [] if amount is None else [lower.repair(min(amount + OPTIONS.start_spare, lower.most))]
+    for lower in lower_clearances(scene, [cause.name for cause in quick.causes]):
+        # No clearance helps a base that stands in a solid, or off the floor.
+        if lower is not None and not blocked(lower.at(lower.most)):
+            found += [_least_lowered(lower, blocked)]
     solids = (move_obstacle(scene, cause.name) for cause in quick.causes if cause.kind == "obstacle")
     moves = [move_start(scene), *(move for move in solids if move is not None)]
     found += [one for one in map(_shortest, moves) if one is not None and not blocked(repaired(scene, one))]
     repairs = list(_confirmed(scene, smallest_first(scene, found), plans))
     told = mended(repairs, [f"move {move.name} by up to {OPTIONS.max_start_move:g} m" for move in moves])
     return replace(quick, reason=f"{quick.reason} {told}", repairs=tuple(repairs))
+
+
+def _least_lowered(lower: Change, blocked: Asked) -> Repair:
+    """The least that a clearance must be lowered by for a start to be free, where all of it is enough."""
+    amount = CLEARANCE_SCAN.first(lambda cut: not blocked(lower.at(cut)), lower.most)
+    return lower.repair(lower.most if amount is None else min(amount + OPTIONS.start_spare, lower.most))
 
 
 def tries_for(scene: Scene) -> int:

@@ -149,7 +149,7 @@ def base_parameters(world: World, frame: str) -> Message:
         costmap["footprint"] = str(np.round(robot.footprint, 6).tolist())
     inflation = {
         "plugin": "nav2_costmap_2d::InflationLayer",
-        "inflation_radius": float(world.rules.clearance),
+        "inflation_radius": max([world.rules.clearance, *(solid.clearance or 0.0 for solid in world.solids)]),
     }
     costmap |= {"plugins": ["inflation_layer"], "inflation_layer": inflation}
     return {

@@ -15,7 +15,7 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
-from regionik.explain.constraints import no_way_to
+from regionik.explain.constraints import no_way_to, zone_words
 from regionik.mfabrik import solver_for
 from regionik.planners.collision.proximity import describe, nearest, room_of
 from regionik.planners.collision.robot_bodies import bodies_from
@@ -120,16 +120,20 @@ def _blocked(scene: Scene, base: Array) -> tuple[ReasonCode, str] | None:
             return "wrong-heading", f"the rules fix the heading of the base at {fixed:z.4f} rad"
     ground, outline = scene.ground, scene.robot.outline(base)
     if not shapely.covers(shapely.buffer(ground.floor, EXACT), outline):
+        for zone in scene.world.zones:
+            if not zone.allows(outline, scene.world.base_allowance):
+                side = "outside" if zone.keep == "in" else "in"
+                return "zone-blocked", f"the base stands {side} {zone_words(zone.name)} there"
         off = farthest_outside(outline, ground.floor)
         return "off-floor", f"the base stands off the floor there, by {off:.4f} m"
-    name, gap = ground.nearest(outline) or ("", np.inf)
+    name, gap, clearance = ground.nearest(outline) or ("", np.inf, 0.0)
     named = zip(ground.names, ground.shadows, strict=True) if gap == 0.0 else ()
     inside = next((name for name, shadow in named if _holds_some(shadow, outline)), "")
     if inside:
         return "base-blocked", f"the base stands inside {inside} there"
-    if gap >= ground.clearance - EXACT:
+    if gap >= clearance - EXACT:
         return None
-    needed = f"and must keep {ground.clearance:.4f} m"
+    needed = f"and must keep {clearance:.4f} m"
     return "base-blocked", f"the base stands {gap:.4f} m from {name} there, {needed}"
 
 

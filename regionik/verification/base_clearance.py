@@ -7,10 +7,12 @@ Where it turns, it stays within the chord deviation of that hull.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
 
 from regionik.planners.geometry.offsets import deepest_inside, farthest_outside
 from regionik.values import Violation
@@ -19,7 +21,7 @@ from regionik.verification.options import VERIFICATION
 from regionik.verification.proofs import Finding, Intervals, IntervalVerdicts, StateNames, bisect, finding
 from regionik.verification.tolerances import EXACT, OVERLAP, TURNING
 from regionik.worlds.arrays import Array
-from regionik.worlds.obstacles import Shadow
+from regionik.worlds.obstacles import Shadow, Solid
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import World
 
@@ -72,10 +74,15 @@ def footprint_hulls(robot: Robot, base: Array) -> Shapes:
     return _hulls(_corners(robot, base))
 
 
-def base_shadows(world: World) -> list[tuple[str, Shadow]]:
-    """Names and shadows of the solids that the base could hit."""
-    shadows = ((solid.name, solid.shadow(world.robot.body_height, above=0.0)) for solid in world.solids)
-    return [(name, shadow) for name, shadow in shadows if shadow is not None and not shadow.core.is_empty]
+def base_shadows(world: World) -> list[tuple[Solid, Shadow]]:
+    """The solids that the base could hit, and their shadows."""
+    shadows = ((solid, solid.shadow(world.robot.body_height, above=0.0)) for solid in world.solids)
+    return [(solid, shadow) for solid, shadow in shadows if shadow is not None and not shadow.core.is_empty]
+
+
+def asked_of_base(world: World, solid: Solid) -> float:
+    """Distance that the base has to keep from a solid, with what execution may take of it [m]."""
+    return (world.rules.clearance if solid.clearance is None else solid.clearance) + world.base_allowance
 
 
 def _corners(robot: Robot, base: Array) -> Array:
@@ -91,18 +98,35 @@ def _hulls(corners: Array) -> Shapes:
 
 def verify_floor(world: World, segments: MotionSegments, names: StateNames) -> Finding:
     """The footprint stays inside the floor."""
+    ground: BaseGeometry = world.floor.polygon
+    if world.base_allowance:
+        ground = ground.buffer(-world.base_allowance, join_style="mitre")
+    return verify_inside(Region("floor", "off the floor", "on the floor", ground), segments, names)
+
+
+class Region(NamedTuple):
+    """A part of the floor in which the footprint has to stay, and words on that."""
+
+    kind: str  # of the check
+    off: str
+    inside: str
+    ground: BaseGeometry
+
+
+def verify_inside(region: Region, segments: MotionSegments, names: StateNames) -> Finding:
+    """The footprint stays inside a region of the floor."""
     sweep = _SweptFootprint(segments)
-    ground = world.drivable_floor
+    ground = region.ground
     edge = ground.boundary
     grown = {tol: shapely.buffer(ground, tol, join_style="mitre") for tol in (EXACT, TURNING)}
     for shape in (ground, edge, *grown.values()):
         shapely.prepare(shape)
-    shapes = footprint_hulls(world.robot, segments.motion.base)
+    shapes = footprint_hulls(segments.robot, segments.motion.base)
     inside = shapely.covers(grown[EXACT], shapes)
     off = np.flatnonzero(~inside)
     out = _distances_outside(shapes[off], ground)
     where = [names.state(k) for k in off.tolist()]
-    violations = [_off_floor(names, *one) for one in zip(off.tolist(), where, out.tolist(), strict=True)]
+    violations = [_left(region, names, *one) for one in zip(off.tolist(), where, out.tolist(), strict=True)]
     candidates = np.flatnonzero(inside[:-1] & inside[1:] & sweep.moving)
     exact = sweep.exact
 
@@ -111,20 +135,22 @@ def verify_floor(world: World, segments: MotionSegments, names: StateNames) -> F
         hull, bulge = sweep.swept(k, intervals.low, intervals.high)
         within = np.where(exact[k], shapely.covers(grown[EXACT], hull), shapely.covers(grown[TURNING], hull))
         proven = within & (exact[k] | (bulge <= TURNING) | (shapely.distance(hull, edge) >= bulge))
-        middle = footprint_hulls(world.robot, segments.base_at(k, intervals.middle))
+        middle = footprint_hulls(segments.robot, segments.base_at(k, intervals.middle))
         refuted = np.where(exact[k], ~within, ~shapely.covers(grown[TURNING], middle))
         short = sweep.moved(k, intervals.length) + 100 * bulge < OPTIONS.min_base_motion
         return IntervalVerdicts(proven, refuted, short)
 
     failed = bisect(len(candidates), examine)
     segment, s = candidates[list(failed)], np.array(list(failed.values()))
-    passed = footprint_hulls(world.robot, segments.base_at(segment, s))
+    passed = footprint_hulls(segments.robot, segments.base_at(segment, s))
     whole = sweep.swept(segment, np.zeros(len(s)), np.ones(len(s)))[0]
     out = _distances_outside(np.where(exact[segment], whole, passed), ground)
     where = [names.segment(k) for k in segment.tolist()]
-    violations += [_off_floor(names, *one) for one in zip(segment.tolist(), where, out.tolist(), strict=True)]
+    violations += [
+        _left(region, names, *one) for one in zip(segment.tolist(), where, out.tolist(), strict=True)
+    ]
     inner = shapely.distance(shapes[inside], edge)
-    return finding("floor", float(inner.min(initial=np.inf)), violations)
+    return finding(region.kind, float(inner.min(initial=np.inf)), violations)
 
 
 def _distances_outside(shapes: Shapes, ground: shapely.Geometry) -> Array:
@@ -143,31 +169,32 @@ def _distances_outside(shapes: Shapes, ground: shapely.Geometry) -> Array:
     return out
 
 
-def _off_floor(names: StateNames, state: int, where: str, out: float) -> Violation:
-    text = f"the base is off the floor {where}, by {out:.4f} m"
+def _left(region: Region, names: StateNames, state: int, where: str, out: float) -> Violation:
+    text = f"the base is {region.off} {where}, by {out:.4f} m"
     if out <= TURNING:
-        text = f"the base is not proven to stay on the floor {where}"
-    return Violation("floor", state, names.owner(state), out, text)
+        text = f"the base is not proven to stay {region.inside} {where}"
+    return Violation(region.kind, state, names.owner(state), out, text)
 
 
 def verify_base_clearance(world: World, segments: MotionSegments, names: StateNames) -> Finding:
-    """The footprint keeps ``clearance`` from the shadow of every solid it could hit."""
+    """The footprint keeps from the shadow of every solid it could hit what that or the rules ask for."""
     known = base_shadows(world)
     if not known:
         return finding("clearance", np.inf, [])
     cores: Shapes = np.array([shadow.core for _, shadow in known], dtype=object)
     shapely.prepare(cores)
-    solids = tuple(name for name, _ in known)
+    solids = tuple(solid.name for solid, _ in known)
     radii = np.array([shadow.radius for _, shadow in known])
+    limits = np.array([asked_of_base(world, solid) for solid, _ in known])
     sweep = _SweptFootprint(segments)
-    return _ClearanceProof(sweep, names, world.base_clearance, solids, cores, radii).check()
+    return _ClearanceProof(sweep, names, limits, solids, cores, radii).check()
 
 
 @dataclass(frozen=True, eq=False)
 class _ClearanceProof:
     sweep: _SweptFootprint
     names: StateNames
-    limit: float
+    limits: Array  # that are asked of each solid [m]
     solids: tuple[str, ...]
     cores: Shapes
     radii: Array
@@ -177,7 +204,7 @@ class _ClearanceProof:
         shapes = footprint_hulls(segments.robot, segments.motion.base)
         state, solid = self._close_pairs(shapes, 0.0)
         distance = self._distances(shapes[state], solid)
-        bad = distance < self.limit - EXACT
+        bad = distance < self.limits[solid] - EXACT
         depth = self._depths(shapes[state[bad]], solid[bad], distance[bad]).tolist()
         rows = list(zip(state[bad].tolist(), solid[bad].tolist(), depth, strict=True))
         violations = [self._violation(k, self.names.state(k), j, d) for k, j, d in rows]
@@ -198,8 +225,7 @@ class _ClearanceProof:
         found = self._depths(met, near, self._distances(met, near)).tolist()
         for k, j, distance in zip(row.tolist(), near.tolist(), found, strict=True):
             violations.append(self._violation(k, self.names.segment(k), j, distance))
-        least = self._least_distance(np.concatenate([shapes, hull[exact]]))
-        return finding("clearance", least - self.limit, violations)
+        return finding("clearance", self._least_margin(np.concatenate([shapes, hull[exact]])), violations)
 
     def _depths(self, shapes: Shapes, solid: Indices, distance: Array) -> Array:
         """Distances, of the first footprints that overlap a shadow by how deep they are in it, below 0."""
@@ -212,10 +238,10 @@ class _ClearanceProof:
     def _examine(self, segment: Indices, solid: Indices, intervals: Intervals) -> IntervalVerdicts:
         hull, bulge = self.sweep.swept(segment, intervals.low, intervals.high)
         exact = self.sweep.exact[segment]
-        proven = self._distances(hull, solid) - np.where(exact, -EXACT, bulge - TURNING) >= self.limit
+        proven = self._distances(hull, solid) - np.where(exact, -EXACT, bulge - TURNING) >= self.limits[solid]
         segments = self.sweep.segments
         middle = footprint_hulls(segments.robot, segments.base_at(segment, intervals.middle))
-        refuted = np.where(exact, ~proven, self._distances(middle, solid) < self.limit - TURNING)
+        refuted = np.where(exact, ~proven, self._distances(middle, solid) < self.limits[solid] - TURNING)
         short = self.sweep.moved(segment, intervals.length) + 100 * bulge < OPTIONS.min_base_motion
         return IntervalVerdicts(proven, refuted, short)
 
@@ -224,27 +250,28 @@ class _ClearanceProof:
 
     def _close_pairs(self, shapes: Shapes, bulge: Array | float) -> tuple[Indices, Indices]:
         """Pairs of shapes and shadows that may be closer than the clearance."""
-        within = self.limit + self.radii.max() + bulge
+        within = (self.limits + self.radii).max() + bulge
         shape, core = shapely.STRtree(self.cores).query(shapes, predicate="dwithin", distance=within)
         order = np.lexsort((core, shape))
         return shape[order], core[order]
 
-    def _least_distance(self, shapes: Shapes) -> float:
-        """Least distance of any shape from any shadow [m]."""
-        found = []
-        for radius in np.unique(self.radii):
-            tree = shapely.STRtree(self.cores[self.radii == radius])
+    def _least_margin(self, shapes: Shapes) -> float:
+        """Least distance of any shape from any shadow beyond what is asked [m]."""
+        found, kinds = [], np.column_stack([self.radii, self.limits])
+        for radius, limit in np.unique(kinds, axis=0).tolist():
+            tree = shapely.STRtree(self.cores[(kinds == (radius, limit)).all(axis=1)])
             _, distance = tree.query_nearest(shapes, return_distance=True, all_matches=False)
-            found.append(float(distance.min()) - float(radius))
+            found.append(float(distance.min()) - radius - limit)
         return min(found)
 
     def _violation(self, state: int, where: str, solid: int, distance: float) -> Violation:
-        how = "comes within" if distance < self.limit else "is not proven to stay outside"
+        limit = float(self.limits[solid])
+        how = "comes within" if distance < limit else "is not proven to stay outside"
         near = f"the base {how} {distance:z.4f} m of {self.solids[solid]} {where}"
         if distance < 0:
             near = f"the base is {-distance:.4f} m inside {self.solids[solid]} {where}"
-        text = f"{near}; the clearance is {self.limit:g} m"
-        return Violation("clearance", state, self.names.owner(state), max(0.0, self.limit - distance), text)
+        text = f"{near}; the clearance is {limit:g} m"
+        return Violation("clearance", state, self.names.owner(state), max(0.0, limit - distance), text)
 
 
 def _distances(shapes: Shapes, cores: Shapes) -> Array:

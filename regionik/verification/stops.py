@@ -12,7 +12,7 @@ from scipy.special import bdtr
 
 from regionik.planners.geometry.offsets import farthest_outside, radius_that_holds
 from regionik.values import Plan, Stop, Violation
-from regionik.verification.base_clearance import base_shadows, footprint_hulls
+from regionik.verification.base_clearance import asked_of_base, base_shadows, footprint_hulls
 from regionik.verification.motion import wrap_angle
 from regionik.verification.options import VERIFICATION
 from regionik.verification.postures_on_target import postures_on_target
@@ -113,8 +113,9 @@ def _rooms(world: World, bases: Array) -> Array:
     shapes, floor = footprint_hulls(world.robot, bases), world.drivable_floor
     on_floor = shapely.covers(floor.buffer(TOUCH), shapes)
     room: Array = np.where(on_floor, shapely.distance(shapes, floor.boundary), -np.inf)
-    for _, shadow in base_shadows(world):
-        room = np.minimum(room, shapely.distance(shapes, shadow.core) - shadow.radius - world.base_clearance)
+    for solid, shadow in base_shadows(world):
+        apart = shapely.distance(shapes, shadow.core) - shadow.radius
+        room = np.minimum(room, apart - asked_of_base(world, solid))
     return room
 
 

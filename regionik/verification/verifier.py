@@ -38,6 +38,7 @@ from regionik.verification.tool_path import (
     verify_setpoints,
 )
 from regionik.verification.world_agreement import verify_world
+from regionik.verification.zones import verify_zones
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import Target, World
@@ -60,11 +61,11 @@ def verify(plan: Plan, world: World | None = None) -> Report:
     -------
     Report
         ``margins`` has the least margin of every check that measured something: ``joints`` [rad or m],
-        ``step``, ``wheels``, ``setpoint``, ``path``, ``floor``, ``clearance``, ``arm``, ``contact``,
-        ``self``, ``stops`` [m], ``direction``, ``orientation`` [rad], and of criteria that the rules ask for
-        ``manipulability`` [m3], ``joint_margin`` (a share of the range), ``effort`` [N m] or [N]; of a timed
-        plan ``timing`` (distance from the proven motion) [m], ``speeds`` (a share of the limit of speed or
-        acceleration that is used most), and ``jerk`` where that is limited. Those of
+        ``step``, ``wheels``, ``setpoint``, ``path``, ``floor``, ``zone``, ``clearance``, ``arm``,
+        ``contact``, ``self``, ``stops`` [m], ``direction``, ``orientation`` [rad], and of criteria that the
+        rules ask for ``manipulability`` [m3], ``joint_margin`` (a share of the range), ``effort`` [N m] or
+        [N]; of a timed plan ``timing`` (distance from the proven motion) [m], ``speeds`` (a share of the
+        limit of speed or acceleration that is used most), and ``jerk`` where that is limited. Those of
         ``arm``, ``contact`` and ``self`` go up to 0.05; that of ``contact`` is how much deeper the tool might
         sink in. Violations of kind ``structure`` or ``derived`` are of the plan's form, or of fields that its
         states contradict; of kind ``strokes``, lift-offs within one; those of kind ``execution`` tell where
@@ -97,6 +98,7 @@ def _findings(plan: Plan, segments: MotionSegments, names: StateNames) -> Iterat
     yield verify_direction(world, segments, names)
     yield verify_orientation(world, segments, names)
     yield verify_floor(world, segments, names)
+    yield from verify_zones(world, segments, names)
     yield verify_base_clearance(world, segments, names)
     yield from verify_arm_clearance(world, segments, names)
     yield verify_self_collision(segments, names)

@@ -16,7 +16,7 @@ from regionik.worlds.readers.text import clip
 from regionik.worlds.scene import Target, World
 from regionik.worlds.strokes import within_strokes
 
-PARTS = ("robot", "floor", "obstacles", "start", "rules")
+PARTS = ("robot", "floor", "obstacles", "zones", "start", "rules")
 # what is only drawn; what was left out is told by itself; a plan holds however it was made
 PASSED_OVER = ("visuals", "skip_unreachable", "smooth")
 _MISSING = object()

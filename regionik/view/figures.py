@@ -26,11 +26,13 @@ from regionik.regions import Area
 from regionik.storage.files import write_atomic
 from regionik.values import Answer, Plan, Stop
 from regionik.view.floor_view import (
+    ZONE_WORDS,
     FloorView,
     floor_view,
     seen_from_above,
     stops_floor,
     window,
+    zoned_floor,
 )
 from regionik.view.options import VIEW
 from regionik.view.picture import Color, count_noun
@@ -172,9 +174,13 @@ def _field_figure(field: Field) -> Figure:
     key += ax.plot(*edge, color=_hex(Color.ROBOT), linewidth=0.9, zorder=2, label="edge of the floor")
     key += _field_values(ax, field)
     solids = seen_from_above(field.scene)
-    if not solids.is_empty:
-        _area(ax, solids, facecolor=_hex(Color.SOLID), zorder=3)
-        key.append(Patch(facecolor=_hex(Color.SOLID), label="obstacles"))
+    for label, area, color in (
+        (ZONE_WORDS, zoned_floor(field.scene), Color.ZONE),
+        ("obstacles", solids, Color.SOLID),
+    ):
+        if not area.is_empty:
+            _area(ax, area, facecolor=_hex(color), zorder=3)
+            key.append(Patch(facecolor=_hex(color), label=label))
     if len(task):
         key += _dots(ax, task, zorder=4, label="targets")
     title = field.meaning.partition(":")[0]  # of a slice, the legend names its values
@@ -301,7 +307,7 @@ def _speeds(ax: Axes, curves: PlanCurves) -> None:
 def _clearance(ax: Axes, plan: Plan, curves: PlanCurves) -> None:
     world, found = plan.world, curves.clearances
     lines = (
-        ("base to solids", found.base, Color.AXIS_PATH, "-", world.base_clearance),
+        ("base to solids", found.base, Color.AXIS_PATH, "-", world.asks_alike * world.base_clearance),
         ("arm to solids", found.arm, Color.AHEAD, "-", world.arm_clearance),
         ("arm to itself", found.own, Color.ARM, ":", 0.0),
     )
@@ -333,6 +339,7 @@ def _floor(ax: Axes, floor: FloorView) -> None:
         ("free floor", floor.free, Color.NAVIGABLE),
         (TURNING_WORDS, floor.turning, Color.TURNING),
         (rejected, floor.rejected, Color.REJECTION),
+        (ZONE_WORDS, floor.zones, Color.ZONE),
         (pale, floor.pale, Color.PALE),
         (strong, floor.strong, Color.STRONG),
         ("obstacles", floor.solids, Color.SOLID),

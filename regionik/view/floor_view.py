@@ -24,12 +24,16 @@ from regionik.worlds.scene import World
 OPTIONS = VIEW.floor
 
 
+ZONE_WORDS = "floor of zones: no base on it"
+
+
 class ShownFloor(NamedTuple):
-    """Disjoint parts of the floor, by places of the arm's axis."""
+    """Disjoint parts of the floor, by places of the arm's axis; zones as they are."""
 
     free: BaseGeometry  # base and body have room at every heading
     turning: BaseGeometry  # they may have room at some
     rejected: BaseGeometry  # they have none at any heading, for solids or the floor's edge
+    zones: BaseGeometry  # where zones do not let the base be
 
 
 def shown_floor(world: World, detail: float = OPTIONS.detail) -> ShownFloor:
@@ -39,13 +43,20 @@ def shown_floor(world: World, detail: float = OPTIONS.detail) -> ShownFloor:
     rejected is one where a plan that holds has its arm's axis: the part is drawn a little too small, and so
     is the free one, where there is a part between them.
     """
-    ground, floor = scene_of(world).ground, world.floor.polygon
-    room, sure = ground.outer.free, ground.inner.free
+    ground, floor = scene_of(world).ground, world.open_floor
+    room, sure, zones = ground.outer.free, ground.inner.free, zoned_floor(world)
     rejected = _simplified(_shrunk(floor - room, detail), detail)
+    if world.zones:
+        rejected &= floor
     if _shrunk(room - sure, detail).is_empty:
-        return ShownFloor(floor - rejected, Polygon(), rejected)
+        return ShownFloor(floor - rejected, Polygon(), rejected, zones)
     free = _simplified(_shrunk(sure, detail), detail) - rejected
-    return ShownFloor(free, floor - rejected - free, rejected)
+    return ShownFloor(free, floor - rejected - free, rejected, zones)
+
+
+def zoned_floor(world: World) -> BaseGeometry:
+    """The floor on which zones do not let the base stand."""
+    return world.floor.polygon - world.open_floor if world.zones else Polygon()
 
 
 def _shrunk(shape: BaseGeometry, by: float) -> BaseGeometry:
@@ -64,8 +75,10 @@ def _simplified(shape: BaseGeometry, detail: float) -> BaseGeometry:
 
 def rejected_words(world: World) -> str:
     """Words for places where the base has no room at any heading."""
+    if scene_of(world).ground.near <= 0:
+        return "rejected: too close to a solid"
     return "rejected: too close to a solid" + (
-        " or the floor's edge" if scene_of(world).ground.near > 0 else ""
+        ", an edge or a zone" if world.zones else " or the floor's edge"
     )
 
 
@@ -125,6 +138,7 @@ class FloorView:
     free: BaseGeometry
     turning: BaseGeometry  # the base may have room at some headings
     rejected: BaseGeometry  # it has none at any
+    zones: BaseGeometry  # where zones do not let the base be
     pale: BaseGeometry  # admissible for a set-point, but not for the whole path
     strong: BaseGeometry  # admissible for the whole path
     words: tuple[str, str, str]  # for what is strong, what is pale, and what is rejected
@@ -205,6 +219,7 @@ def _floor_view(
         free=_visible(parts.free - admissible, detail),
         turning=_visible(parts.turning - admissible, detail),
         rejected=_visible(parts.rejected - admissible, detail),
+        zones=_visible(parts.zones - admissible, detail),
         pale=_visible(admissible - strong, detail),
         strong=_visible(strong, detail),
         words=(*used[1], rejected_words(world)),

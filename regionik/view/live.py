@@ -28,11 +28,12 @@ from regionik.view.world_picture import (
     picture_with_robot,
     scene_obstacle,
     task_meshes,
+    zone_meshes,
 )
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import Explanation, InputError, NoPlanFound
 from regionik.worlds.obstacles import Shadow, Solid
-from regionik.worlds.scene import Floor, World
+from regionik.worlds.scene import World
 
 OPTIONS = VIEW.animation
 
@@ -196,7 +197,7 @@ def live_meshes(areas: LiveAreas) -> list[SceneMesh]:
     )
     return [
         *_area_meshes(areas),
-        *_floor_meshes(world.floor),
+        *_floor_meshes(world),
         *(mesh for meshes in obstacles for mesh in meshes),
         *task_meshes(world, missing=failing_setpoints(areas)),
     ]
@@ -221,10 +222,12 @@ def failing_setpoints(areas: LiveAreas) -> NDArray[np.bool_]:
     return failing
 
 
-def _floor_meshes(floor: Floor) -> tuple[SceneMesh, ...]:
+def _floor_meshes(world: World) -> tuple[SceneMesh, ...]:
+    floor = world.floor
     return (
         SceneMesh("floor/all", triangle_meshes.floor_mesh(floor.polygon), Color.FLOOR, 1.0, 0),
-        floor_layer("floor/free", floor.polygon, Color.NAVIGABLE, 1, "other floor"),
+        floor_layer("floor/free", world.open_floor, Color.NAVIGABLE, 1, "other floor"),
+        *zone_meshes(world),
         *map_meshes(floor),
     )
 

@@ -29,6 +29,7 @@ class Color:
 
     FLOOR, NAVIGABLE, TURNING, REJECTION = 0xF6F4EE, 0x9ABFEB, 0xF3CF8E, 0xEC8179
     PALE, STRONG, CURRENT = 0xC5E9B9, 0x87CB8B, 0x439E59  # areas: admissible, whole path, next set-point
+    ZONE = 0xD7C3DB  # floor on which a zone lets no base stand
     SOLID, ROBOT, WHEEL = 0x9AA0A6, 0x44546A, 0x1A1E24
     ARM, HEADING = 0x39434F, 0xF4F6F8
     PATH, AHEAD, PASSED, MISSING = 0x7A5230, 0xFF8A1F, 0x12A347, 0xC1121F  # the tool path, its set-points

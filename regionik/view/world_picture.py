@@ -17,7 +17,7 @@ from regionik.postures.poses import pose_of
 from regionik.regions import known_area, reach_of
 from regionik.scene import scene_of
 from regionik.view import triangle_meshes
-from regionik.view.floor_view import rejected_words, shown_floor
+from regionik.view.floor_view import ZONE_WORDS, rejected_words, shown_floor
 from regionik.view.options import VIEW
 from regionik.view.picture import (
     Camera,
@@ -74,10 +74,21 @@ def world_meshes(world: World, covered: BaseGeometry | None = None) -> list[Scen
         floor_layer("floor/free", floor.free - covered, Color.NAVIGABLE, 1, "free floor"),
         floor_layer("floor/turning", floor.turning - covered, Color.TURNING, 1, TURNING_WORDS),
         floor_layer("floor/rejected", floor.rejected - covered, Color.REJECTION, 2, rejected_words(world)),
+        *zone_meshes(world, covered),
         *(scene_obstacle(f"obstacles/{k}", solid) for k, solid in enumerate(world.obstacles)),
         *map_meshes(world.floor),
         *task_meshes(world),
     ]
+
+
+def zone_meshes(world: World, covered: BaseGeometry | None = None) -> Iterator[SceneMesh]:
+    """Yield where each zone lets no base stand, as a layer of the floor; all are of one swatch."""
+    left = world.floor.polygon - (Polygon() if covered is None else covered)
+    for k, zone in enumerate(world.zones):
+        closed, side = left - zone.left_of(world.floor.polygon), "in it" if zone.keep == "in" else "out of it"
+        mesh = triangle_meshes.floor_mesh(closed)
+        name = f"zone {zone.name}: the base stays {side}"
+        yield SceneMesh(f"zones/{k}", mesh, Color.ZONE, 1.0, 2, label=ZONE_WORDS, name=name)
 
 
 def floor_layer(path: str, area: BaseGeometry, color: int, order: int, label: str) -> SceneMesh:
@@ -298,8 +309,9 @@ def picture_of_explanation(world: World, explanation: Explanation, target: Targe
     i = 0 if target is not None or explanation.setpoint is None else explanation.setpoint
     scene = world if target is None else replace(world, task=(target,))
     before = picture_of_world(scene)
-    names = {cause.name for cause in explanation.causes if cause.kind == "obstacle"}
+    names = {cause.name for cause in explanation.causes if cause.kind in ("obstacle", "zone")}
     causes = {f"obstacles/{k}" for k, solid in enumerate(scene.obstacles) if solid.name in names}
+    causes |= {f"zones/{k}" for k, zone in enumerate(scene.zones) if zone.name in names}
     bodies = [
         replace(body, color=Color.CAUSE, opacity=max(0.75, body.opacity), label=_CAUSE_WORDS)
         if body.path in causes

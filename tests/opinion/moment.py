@@ -10,7 +10,7 @@ import shapely
 
 from tests.opinion.course import Course, angle_between, arc_point, halfway
 from tests.opinion.machine import Array
-from tests.opinion.things import FLOOR, Shape, Thing, distance_of, placed
+from tests.opinion.things import FLOOR, Shape, Thing, asked_of, distance_of, floor_of, placed
 
 APART = 1e-5  # of distances in space, whose solver iterates [m]
 FLAT = 3e-6  # of distances on the floor [m]
@@ -23,14 +23,11 @@ class Moment:
     def __init__(self, course: Course, berth: float = -APART) -> None:
         self.course, self.machine, self.berth = course, course.machine, berth
         facts, world = course.machine.facts, course.world
-        floor = world["floor"]
-        self.floor = shapely.Polygon(floor["polygon"], floor.get("holes", [])).buffer(
-            FLAT, join_style="mitre"
-        )
+        self.floor = floor_of(world).buffer(FLAT, join_style="mitre")
         shapely.prepare(self.floor)
         self.plans = [thing for thing in course.things if thing.core is not None]
         self.cores = shapely.STRtree([thing.core for thing in self.plans])
-        self.widest = max((thing.radius for thing in self.plans), default=0.0)
+        self.widest = max((thing.radius + asked_of(thing, course.rules) for thing in self.plans), default=0.0)
         self.body, self.pairs = self.machine.body(), self.machine.rivals()
         self.off_floor = self.machine.off_floor()
         self.outline = facts.footprint
@@ -68,9 +65,9 @@ class Moment:
         shape = shapely.MultiPoint(corners).convex_hull
         if not self.floor.covers(shape):
             yield "floor: the base is off it"
-        least = self.course.rules["clearance"]
-        for i in self.cores.query(shape, predicate="dwithin", distance=least + self.widest):
+        for i in self.cores.query(shape, predicate="dwithin", distance=self.widest):
             thing = self.plans[i]
+            least = asked_of(thing, self.course.rules)
             gap = shape.distance(thing.core) - thing.radius
             # Shapes that touch are 0 apart, and so are shapes that overlap.
             deep = (

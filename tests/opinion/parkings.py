@@ -15,6 +15,7 @@ from scipy.spatial import KDTree
 
 from tests.opinion.course import Course, wrapped
 from tests.opinion.machine import Array, Machine, jacobian
+from tests.opinion.things import asked_of, floor_of
 
 DRAWN = 20_000  # postures
 NEAREST, TRIED = 48, 8  # of them that are looked at, and that are bent
@@ -51,12 +52,13 @@ def _has_room(document: dict[str, Any], machine: Machine, poses: Array) -> Mask:
     course = Course({"world": document, "states": []}, machine)
     corners = np.einsum("nij,kj->nki", _turns(poses[:, 2]), machine.facts.footprint) + poses[:, None, :2]
     shapes = shapely.convex_hull(shapely.multipoints(list(corners)))
-    floor = shapely.Polygon(document["floor"]["polygon"], document["floor"].get("holes", []))
+    floor = floor_of(document)
     shapely.prepare(floor)
     good: Mask = shapely.covers(floor, shapes)
     for thing in course.things:
         if thing.core is not None:
-            good &= shapely.distance(shapes, thing.core) - thing.radius >= document["rules"]["clearance"]
+            asked = asked_of(thing, document["rules"])
+            good &= shapely.distance(shapes, thing.core) - thing.radius >= asked
     return good
 
 

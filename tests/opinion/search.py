@@ -13,7 +13,7 @@ from tests.opinion.course import Course
 from tests.opinion.machine import Array, Machine, jacobian
 from tests.opinion.moment import Moment
 from tests.opinion.quality import shortfalls
-from tests.opinion.things import things_of
+from tests.opinion.things import asked_of, floor_of, things_of
 
 PLACES = 4000  # of the base that are drawn
 TURNS = 36  # of the base that are tried at one place
@@ -114,13 +114,13 @@ def _free(world: dict[str, Any], machine: Machine, base: Array) -> Any:
     turn = np.stack([np.stack([c, s], -1), np.stack([-s, c], -1)], 1)
     corners = machine.facts.footprint @ turn + base[:, None, :2]
     shapes = np.array([shapely.MultiPoint(one).convex_hull for one in corners], dtype=object)
-    floor = shapely.Polygon(world["floor"]["polygon"], world["floor"].get("holes", []))
+    floor = floor_of(world)
     shapely.prepare(floor)
     free = shapely.covers(floor, shapes)
     for thing in things_of(world, machine.facts.body_height):
         if thing.core is not None:
             gap = shapely.distance(shapes, thing.core) - thing.radius
-            free &= (gap > world["rules"]["clearance"] + BERTH) & ~shapely.intersects(shapes, thing.core)
+            free &= (gap > asked_of(thing, world["rules"]) + BERTH) & ~shapely.intersects(shapes, thing.core)
     return free
 
 

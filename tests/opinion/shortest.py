@@ -17,6 +17,7 @@ import shapely
 
 from tests.opinion.course import Course, wrapped
 from tests.opinion.machine import Array, Facts
+from tests.opinion.things import asked_of, floor_of
 
 LOOSE = 1e-5  # by which free floor is larger, so that nobody on its edge is said to be off it [m]
 SEEN = 1e-7  # by which a straight way may leave free floor, which is rounding [m]
@@ -61,11 +62,10 @@ class Ground:
 
     def __init__(self, course: Course) -> None:
         inside = inner_radius(course.machine.facts.footprint)
-        least = course.rules["clearance"] + inside - LOOSE
-        floor = course.world["floor"]
-        whole = shapely.Polygon(floor["polygon"], floor.get("holes", []))
+        least = inside - LOOSE
+        whole = floor_of(course.world)
         solid = [
-            thing.core.buffer(max(thing.radius + least, 0.0), quad_segs=ROUND)
+            thing.core.buffer(max(thing.radius + asked_of(thing, course.rules) + least, 0.0), quad_segs=ROUND)
             for thing in course.things
             if thing.core is not None
         ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 from typing import Any
@@ -87,6 +87,7 @@ class Thing:
     surface: Array | None = None  # (n, 3, 3) corners of triangles
     core: Any = None  # on the floor, everything within `radius` of it; None where it is too high
     radius: float = 0.0
+    clearance: float | None = None  # that the base keeps from it in place of that of the rules [m]
 
     def contains(self, point: Array) -> bool:
         """Whether a point lies inside a closed surface, whose rays cross it an odd number of times."""
@@ -151,9 +152,23 @@ def things_of(world: dict[str, Any], below: float) -> list[Thing]:
     cells = world["floor"].get("cells", [])
     every = [*world["obstacles"], *({"name": cell["name"], "prism": cell} for cell in cells)]
     return [
-        *(_thing(one, below) for one in every),
+        *(replace(_thing(one, below), clearance=one.get("clearance")) for one in every),
         *([_slab(world)] if world["rules"]["solid_floor"] else []),
     ]
+
+
+def floor_of(world: dict[str, Any]) -> Any:
+    """Where the base of a world's document may be: the floor, inside zones to keep in, outside the others."""
+    floor = shapely.Polygon(world["floor"]["polygon"], world["floor"].get("holes", []))
+    for zone in world.get("zones", []):
+        polygon = shapely.Polygon(zone["polygon"], zone.get("holes", []))
+        floor = floor & polygon if zone["keep"] == "in" else floor - polygon
+    return floor
+
+
+def asked_of(thing: Thing, rules: dict[str, Any]) -> float:
+    """What the base has to keep from a thing [m]."""
+    return float(rules["clearance"]) if thing.clearance is None else thing.clearance
 
 
 def _slab(world: dict[str, Any]) -> Thing:

@@ -6,7 +6,7 @@ A form of obstacle is a model whose ``solid`` gives the obstacle and whose `soli
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -23,6 +23,7 @@ from regionik.worlds.readers.occupancy_map import load_map
 from regionik.worlds.readers.text import (
     FileName,
     Many,
+    NotNegative,
     OneLine,
     Positive,
     Size3,
@@ -34,6 +35,7 @@ from regionik.worlds.readers.text import (
     one_of,
 )
 from regionik.worlds.scene import Floor, FrameNames
+from regionik.worlds.zones import Keep, Zone
 
 WORLD = "map"  # the frame of all that names none
 MAX_NAMES = 20  # names in a message
@@ -207,6 +209,9 @@ MeshShape = Annotated[
 
 class _NamedObstacle(Strict):
     name: OneLine = Field(description="a name")
+    clearance: NotNegative | None = Field(
+        default=None, description="what the base keeps from it in place of rules.clearance [m]"
+    )
     frame: FrameReference | None = None
 
 
@@ -259,6 +264,19 @@ FloorPart = Annotated[
 ]
 
 
+class ZonePart(Strict):
+    """A zone of the floor that the base stays inside or outside."""
+
+    name: OneLine = Field(description="a name")
+    keep: Keep = Field(description="in: the footprint stays inside; out: it stays outside")
+    polygon: Ring = Field(description="corners [[x, y], ...] [m]")
+    holes: Many[Ring] = []
+
+    def zone(self) -> Zone:
+        """The zone itself."""
+        return Zone(self.name, self.keep, as_polygon(Polygon(self.polygon, self.holes), "polygon"))
+
+
 def read_floor(part: PolygonFloor | MapFloor, where: str, folder: Path) -> Floor:
     """Return the floor of a document that messages call ``where``; files are relative to ``folder``."""
     if isinstance(part, MapFloor):
@@ -273,9 +291,12 @@ def read_floor(part: PolygonFloor | MapFloor, where: str, folder: Path) -> Floor
 
 def read_obstacle(part: _NamedObstacle, where: str, place: str, folder: Path, poses: Poses) -> Solid:
     """Return an obstacle; ``place`` is where it stands in the document, ``poses`` are those of its frames."""
-    (kind,) = part.model_fields_set - {"name", "frame"}
+    (kind,) = part.model_fields_set - {"name", "frame", "clearance"}
     with located(where, f"{place}.{kind}."):
         solid: Solid = getattr(part, kind).solid(part.name, folder)
+    if part.clearance is not None:
+        with located(where, f"{place}."):
+            solid = replace(solid, clearance=part.clearance)
     if part.frame is None:
         return solid
     with located(where, f"{place}."):
@@ -318,6 +339,11 @@ def floor_to_document(floor: Floor) -> dict[str, Any]:
     return document
 
 
+def zone_to_document(zone: Zone) -> dict[str, Any]:
+    """Return plain values from which an equal zone is read."""
+    return {"name": zone.name, "keep": zone.keep, **_rings(zone.polygon)}
+
+
 def solid_to_document(solid: Solid) -> dict[str, Any]:
     """Return plain values from which an equal obstacle is read."""
     match solid:
@@ -333,7 +359,8 @@ def solid_to_document(solid: Solid) -> dict[str, Any]:
         case Mesh(vertices=vertices, faces=faces, sheet=sheet):
             surface = {"vertices": vertices.tolist(), "faces": faces.tolist()}
             shape = {"mesh": surface | ({"sheet": True} if sheet else {})}
-    return {"name": solid.name, **shape}
+    own = {} if solid.clearance is None else {"clearance": float(solid.clearance)}
+    return {"name": solid.name, **own, **shape}
 
 
 def _prism(solid: Prism) -> dict[str, Any]:

@@ -15,16 +15,18 @@ from regionik.worlds.documents.environment import (
     FloorPart,
     FramesPart,
     ObstaclePart,
+    ZonePart,
     floor_to_document,
     huge_meshes,
     read_floor,
     read_frames,
     read_obstacle,
     solid_to_document,
+    zone_to_document,
 )
 from regionik.worlds.documents.robots import RobotPart, read_robot, robot_to_document
 from regionik.worlds.documents.tasks import PiecePart, read_task, task_to_document, without_repeats
-from regionik.worlds.errors import FileNote, InputError, located, located_error
+from regionik.worlds.errors import FileNote, InputError, located, located_error, read_each
 from regionik.worlds.limits import Criteria, Execution, ParkingAccuracy, Speeds
 from regionik.worlds.obstacles import Solid
 from regionik.worlds.readers.text import (
@@ -182,6 +184,7 @@ class WorldDocument(Strict):
     robot: RobotPart = Field(description="a bundled name, or a mapping with one of name, dh, urdf, chain")
     floor: FloorPart = Field(description="{polygon: [[x, y], ...]} or {map: file}")
     obstacles: Many[ObstaclePart] = []
+    zones: Many[ZonePart] = Field(default=[], description="where the base stays inside or outside")
     frames: FramesPart = Field(
         default={}, description="poses by name; map, base_link, tool0: their names in exports"
     )
@@ -256,13 +259,15 @@ def world_from_document(document: dict[str, Any], where: str = "world", folder: 
     obstacles = tuple(read_obstacle(part, where, f"obstacles[{k}]", folder, poses) for k, part in parts)
     for note in huge_meshes(model.obstacles, obstacles, floor):
         warnings.warn(f"{where}: {note}", FileNote, stacklevel=3)
+    zones = read_each(where, "zones", model.zones, ZonePart.zone)
     task, places = read_task(model.task, where, folder, poses)
     rules = _rules(model.rules, robot, where)
     start = None if model.start is None else Start(np.array(model.start.base), np.array(model.start.joints))
     speeds = None if model.speeds is None else _speeds(model.speeds, robot, where)
     name = model.name or name_as_text(Path(where).name).partition(".")[0][:MAX_NAME_LENGTH] or "world"
     with located(where, ""):
-        world = World(name, robot, floor, obstacles, task, rules, start, model.about or "", speeds, frames)
+        about = model.about or ""
+        world = World(name, robot, floor, obstacles, task, rules, start, about, speeds, frames, zones)
         if start is not None:
             robot.chain.check_limits(start.joints.tolist(), "start.joints")
     _check_targets(task, places, world.solids, where)
@@ -281,6 +286,8 @@ def world_to_document(world: World) -> dict[str, Any]:
     document["robot"] = robot_to_document(world.robot)
     document["floor"] = floor_to_document(world.floor)
     document["obstacles"] = [solid_to_document(solid) for solid in world.obstacles]
+    if world.zones:
+        document["zones"] = [zone_to_document(zone) for zone in world.zones]
     if world.start is not None:
         document["start"] = {"base": world.start.base.tolist(), "joints": world.start.joints.tolist()}
     document["task"] = task_to_document(world.task)
