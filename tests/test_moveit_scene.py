@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
+import yaml
 
+from regionik.worlds.bundled import world_path
+from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
 from regionik.worlds.errors import FileNote, InputError
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Sphere
 from regionik.worlds.readers.moveit_scene import read_scene
@@ -142,3 +146,24 @@ def test_meshes_are_solids_or_sheets(tmp_path: Path) -> None:
 def test_what_is_no_scene_is_refused_with_its_line(text: str, told: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=told):
         read_scene(scene(text, tmp_path))
+
+
+def test_a_world_takes_the_objects_of_a_scene(tmp_path: Path) -> None:
+    document: dict[str, Any] = yaml.safe_load(world_path("slab").read_text("utf-8"))
+    document["frames"] = {"planning": {"position": [-2.0, 1.0, 0.0], "rpy": [0.0, 0.0, np.pi / 2]}}
+    document["moveit_scene"] = {"file": scene(NEW, tmp_path).name, "frame": "planning"}
+    path = tmp_path / "hall.yaml"
+    path.write_text(yaml.safe_dump(document))
+    world = load_world(path)
+    slab, board, leg, ball = world.obstacles
+    assert [one.name for one in world.obstacles] == [slab.name, "table 1", "table 2", "ball"]
+    assert isinstance(leg, Cylinder)
+    assert leg.center == pytest.approx([-4.0, 2.0, 0.2])
+    assert world_from_document(world_to_document(world)).obstacles[1:] == (board, leg, ball)
+    document["moveit_scene"] = {"file": "hall.scene", "frame": "nowhere"}
+    path.write_text(yaml.safe_dump(document))
+    with pytest.raises(InputError, match=r"moveit_scene.frame: unknown frame 'nowhere'"):
+        load_world(path)
+    (tmp_path / "hall.scene").write_text("x\nbox\n")
+    with pytest.raises(InputError, match=r"moveit_scene.file: .*hall.scene: line 2: expected \*"):
+        load_world(path)

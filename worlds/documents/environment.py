@@ -19,6 +19,7 @@ from regionik.worlds.chain import pose
 from regionik.worlds.errors import InputError, located, read_each
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere, as_polygon
 from regionik.worlds.readers.meshes import read_mesh
+from regionik.worlds.readers.moveit_scene import read_scene
 from regionik.worlds.readers.occupancy_map import load_map
 from regionik.worlds.readers.text import (
     FileName,
@@ -297,13 +298,30 @@ def read_obstacle(part: _NamedObstacle, where: str, place: str, folder: Path, po
     if part.clearance is not None:
         with located(where, f"{place}."):
             solid = replace(solid, clearance=part.clearance)
-    if part.frame is None:
-        return solid
     with located(where, f"{place}."):
-        T = frame_pose(part.frame, poses)
-        if not isinstance(solid, Mesh | Sphere) and T[2, 2] < 1 - _UPRIGHT:
-            raise InputError(f"frame: a {kind} stands upright, expected a frame that turns about z alone")
+        return _in_frame(solid, kind, part.frame, poses)
+
+
+def _in_frame(solid: Solid, kind: str, frame: str | FramePart | None, poses: Poses) -> Solid:
+    if frame is None:
+        return solid
+    T = frame_pose(frame, poses)
+    if not isinstance(solid, Mesh | Sphere) and T[2, 2] < 1 - _UPRIGHT:
+        raise InputError(f"frame: a {kind} stands upright, expected a frame that turns about z alone")
     return solid.transformed(T)
+
+
+class MoveItScene(Strict):
+    """A scene file of MoveIt, whose objects become obstacles."""
+
+    file: FileName = Field(description="a .scene file of MoveIt")
+    frame: FrameReference | None = Field(default=None, description="its planning frame")
+
+    def solids(self, where: str, folder: Path, poses: Poses) -> tuple[Solid, ...]:
+        with located(where, "moveit_scene.file"):
+            solids = read_scene(file_in(folder, self.file))
+        with located(where, "moveit_scene."):
+            return tuple(_in_frame(one, type(one).__name__.lower(), self.frame, poses) for one in solids)
 
 
 def huge_meshes(parts: Iterable[_NamedObstacle], solids: Iterable[Solid], floor: Floor) -> Iterator[str]:

@@ -14,6 +14,7 @@ from regionik.worlds.bundled import world_path
 from regionik.worlds.documents.environment import (
     FloorPart,
     FramesPart,
+    MoveItScene,
     ObstaclePart,
     ZonePart,
     floor_to_document,
@@ -184,6 +185,7 @@ class WorldDocument(Strict):
     robot: RobotPart = Field(description="a bundled name, or a mapping with one of name, dh, urdf, chain")
     floor: FloorPart = Field(description="{polygon: [[x, y], ...]} or {map: file}")
     obstacles: Many[ObstaclePart] = []
+    moveit_scene: MoveItScene | None = Field(default=None, description="more obstacles, of MoveIt")
     zones: Many[ZonePart] = Field(default=[], description="where the base stays inside or outside")
     frames: FramesPart = Field(
         default={}, description="poses by name; map, base_link, tool0: their names in exports"
@@ -259,6 +261,8 @@ def world_from_document(document: dict[str, Any], where: str = "world", folder: 
     obstacles = tuple(read_obstacle(part, where, f"obstacles[{k}]", folder, poses) for k, part in parts)
     for note in huge_meshes(model.obstacles, obstacles, floor):
         warnings.warn(f"{where}: {note}", FileNote, stacklevel=3)
+    if model.moveit_scene is not None:
+        obstacles += model.moveit_scene.solids(where, folder, poses)
     zones = read_each(where, "zones", model.zones, ZonePart.zone)
     task, places = read_task(model.task, where, folder, poses)
     rules = _rules(model.rules, robot, where)

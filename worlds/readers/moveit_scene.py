@@ -35,7 +35,7 @@ def read_scene(path: Path) -> list[Solid]:
     InputError
         With the line, for what is no scene, and for planes and octrees.
     """
-    lines = _Lines(path)
+    lines = _SceneLines(path)
     lines.take("the scene's name")
     found = list[Solid]()
     while (head := lines.take("an object after a star, or a point")) != ".":
@@ -47,7 +47,7 @@ def read_scene(path: Path) -> list[Solid]:
     return found
 
 
-def _object(name: str, lines: _Lines) -> list[Solid]:
+def _object(name: str, lines: _SceneLines) -> list[Solid]:
     """The solids of an object, from the line after its name on."""
     old = len(lines.peek().split()) == 1  # files of MoveIt 1.0 have no poses of objects
     T = np.eye(4) if old else lines.pose()
@@ -62,7 +62,7 @@ def _object(name: str, lines: _Lines) -> list[Solid]:
     return shapes
 
 
-def _shape(name: str, T_world_object: Array, lines: _Lines) -> Solid:
+def _shape(name: str, T_world_object: Array, lines: _SceneLines) -> Solid:
     kind = lines.take("a shape")
     if kind not in SHAPES:
         raise lines.wrong(f"expected one of {', '.join(SHAPES)}, got {kind[:40]!r}")
@@ -84,7 +84,7 @@ def _shape(name: str, T_world_object: Array, lines: _Lines) -> Solid:
             return Mesh(name, transform_points(T, _corners(kind, size)), _FACES[kind])
 
 
-def _mesh(name: str, T_world_object: Array, lines: _Lines) -> Mesh:
+def _mesh(name: str, T_world_object: Array, lines: _SceneLines) -> Mesh:
     """A mesh, whose pose comes after its triangles."""
     counts = lines.numbers(2, "numbers of vertices and triangles")
     if (counts != np.round(counts)).any() or (counts < 1).any():
@@ -133,7 +133,7 @@ _FACES = {
 }
 
 
-class _Lines:
+class _SceneLines:
     """The lines of a file that say something, one after the other."""
 
     def __init__(self, path: Path) -> None:
