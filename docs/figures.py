@@ -52,6 +52,7 @@ def main(folder: Path) -> None:
     motion().savefig(picture, format="png", dpi=100, bbox_inches="tight")
     save(picture.getvalue(), folder / "motion.png")
     shoot_tutorial(folder)
+    shoot_panel(folder)
 
 
 def shoot_tutorial(folder: Path) -> None:
@@ -70,6 +71,17 @@ def shoot_tutorial(folder: Path) -> None:
             page.evaluate("jump(4)")
             page.evaluate("new Promise((done) => setTimeout(done, 500))")
             save(page.screenshot(), folder / "page.png")
+
+
+def shoot_panel(folder: Path) -> None:
+    """The page of the painted panel, half way along."""
+    with TemporaryDirectory() as scratch:
+        for _ in play((DOCS / "howto" / "paint.md").read_text("utf-8"), Path(scratch)):
+            pass
+        with opened(Path(scratch, "plan.html"), *SIZE) as page:
+            page.evaluate("motion && (play(false), seek(0.3 * end))")
+            page.evaluate("new Promise((done) => setTimeout(done, 500))")
+            save(page.screenshot(), folder / "paint.png")
 
 
 def save(picture: bytes, path: Path) -> None:

@@ -88,6 +88,12 @@ def test_titles_that_are_not_known_are_named_once(tmp_path: Path) -> None:
         ("x,y,z,nx,ny\n1,2,3,0,0\n", {}, "line 1: .* nz missing"),
         ("x,y,z,dx,dy,dz,roll,pitch,yaw\n" + "1," * 8 + "1\n", {}, "line 1: .* got x,y,z,dx,"),
         ("x,X,y,z\n1,2,3,4\n", {}, "line 1: the title 'x' is twice there"),
+        ("X [mm],y,z\n1,2,3\n", {}, r"line 1: the title 'X \[mm\]' says mm, expected unit: mm"),
+        (
+            "x,y,z,roll (deg),pitch,yaw\n1,2,3,0,0,0\n",
+            {"angle_unit": "rad"},
+            "says deg, expected angle_unit: deg",
+        ),
         ("name,x,y,z\na,1,2,3,4\n", {}, "line 2: expected 4 columns as in line 1, got 5"),
         (
             "name,x,y,z\n" + "a" * 81 + ",1,2,3\n",
@@ -132,6 +138,13 @@ def test_what_is_ambiguous_or_missing_is_refused_with_its_line(
 def test_units_are_metres(unit: str, metres: float, tmp_path: Path) -> None:
     (target,) = world_of(tmp_path, "x,y,z\n20,-10,30\n", unit=unit).task
     np.testing.assert_allclose(target.position, np.array([20, -10, 30]) * metres, rtol=1e-15)
+
+
+def test_titles_may_have_their_unit_in_brackets(tmp_path: Path) -> None:
+    (target,) = world_of(tmp_path, "Name,X [mm],Y (mm),z[mm]\ncup,500,0,300\n", unit="mm").task
+    assert (target.name, target.position.tolist()) == ("cup", [0.5, 0.0, 0.3])
+    (target,) = world_of(tmp_path, "x [m],y,z (m)\n0.5,0,0.3\n").task
+    assert target.position.tolist() == [0.5, 0.0, 0.3]
 
 
 def test_normals_point_the_tool_into_the_part(tmp_path: Path) -> None:

@@ -30,6 +30,7 @@ Delimiter = Literal["comma", "semicolon", "tab"]
 LengthUnit = Literal["m", "cm", "mm", "in"]
 AngleUnit = Literal["rad", "deg"]
 Normals = Literal["outward", "inward"]
+_UNIT_IN_TITLE = re.compile(r"\s*[\[(]\s*(\w+)\s*[\])]$")
 _PER_METRE: dict[LengthUnit, float] = {"m": 1.0, "cm": 100.0, "mm": 1000.0, "in": 1 / 0.0254}
 _SIGNS: dict[Delimiter, str] = {"comma": ",", "semicolon": ";", "tab": "\t"}
 _POINT, _AXIS, _NORMAL = ("x", "y", "z"), ("dx", "dy", "dz"), ("nx", "ny", "nz")
@@ -214,9 +215,28 @@ def _places_in_order(cells: list[str]) -> tuple[tuple[str, str, int], ...]:
     return tuple((name, name, k) for k, name in enumerate(_UNTITLED[len(cells)]))
 
 
+def _unit_in(title: str) -> tuple[str, str]:
+    """Return a title without a unit in brackets at its end, and the unit; empty where there is none."""
+    found = _UNIT_IN_TITLE.search(title)
+    unit = "" if found is None else found[1].casefold()
+    if found is None or unit not in (*get_args(LengthUnit), *get_args(AngleUnit)):
+        return title, ""
+    return title[: found.start()], unit
+
+
+def _check_unit(title: str, form: CsvFormat) -> None:
+    """Refuse a title that says another unit than is asked for."""
+    unit, lengths = _unit_in(title)[1], get_args(LengthUnit)
+    asked = (form.unit or "m") if unit in lengths else form.angle_unit
+    if unit and unit != asked and not (unit in lengths and form.scale is not None):
+        key = "unit" if unit in lengths else "angle_unit"
+        raise InputError(f"the title {title!r} says {unit}, expected {key}: {unit} beside the file")
+
+
 def _places_by_title(titles: list[str], form: CsvFormat) -> tuple[tuple[str, str, int], ...]:
     """Return the columns that are read of a table with titles."""
-    shown, lower = f"titles: {clip(', '.join(titles))}", [title.casefold() for title in titles]
+    shown = f"titles: {clip(', '.join(titles))}"
+    lower = [_unit_in(title)[0].casefold() for title in titles]
     wanted = form.columns or {name: name for name in _KNOWN if name in lower}
     if not form.columns:
         _check_complete(wanted, f", {shown}; columns: chooses others")
@@ -227,6 +247,7 @@ def _places_by_title(titles: list[str], form: CsvFormat) -> tuple[tuple[str, str
         found = found or [k for k, one in enumerate(lower) if one == title.casefold()]
         if len(found) != 1:
             raise InputError(f"the title {title!r} is {'twice' if found else 'not'} there, {shown}")
+        _check_unit(titles[found[0]], form)
         places.append((name, titles[found[0]], found[0]))
     return tuple(places)
 
