@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import os
 import re
 import shlex
 import shutil
@@ -86,5 +87,6 @@ def rewrite(path: Path) -> None:
 
 
 if __name__ == "__main__":
+    os.environ["REGIONIK_QUIET"] = "1"  # lines of progress come by the clock
     for name in PLAYED:
         rewrite(DOCS / name)

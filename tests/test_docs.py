@@ -29,7 +29,7 @@ def alike(told: str, said: str) -> bool:
     )
 
 
-SLOW = {"tutorial.md", "howto/criteria.md"}
+SLOW = {"tutorial.md", "howto/criteria.md", "howto/paint.md"}
 
 
 @pytest.mark.parametrize(
