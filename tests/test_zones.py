@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import regionik as rik
@@ -30,6 +30,10 @@ FEW = settings(max_examples=examples(12))
 TASK = tuple(Target(np.array([x, 0.1, 0.25])) for x in (0.3, 0.6, 0.9))
 POST = Cylinder("post", 0.1, 0.1, np.array([0.6, 0.8, 0.05]))
 WHOLE = shapely.box(-1, -1.5, 3, 1.5)
+OUT, IN = (
+    Zone("out", "out", shapely.box(0.5, -0.6, 1.1, 0.0)),
+    Zone("in", "in", shapely.box(-0.5, -1, 1.3, 0.8)),
+)
 
 
 def room(*zones: Zone, floor: shapely.Polygon = WHOLE, robot: str = "youbot", **rules: object) -> World:
@@ -50,6 +54,8 @@ def some_zones(draw: st.DrawFn) -> tuple[Zone, ...]:
 
 @FEW
 @given(some_zones(), st.sampled_from(["youbot", "youbot-real"]), st.booleans())
+@example((OUT, IN), "youbot-real", True)
+@example((OUT,), "youbot", False)
 def test_zones_are_the_floor_cut(zones: tuple[Zone, ...], robot: str, fixed: bool) -> None:
     cut: shapely.Geometry = WHOLE
     for zone in zones:
@@ -65,6 +71,7 @@ def test_zones_are_the_floor_cut(zones: tuple[Zone, ...], robot: str, fixed: boo
 
 @FEW
 @given(some_zones(), st.integers(0, 10**6))
+@example((OUT, IN), 1)
 def test_areas_keep_to_them_and_leave_nothing_else_out(zones: tuple[Zone, ...], seed: int) -> None:
     world, free = room(*zones), room()
     spots = shapely.points(np.random.default_rng(seed).uniform([-0.5, -1.0], [1.8, 1.2], (300, 2)))
