@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -212,6 +214,17 @@ def test_world_files_keep_them() -> None:
         plan_of(replace(world_of(straight()), zones=again.zones[:1]), straight()), world_of(straight())
     )
     assert any("zones: only in the plan" in one.text for one in other.violations)
+
+
+def test_geojson_has_them(tmp_path: Path) -> None:
+    world = world_of(straight())
+    zone = Zone("walkway", "out", shapely.box(2, 0, 3, 1))
+    made = plan_of(replace(world, zones=(zone,)), straight())
+    rik.export(made, tmp_path / "plan.geojson", "geojson")
+    features = json.loads((tmp_path / "plan.geojson").read_text())["features"]
+    (found,) = [one for one in features if one["properties"]["part"] == "zone"]
+    assert (found["properties"]["name"], found["properties"]["keep"]) == ("walkway", "out")
+    assert shapely.equals(shapely.geometry.shape(found["geometry"]), zone.polygon)
 
 
 def test_zones_that_leave_nothing_are_refused() -> None:
