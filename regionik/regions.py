@@ -240,7 +240,7 @@ def rejected_parts(scene: Scene, target: Target) -> tuple[RejectedPart, ...]:
 
 def rejected_by_floor(scene: Scene, reach: BaseGeometry) -> Iterator[RejectedPart]:
     """Parts of a reach in which the base would be off the floor, or where zones do not let it be."""
-    whole = scene.changed(zones=()).ground.inner.floor
+    whole = (scene.changed(zones=()) if scene.world.zones else scene).ground.inner.floor
     yield RejectedPart("floor", "edge of the floor", reach - whole)
     for zone in scene.world.zones:
         yield RejectedPart(

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import regionik as rik
@@ -76,6 +76,8 @@ def test_the_clearance_of_the_rules_as_its_own_changes_no_byte() -> None:
 
 @FEW
 @given(CLEARANCES, CLEARANCES, st.sampled_from(["youbot", "youbot-real"]))
+@example(0.1, 0.4, "youbot")
+@example(0.3, 0.05, "youbot-real")
 def test_own_clearances_that_are_all_the_same_are_as_one_of_the_rules(
     rule: float, own: float, robot: str
 ) -> None:
@@ -92,6 +94,8 @@ def test_own_clearances_that_are_all_the_same_are_as_one_of_the_rules(
 
 @FEW
 @given(CLEARANCES, st.integers(-5, 30).map(lambda k: k / 100))
+@example(0.1, 0.2)
+@example(0.2, -0.05)
 def test_areas_are_those_of_a_solid_grown_by_the_difference(clearance: float, more: float) -> None:
     own = max(0.0, clearance + more)
     grown = replace(POST, radius=POST.radius + own - clearance)
@@ -103,6 +107,7 @@ def test_areas_are_those_of_a_solid_grown_by_the_difference(clearance: float, mo
 
 @FEW
 @given(CLEARANCES, CLEARANCES, st.integers(0, 10**6))
+@example(0.35, 0.02, 1)
 def test_inner_areas_keep_what_each_asks_for_and_outer_ones_leave_nothing_out(
     post: float, crate: float, seed: int
 ) -> None:

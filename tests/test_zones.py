@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import regionik as rik
@@ -30,6 +32,10 @@ FEW = settings(max_examples=examples(12))
 TASK = tuple(Target(np.array([x, 0.1, 0.25])) for x in (0.3, 0.6, 0.9))
 POST = Cylinder("post", 0.1, 0.1, np.array([0.6, 0.8, 0.05]))
 WHOLE = shapely.box(-1, -1.5, 3, 1.5)
+OUT, IN = (
+    Zone("out", "out", shapely.box(0.5, -0.6, 1.1, 0.0)),
+    Zone("in", "in", shapely.box(-0.5, -1, 1.3, 0.8)),
+)
 
 
 def room(*zones: Zone, floor: shapely.Polygon = WHOLE, robot: str = "youbot", **rules: object) -> World:
@@ -50,6 +56,8 @@ def some_zones(draw: st.DrawFn) -> tuple[Zone, ...]:
 
 @FEW
 @given(some_zones(), st.sampled_from(["youbot", "youbot-real"]), st.booleans())
+@example((OUT, IN), "youbot-real", True)
+@example((OUT,), "youbot", False)
 def test_zones_are_the_floor_cut(zones: tuple[Zone, ...], robot: str, fixed: bool) -> None:
     cut: shapely.Geometry = WHOLE
     for zone in zones:
@@ -65,6 +73,7 @@ def test_zones_are_the_floor_cut(zones: tuple[Zone, ...], robot: str, fixed: boo
 
 @FEW
 @given(some_zones(), st.integers(0, 10**6))
+@example((OUT, IN), 1)
 def test_areas_keep_to_them_and_leave_nothing_else_out(zones: tuple[Zone, ...], seed: int) -> None:
     world, free = room(*zones), room()
     spots = shapely.points(np.random.default_rng(seed).uniform([-0.5, -1.0], [1.8, 1.2], (300, 2)))
@@ -205,6 +214,17 @@ def test_world_files_keep_them() -> None:
         plan_of(replace(world_of(straight()), zones=again.zones[:1]), straight()), world_of(straight())
     )
     assert any("zones: only in the plan" in one.text for one in other.violations)
+
+
+def test_geojson_has_them(tmp_path: Path) -> None:
+    world = world_of(straight())
+    zone = Zone("walkway", "out", shapely.box(2, 0, 3, 1))
+    made = plan_of(replace(world, zones=(zone,)), straight())
+    rik.export(made, tmp_path / "plan.geojson", "geojson")
+    features = json.loads((tmp_path / "plan.geojson").read_text())["features"]
+    (found,) = [one for one in features if one["properties"]["part"] == "zone"]
+    assert (found["properties"]["name"], found["properties"]["keep"]) == ("walkway", "out")
+    assert shapely.equals(shapely.geometry.shape(found["geometry"]), zone.polygon)
 
 
 def test_zones_that_leave_nothing_are_refused() -> None:

@@ -210,7 +210,7 @@ def _clear_floor(scene: Scene) -> BaseGeometry:
 
 def crossed_zones(scene: Scene, bridge: BaseGeometry) -> list[str]:
     """Zones that do not let the base be all along a line on the floor."""
-    return [zone.name for zone in scene.world.zones if not zone.allows(bridge)]
+    return [zone.name for zone in scene.world.zones if not (bridge.is_empty or zone.allows(bridge))]
 
 
 def crossed(scene: Scene, bridge: BaseGeometry) -> list[str]:

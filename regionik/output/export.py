@@ -135,8 +135,9 @@ def plan_to_geojson(plan: Plan) -> str:
     """Return a FeatureCollection in metres of the world frame, not in longitude and latitude.
 
     Property ``part`` tells features apart: ``admissible``, ``pruned`` and ``rejected`` areas and
-    ``setpoint`` points, each with its ``setpoint`` index and ``stroke``, and one ``base-path`` line. The
-    line of a timed plan has in ``time`` when the base is at each of its positions [s].
+    ``setpoint`` points, each with its ``setpoint`` index and ``stroke``, one ``base-path`` line, and each
+    ``zone`` with its ``name`` and ``keep``. The line of a timed plan has in ``time`` when the base is at each
+    of its positions [s].
     """
     areas = [
         feature(multipolygon(getattr(area, part)), {"part": part, "setpoint": k})
@@ -150,7 +151,15 @@ def plan_to_geojson(plan: Plan) -> str:
         )
         for k, target in enumerate(plan.world.task)
     ]
-    features = ",\n".join(json.dumps(one, allow_nan=False) for one in [*areas, _base_path(plan), *points])
+    zones = [
+        feature(
+            multipolygon(zone.polygon),
+            {"part": "zone", "setpoint": None, "name": zone.name, "keep": zone.keep},
+        )
+        for zone in plan.world.zones
+    ]
+    every = [*areas, _base_path(plan), *points, *zones]
+    features = ",\n".join(json.dumps(one, allow_nan=False) for one in every)
     return f'{{"type": "FeatureCollection", "features": [\n{features}\n]}}\n'
 
 
