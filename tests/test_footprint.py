@@ -31,8 +31,8 @@ from regionik.planners.driving.point_planner import NoPathError
 from regionik.scene import scene_of
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.errors import InputError
-from regionik.worlds.obstacles import Shadow
 from regionik.worlds.scene import Floor, Target, World
+from regionik.worlds.shadows import Shadow
 from tests.maths import Array, arc_end, wrap
 from tests.witnesses import witness
 

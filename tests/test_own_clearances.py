@@ -19,8 +19,9 @@ from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
 from regionik.worlds.limits import Execution
 from regionik.worlds.links import BASE, LinkBox
-from regionik.worlds.obstacles import Box, Cylinder, Shadow, Sphere
+from regionik.worlds.obstacles import Box, Cylinder, Sphere
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
+from regionik.worlds.shadows import Shadow
 from tests import examples
 from tests.kinds import Solid
 from tests.maths import translation

@@ -15,8 +15,9 @@ from regionik.scene import scene_of
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError
-from regionik.worlds.obstacles import Box, Cylinder, Shadow
+from regionik.worlds.obstacles import Box, Cylinder
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
+from regionik.worlds.shadows import Shadow
 from tests import examples
 from tests.kinds import Solid
 

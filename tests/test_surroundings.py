@@ -20,8 +20,9 @@ from regionik.verification import arm_clearance
 from regionik.verification.verifier import verify
 from regionik.view.floor_view import shown_floor
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.obstacles import Prism, Shadow
+from regionik.worlds.obstacles import Prism
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
+from regionik.worlds.shadows import Shadow
 from tests.kinds import Solid
 from tests.maths import Array
 

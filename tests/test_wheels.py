@@ -30,7 +30,7 @@ from regionik.planners.driving.pose_planner import (
 from regionik.planners.driving.reeds_shepp import words_between
 from regionik.planners.geometry.shortest_paths import shortest_path
 from regionik.worlds.errors import InputError
-from regionik.worlds.obstacles import Shadow
+from regionik.worlds.shadows import Shadow
 from tests import examples
 from tests.maths import Array, arc_end, wrap
 

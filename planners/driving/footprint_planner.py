@@ -42,7 +42,7 @@ from regionik.planners.driving.pose_planner import (
 )
 from regionik.planners.geometry.angles import wrap
 from regionik.worlds.arrays import Array, frozen
-from regionik.worlds.obstacles import Shadow
+from regionik.worlds.shadows import Shadow
 
 OPTIONS = DRIVING
 MIN_PASSAGE = 1e-3  # a narrower way is rounding of the floor [m]

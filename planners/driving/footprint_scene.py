@@ -17,7 +17,7 @@ from shapely.geometry import MultiPolygon, Polygon
 from regionik.planners.geometry.polygons import FlatPolygon
 from regionik.worlds.arrays import Array, Index, frozen
 from regionik.worlds.errors import InputError
-from regionik.worlds.obstacles import Shadow
+from regionik.worlds.shadows import Shadow
 
 
 def convex_corners(footprint: ArrayLike) -> Array:

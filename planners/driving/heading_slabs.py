@@ -29,7 +29,7 @@ from regionik.planners.driving.footprint_scene import (
 from regionik.planners.geometry.convex_decomposition import hull_corners
 from regionik.planners.geometry.polygons import FlatPolygon
 from regionik.worlds.arrays import Array, frozen
-from regionik.worlds.obstacles import Shadow
+from regionik.worlds.shadows import Shadow
 
 
 def _minkowski_sum(area: BaseGeometry, shape: Array) -> BaseGeometry:

@@ -31,8 +31,8 @@ from regionik.areas.options import AREAS
 from regionik.planners.driving.footprint_scene import Outline
 from regionik.planners.geometry.offsets import grown, shrunk
 from regionik.worlds.arrays import Array
-from regionik.worlds.obstacles import Shadow
 from regionik.worlds.scene import World
+from regionik.worlds.shadows import Shadow
 
 UNION_GRID = 1e-11  # of corners where a union fails without one, far below the margin against rounding [m]
 EVERY = (-np.inf, np.inf)  # heading of the base

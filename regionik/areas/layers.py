@@ -30,9 +30,10 @@ from regionik.worlds.body import (
     lifted_prisms,
     pivot_discs,
 )
-from regionik.worlds.obstacles import Box, Cylinder, Prism, Shadow, Solid
+from regionik.worlds.obstacles import Box, Cylinder, Prism, Solid
 from regionik.worlds.scene import World
 from regionik.worlds.self_collision import base_name
+from regionik.worlds.shadows import Shadow
 
 ON_AXIS = 1e-9  # distance at which a footprint is as good as on the arm axis [m]
 ROUNDING_MARGIN = 1e-6  # margin of inner areas at every bound, against rounding [m]

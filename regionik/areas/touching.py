@@ -12,7 +12,7 @@ import shapely
 
 from regionik.areas.ground import Ground
 from regionik.areas.layers import ROUNDING_MARGIN, BodyLayer
-from regionik.worlds.obstacles import Shadow
+from regionik.worlds.shadows import Shadow
 
 BOUND_ROUNDING = 9e-10  # by which a base may pass a bound, for rounding; less than verification lets pass [m]
 

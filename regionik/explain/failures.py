@@ -40,9 +40,9 @@ from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import Array
 from regionik.worlds.body import without_body
 from regionik.worlds.errors import Cause, CauseKind, Explanation, ReasonCode, Repair, SetpointFailure
-from regionik.worlds.obstacles import Shadow
 from regionik.worlds.scene import Target, World
 from regionik.worlds.self_collision import base_name
+from regionik.worlds.shadows import Shadow
 from regionik.worlds.zones import Zone
 
 _Told = tuple[ReasonCode, str, tuple[Cause, ...], tuple[Repair, ...]]  # the reason in a word and in words

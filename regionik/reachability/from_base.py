@@ -34,8 +34,8 @@ from regionik.scene import Scene
 from regionik.worlds.arms import has_pivot, pivot_index, with_pivot_limits
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import ReasonCode
-from regionik.worlds.obstacles import Shadow
 from regionik.worlds.scene import Target
+from regionik.worlds.shadows import Shadow
 
 OPTIONS = REACHABILITY.search
 EXACT = 1e-9  # rounding of distances and headings [m], [rad]

@@ -21,9 +21,10 @@ from regionik.verification.options import VERIFICATION
 from regionik.verification.proofs import Finding, Intervals, IntervalVerdicts, StateNames, bisect, finding
 from regionik.verification.tolerances import EXACT, OVERLAP, TURNING
 from regionik.worlds.arrays import Array
-from regionik.worlds.obstacles import Shadow, Solid
+from regionik.worlds.obstacles import Solid
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import World
+from regionik.worlds.shadows import Shadow
 
 OPTIONS = VERIFICATION.proofs
 

@@ -32,8 +32,9 @@ from regionik.view.world_picture import (
 )
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import Explanation, InputError, NoPlanFound
-from regionik.worlds.obstacles import Shadow, Solid
+from regionik.worlds.obstacles import Solid
 from regionik.worlds.scene import World
+from regionik.worlds.shadows import Shadow
 
 OPTIONS = VIEW.animation
 

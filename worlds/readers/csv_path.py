@@ -247,7 +247,8 @@ def _places_by_title(titles: list[str], form: CsvFormat) -> tuple[tuple[str, str
         found = found or [k for k, one in enumerate(lower) if one == title.casefold()]
         if len(found) != 1:
             raise InputError(f"the title {title!r} is {'twice' if found else 'not'} there, {shown}")
-        _check_unit(titles[found[0]], form)
+        if not form.columns:  # a title that was chosen is what its chooser takes it for
+            _check_unit(titles[found[0]], form)
         places.append((name, titles[found[0]], found[0]))
     return tuple(places)
 
