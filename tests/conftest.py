@@ -30,6 +30,10 @@ _FIRST = {f"test_{name}": k for k, name in enumerate(FIRST.split())}
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    daily = [
+        one.nodeid for one in items if one.get_closest_marker("long") and not one.get_closest_marker("slow")
+    ]
+    assert not daily, f"long tests are slow ones too, else they are daily: {daily}"
     items.sort(key=lambda item: _FIRST.get(Path(item.path).stem, len(_FIRST)))
 
 

@@ -150,6 +150,7 @@ def test_a_column_keeps_clear_of_what_lets_the_footprint_near() -> None:
     assert 0.2 - 1e-9 <= min(gaps) < 0.201
 
 
+@pytest.mark.slow
 def test_the_bench_is_worked_from_close_by_and_the_workplace_kept_at_its_distance() -> None:
     world, made = load_world("workplace"), planned("workplace")
     assert rik.verify(made, world).ok

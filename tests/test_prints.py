@@ -87,6 +87,7 @@ def test_each_bead_of_a_print_is_printed(kind: str, arm: str, tmp_path: Path) ->
     each_bead_is_printed(found, program, tmp_path, z)
 
 
+@pytest.mark.slow
 @pytest.mark.long
 def test_fifty_thousand_moves_are_planned_as_layers(tmp_path: Path) -> None:
     program = sliced("rrf", layers=30, moves=835)

@@ -262,7 +262,7 @@ def test_a_lift_off_within_a_stroke_is_told(tmp_path: Path, capsys: pytest.Captu
     assert lifted_before(load_plan(tmp_path / "p.json")) == [8, 10]
 
 
-@pytest.mark.parametrize("mode", ["stops", "continuous"])
+@pytest.mark.parametrize("mode", ["stops", pytest.param("continuous", marks=pytest.mark.slow)])
 def test_a_run_that_gets_stuck_in_a_stroke_ends_before_it(mode: str) -> None:
     """Where a board is in the arm's way, not in the base's; stops are found without regard to strokes."""
     world = past_a_board()
