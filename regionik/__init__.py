@@ -98,7 +98,15 @@ _HOME = {
     }.items()
     for name in names.split()
 }
-_SHOWN = (("values", "Answer"), ("regions", "Area"), ("values", "Plan"), ("worlds.scene", "World"))
+_SHOWN = (
+    ("values", "Answer"),
+    ("regions", "Area"),
+    ("worlds.errors", "Explanation"),
+    ("reachability.field", "Field"),
+    ("values", "Plan"),
+    ("values", "Stops"),
+    ("worlds.scene", "World"),
+)
 
 
 def __getattr__(name: str) -> Any:
@@ -110,7 +118,7 @@ def __getattr__(name: str) -> Any:
 
 
 def _show_in_notebooks() -> None:
-    """Let a notebook that imports regionik show plans, worlds, areas and answers as pictures."""
+    """Let a notebook that imports regionik show values as pictures and lines."""
     shell = sys.modules["IPython"].get_ipython()
     if shell is not None:
         html = shell.display_formatter.formatters["text/html"]

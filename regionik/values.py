@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -211,6 +211,21 @@ class Stop:
     @property
     def last(self) -> int:
         return self.setpoints[-1]
+
+
+class Stops(tuple[Stop, ...]):
+    """Stops in the order of the work, which know the ``world`` on whose floor they are shown."""
+
+    world: World
+
+    def __new__(cls, stops: Iterable[Stop], world: World) -> Self:
+        made = super().__new__(cls, stops)
+        made.world = world
+        return made
+
+    def __repr__(self) -> str:
+        served = sum(len(stop.setpoints) for stop in self)
+        return f"Stops({self.world.name}: {len(self)} for {served} set-points)"
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,6 +28,8 @@ def values() -> dict[str, Any]:
         "Area": rik.admissible_area(world, world.task[0]),
         "Answer": rik.reach(world, [[0.5, 0.0, 0.3], [0.0, 0.0, 3.0]]),
         "Plan": rik.plan(world),
+        "Stops": rik.stops("pillar"),
+        "Field": rik.reach_field(world, [[0.5, 0.0, 0.3], [0.0, 0.0, 3.0]], cell=0.2),
     }
 
 
@@ -49,13 +51,23 @@ def test_every_value_is_one_line(values: dict[str, Any]) -> None:
         assert len(text) < 300
 
 
-@pytest.mark.parametrize("name", ["World", "Area", "Answer", "Plan"])
+@pytest.mark.parametrize("name", ["World", "Area", "Answer", "Plan", "Stops", "Field"])
 def test_notebooks_show_a_picture_and_some_lines(name: str, values: dict[str, Any]) -> None:
     page = ElementTree.fromstring(as_html(values[name]))
     assert [part.tag.rpartition("}")[2] for part in page] == ["svg", "pre"]
     lines = (page[1].text or "").splitlines()
-    assert lines == facts(values[name])[:5]
+    assert lines == facts(values[name])[: len(lines)]
     assert lines
+
+
+def test_an_explanation_shows_its_reason_causes_and_repairs() -> None:
+    found = rik.why("pillar", [1.3, 0.1, 0.9])
+    assert found is not None
+    (lines,) = ElementTree.fromstring(as_html(found))
+    told = (lines.text or "").splitlines()
+    assert told[0] == found.reason
+    assert f"because of reach: {found.causes[0].name}" in told
+    assert told[-1].removeprefix("- ") in {repair.text for repair in found.repairs}
 
 
 def test_the_time_of_a_plan_is_told_only_where_it_is_timed(values: dict[str, Any]) -> None:
@@ -65,7 +77,7 @@ def test_the_time_of_a_plan_is_told_only_where_it_is_timed(values: dict[str, Any
     assert f"{timed.motion.time[-1]:.1f} s" in facts(timed)
 
 
-@pytest.mark.parametrize("name", ["World", "Area", "Answer", "Plan"])
+@pytest.mark.parametrize("name", ["World", "Area", "Answer", "Plan", "Stops", "Field"])
 def test_floors_are_drawn_into_axes(name: str, values: dict[str, Any]) -> None:
     axes = Figure().add_subplot()
     assert rik.plot_floor(values[name], axes) is axes

@@ -20,17 +20,18 @@ from regionik.parking.placements import BasePlacement, PlacementSearch
 from regionik.parking.sampled_poses import PoseCover
 from regionik.parking.stop_sequence import StopSequence, stop_sequence
 from regionik.planners.coverage.set_cover import least_cover, undominated
+from regionik.planners.progress import Progress, listening
 from regionik.postures.arm_roadmap import FixedBasePostures
 from regionik.reachability.reach import answers_for
 from regionik.reachability.unreached import unreached
 from regionik.scene import Scene, WorldSource, scene_of, world_of
-from regionik.values import Skipped, Stop
+from regionik.values import Skipped, Stop, Stops
 from regionik.worlds.errors import Cause, Explanation, InputError, NoPlanFound
 
 OPTIONS = PARKING.places
 
 
-def stops(world: WorldSource) -> tuple[Stop, ...]:
+def stops(world: WorldSource, *, progress: Progress | None = None) -> Stops:
     """Fewest stops of the base from which all set-points are done standing still.
 
     By `regionik.worlds.scene.Rules`: ``order`` says whether set-points keep their order, ``stop_criterion``
@@ -42,11 +43,13 @@ def stops(world: WorldSource) -> tuple[Stop, ...]:
     ----------
     world : World, or the name or file of one
         Its ``rules.mode`` does not matter here.
+    progress : callable, optional
+        Called with stage, done, total.
 
     Returns
     -------
-    tuple of Stop
-        In the order of the work.
+    Stops
+        A tuple of `Stop` in the order of the work.
 
     Raises
     ------
@@ -61,7 +64,9 @@ def stops(world: WorldSource) -> tuple[Stop, ...]:
     >>> [(stop.first, stop.last) for stop in stops("pillar")]
     [(0, 9), (10, 14)]
     """
-    return find_served(scene_of(world_of(world)))[0]
+    with listening(progress):
+        scene = scene_of(world_of(world))
+        return Stops(find_served(scene)[0], scene.world)
 
 
 def find_served(scene: Scene) -> tuple[tuple[Stop, ...], Parking, tuple[Skipped, ...]]:

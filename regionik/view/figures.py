@@ -6,7 +6,7 @@ import io
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, TypeAlias
 
 import matplotlib.style
 import numpy as np
@@ -24,7 +24,7 @@ from shapely.geometry.base import BaseGeometry
 from regionik.reachability.field import Field, SliceValue
 from regionik.regions import Area
 from regionik.storage.files import write_atomic
-from regionik.values import Answer, Plan, Stop
+from regionik.values import Answer, Plan, Stop, Stops
 from regionik.view.floor_view import (
     ZONE_WORDS,
     FloorView,
@@ -43,6 +43,7 @@ from regionik.worlds.errors import InputError
 from regionik.worlds.scene import World
 
 OPTIONS = VIEW.curves
+OnFloor: TypeAlias = Plan | Stops | World | Area | Field | Answer
 
 SUFFIXES = (".svg", ".png")
 _HEAD: dict[str, Any] = {"fontsize": 13, "fontweight": "bold"}
@@ -91,12 +92,12 @@ def plot_stops(world: World, stops: Sequence[Stop], path: str | os.PathLike[str]
     _save(made, path)
 
 
-def plot_floor(what: Plan | World | Area | Answer, axes: Axes | None = None) -> Axes:
-    """Draw the floor of a plan, a world, an area or answers, seen from above.
+def plot_floor(what: OnFloor, axes: Axes | None = None) -> Axes:
+    """Draw the floor of a plan, stops, a world, an area, a reach field or answers, seen from above.
 
     Parameters
     ----------
-    what : Plan, World, Area or Answer
+    what : Plan, Stops, World, Area, Field or Answer
         Of answers targets and bases are drawn, as they do not know their world.
     axes : matplotlib Axes, optional
         By default those of a new figure.
@@ -108,12 +109,14 @@ def plot_floor(what: Plan | World | Area | Answer, axes: Axes | None = None) -> 
     drawn = axes or Figure(figsize=(OPTIONS.floor_width, OPTIONS.floor_width)).add_subplot()
     if isinstance(what, Answer):
         _answers(drawn, what)
+    elif isinstance(what, Field):
+        _field(drawn, what)
     else:
         _floor(drawn, floor_view(what))
     return drawn
 
 
-def floor_image(what: Plan | World | Area | Answer) -> str:
+def floor_image(what: OnFloor) -> str:
     """Return the floor as SVG, for pages."""
 
     def made() -> Figure:
@@ -160,14 +163,25 @@ def _render(make: Callable[[], Figure], suffix: str) -> bytes:
 
 
 def _field_figure(field: Field) -> Figure:
-    """A field over its floor, with solids and targets, around all that is not zero."""
-    floor, task, half = field.scene.floor.polygon, field.targets[:, :2], field.cell / 2
-    rows, columns = np.nonzero(field.values)
-    points = np.column_stack([field.x[columns], field.y[rows]])
-    low, high = window(floor, [points - half, points + half, task, shapely.get_coordinates(floor)])
+    low, high = _window_of(field)
     deep = (OPTIONS.floor_width - 1.2) * float(np.clip((high[1] - low[1]) / (high[0] - low[0]), 0.2, 2.0))
     figure = Figure(figsize=(OPTIONS.floor_width, deep + 1.8))
-    ax = figure.add_subplot()
+    _field(figure.add_subplot(), field)
+    return figure
+
+
+def _window_of(field: Field) -> tuple[Array, Array]:
+    """Corners of what is shown of a field: all that is not zero, its targets and the floor about them."""
+    floor, half = field.scene.floor.polygon, field.cell / 2
+    rows, columns = np.nonzero(field.values)
+    points = np.column_stack([field.x[columns], field.y[rows]])
+    shown = [points - half, points + half, field.targets[:, :2], shapely.get_coordinates(floor)]
+    return window(floor, shown)
+
+
+def _field(ax: Axes, field: Field) -> None:
+    """A field over its floor, with solids and targets."""
+    floor, task = field.scene.floor.polygon, field.targets[:, :2]
     key: list[Patch | Line2D] = []
     _area(ax, floor, facecolor=_hex(Color.FLOOR), zorder=0)
     edge = shapely.get_coordinates(floor.exterior).T
@@ -184,8 +198,7 @@ def _field_figure(field: Field) -> Figure:
     if len(task):
         key += _dots(ax, task, zorder=4, label="targets")
     title = field.meaning.partition(":")[0]  # of a slice, the legend names its values
-    _finish_floor(ax, f"{field.world}: {title}", low, high, key, ncols=5)
-    return figure
+    _finish_floor(ax, f"{field.world}: {title}", *_window_of(field), key, ncols=5)
 
 
 def _field_values(ax: Axes, field: Field) -> list[Patch]:

@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from regionik.postures.poses import axis_of
 from regionik.regions import Area
 from regionik.scene import scene_of
-from regionik.values import Plan, Stop
+from regionik.values import Plan, Stop, Stops
 from regionik.verification.base_clearance import footprint_hulls
 from regionik.view.options import VIEW
 from regionik.view.picture import tool_axes
@@ -155,10 +155,12 @@ class FloorView:
     driven: bool = True  # ``axis_path`` is driven; else it connects stops in their order
 
 
-def floor_view(what: Plan | World | Area) -> FloorView:
-    """Return the floor of a plan, of a world with its start, or of an area with its target, from above."""
+def floor_view(what: Plan | World | Area | Stops) -> FloorView:
+    """Return the floor of a plan, stops, a world with its start, or an area with its target, from above."""
     if isinstance(what, Plan):
         return _plan_floor(what)
+    if isinstance(what, Stops):
+        return stops_floor(what.world, what)
     if isinstance(what, World):
         return _world_floor(what)
     return _world_floor(replace(what.world, task=(what.target,)), what.inner)

@@ -111,7 +111,7 @@ class ViewOptions:
     scene: SceneOptions = SceneOptions()
     curves: CurveOptions = CurveOptions()
     board: BoardOptions = BoardOptions()
-    max_html_facts: int = 5  # lines beside the picture of a value in a notebook
+    max_html_facts: int = 12  # lines below the picture of a value in a notebook
 
 
 VIEW = ViewOptions()

@@ -14,16 +14,18 @@ from string import Template
 from threading import Thread
 from typing import Any
 
+from regionik.reachability.field import Field
 from regionik.regions import Area
 from regionik.scene import WorldSource
 from regionik.storage.files import write_atomic
 from regionik.timing.trajectory import is_timed
-from regionik.values import Answer, Plan
-from regionik.view.figures import floor_image
+from regionik.values import Plan, Stops
+from regionik.view.figures import OnFloor, floor_image
 from regionik.view.options import VIEW
 from regionik.view.picture import Picture
 from regionik.view.timeline import timeline_document
 from regionik.view.viewer import packed_commands, picture_of, viewer_script
+from regionik.worlds.errors import Explanation
 from regionik.worlds.scene import World
 
 _PAGE, _SCRIPT = (Path(__file__).with_name(name) for name in ("page.html", "page.js"))
@@ -105,15 +107,22 @@ def served(page: str) -> Iterator[str]:
         server.server_close()
 
 
-def as_html(value: Plan | World | Area | Answer) -> str:
-    """Return a picture of the floor and a few lines as HTML."""
-    picture = floor_image(value)
+def as_html(value: OnFloor | Explanation) -> str:
+    """Return a few lines as HTML, and above them a picture of the floor, but for an explanation."""
     lines = "\n".join(facts(value)[: VIEW.max_html_facts])
-    return f"<div>{picture[picture.index('<svg') :]}<pre>{escape(lines)}</pre></div>"
+    image = "" if isinstance(value, Explanation) else floor_image(value)
+    return f"<div>{image[image.find('<svg') :]}<pre style='white-space: pre-wrap'>{escape(lines)}</pre></div>"
 
 
-def facts(value: Plan | World | Area | Answer) -> list[str]:
+def facts(value: OnFloor | Explanation) -> list[str]:
     """Return lines on a value, the most telling first."""
+    if isinstance(value, Explanation):
+        repairs = [f"- {repair.text}" for repair in value.repairs]
+        return [value.reason, *(f"because of {cause.kind}: {cause.name}" for cause in value.causes), *repairs]
+    if isinstance(value, Stops):
+        return [repr(value), *map(repr, value)]
+    if isinstance(value, Field):
+        return [repr(value)]
     if isinstance(value, Plan):
         margins: dict[str, Any] = value.stats.get("margins", {})
         timed = f"{value.motion.time[-1]:.1f} s" if is_timed(value.motion) else "not timed"
