@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from regionik.worlds.robot import Robot, Tool
     from regionik.worlds.scene import Floor, Rules, Start, Target, World
     from regionik.worlds.urdf.loader import load_robot
+    from regionik.worlds.zones import Zone
 
 __version__ = "0.1.0"
 
@@ -54,7 +55,7 @@ __all__ = [
     "Box", "Chain", "Criteria", "Cylinder", "Execution", "Floor", "InputError", "Joint", "LinkBox",
     "LinkCapsule", "LinkHull", "LiveSolver", "Mesh", "NoPlanFound", "Noise", "ParkingAccuracy", "Plan",
     "Prism", "RegionikError", "Robot", "Rules", "Solver", "Speeds", "Sphere", "Start", "Target", "Tool",
-    "World", "admissible_area", "compare", "export", "load_plan", "load_robot", "load_world", "plan",
+    "World", "Zone", "admissible_area", "compare", "export", "load_plan", "load_robot", "load_world", "plan",
     "plot", "plot_floor", "point_to_point", "reach", "reach_field", "reach_slice", "replan_stop",
     "retime", "save_plan", "show", "simulate", "stops", "to_html", "trajectory", "verify",
     "verify_answers", "verify_areas", "why", "write_field",
@@ -94,6 +95,7 @@ _HOME = {
         "worlds.obstacles": "Box Cylinder Mesh Prism Sphere",
         "worlds.robot": "Robot Tool",
         "worlds.scene": "Floor Rules Start Target World",
+        "worlds.zones": "Zone",
         "worlds.urdf.loader": "load_robot",
     }.items()
     for name in names.split()

@@ -187,6 +187,20 @@ def test_plans_keep_them_and_verification_tells_their_margin() -> None:
     assert any("clearance" in text and "post" in text for text in told)
 
 
+@FEW
+@given(st.integers(20, 90))
+def test_the_largest_clearance_of_the_rules_leaves_solids_their_own(own: int) -> None:
+    """Between a wall that asks for its own and one that asks for that of the rules."""
+    asking = Box("asking", np.array([6.0, 0.2, 1.0]), np.array([0.0, 1.4, 0.5]), clearance=own / 100)
+    other = Box("other", np.array([6.0, 0.2, 1.0]), np.array([0.0, -1.4, 0.5]))
+    world = room(asking, other, clearance=0.05)
+    most = rik.admissible_area(world, world.task[1]).clearance
+    assert most is not None
+    for clearance, open_there in ((most - 1e-4, True), (most + 1e-4, False)):
+        changed = replace(world, rules=replace(world.rules, clearance=clearance))
+        assert (rik.admissible_area(changed, world.task[1]).inner.area > 0) == open_there
+
+
 def _told(world: World) -> tuple[str, Facts]:
     return robot_to_urdf(world.robot, world.floor.polygon), facts_of(world.robot)
 

@@ -106,8 +106,8 @@ def test_every_posture_of_a_stop_is_clear_and_joined_to_every_other() -> None:
             assert collision.passes([Pose(held.base, a), *way, Pose(held.base, b)])
 
 
-def test_a_posture_beyond_a_post_is_joined_by_a_way_round_it() -> None:
-    """No straight motion gets there from the posture that the arm is driven in."""
+def test_a_set_point_beyond_a_post_is_joined_by_a_way_round_it_or_another_posture() -> None:
+    """No straight motion leads to the posture known there from that which the arm is driven in."""
     world = holes(2, 1)
     robot, base, rng = world.robot, np.array([0.0, -0.9, np.pi / 2]), np.random.default_rng(3)
     world = replace(world, task=tuple(replace(target, direction=None) for target in world.task))
@@ -127,9 +127,10 @@ def test_a_posture_beyond_a_post_is_joined_by_a_way_round_it() -> None:
         held = carrier.joined(base, np.arange(1), there[None])
         assert held is not None
         assert held.roadmap is not None
-        way = held.roadmap.way(carrier.collision, carrier.root, there)
+        assert carrier.serves(0, base, held.joints[0])
+        way = held.roadmap.way(carrier.collision, carrier.root, held.joints[0])
         assert way is not None
-        assert carrier.collision.passes([Pose(base, carrier.root), *way, Pose(base, there)])
+        assert carrier.collision.passes([Pose(base, carrier.root), *way, Pose(base, held.joints[0])])
         joined += 1
     assert joined >= 3
 

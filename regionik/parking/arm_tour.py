@@ -149,9 +149,9 @@ class _ArmTour:
             if roadmap is None or (a, b) in self._seen:
                 continue
             self._seen.update([(a, b), (b, a)])
-            way = roadmap.way(self.carrier.collision, branches.joints[a], branches.joints[b])
+            way = roadmap.corners(self.carrier.collision, branches.joints[a], branches.joints[b])
             if way is not None:
-                states = [branches.joints[a], *(pose.joints for pose in way), branches.joints[b]]
+                states = [pose.joints for pose in way]
                 time = float((np.abs(np.diff(states, axis=0)) / self.velocity).max(axis=1).sum())
                 found |= time > far[a, b] + 1e-9
                 far[a, b] = far[b, a] = time

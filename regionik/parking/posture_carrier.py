@@ -18,8 +18,10 @@ from regionik.planners.geometry.offsets import radius_that_holds
 from regionik.planners.reach.serial_criteria import carried_along
 from regionik.planners.solvers.serial_chain import serial_arm
 from regionik.postures.arm_roadmap import (
+    ArmRoadmap,
     FixedBasePostures,
     arm_path,
+    goes,
     grown_roadmap,
     rooted_roadmap,
 )
@@ -81,7 +83,8 @@ class PostureCarrier(PostureSearch):
     def joined(self, base: Array, some: Index, joints: Array) -> FixedBasePostures | None:
         """Those of some set-points with clear postures (n, dof) that a roadmap joins, kept all round.
 
-        Where it does not join all by the few that lie between, RRTConnect looks for a way.
+        Where it does not join one by the few that lie between, postures of the roadmap are led on to its
+        set-point; where none goes there straight, RRTConnect looks for a way.
         """
         travel = self._travel
         off = np.abs(joints[:, None] - travel.joints[None]).max(axis=2)
@@ -90,13 +93,30 @@ class PostureCarrier(PostureSearch):
         roadmap, grown = grown_roadmap(self.collision, rooted_roadmap(base, self.root), nodes)
         held = np.isin(np.arange(len(joints)) + len(between), grown)
         left = np.flatnonzero(~held) if self.collision.proves(Pose(base, self.root)) else ()
-        most = POSTURES.roadmap.max_iterations
+        most, joints = POSTURES.roadmap.max_iterations, joints.copy()
         for n in left:
-            path = arm_path(self.collision, base, roadmap.nearest(joints[n]), joints[n], 0, most)
+            path = self._led_on(roadmap, int(some[n]), joints[n])
+            if path is None:
+                path = arm_path(self.collision, base, roadmap.nearest(joints[n]), joints[n], 0, most)
             if path is not None:
-                roadmap, held[n] = roadmap.with_path(path), True
+                roadmap, held[n], joints[n] = roadmap.with_path(path), True, path[-1]
         found = self.clear_postures(base, some[held], joints[held])
         return None if found is None else replace(found, roadmap=roadmap)
+
+    def _led_on(self, roadmap: ArmRoadmap, i: int, joints: Array) -> Array | None:
+        """A straight motion (2, dof) to a posture at set-point i that one of a roadmap is led on to.
+
+        The nearest to ``joints`` come first. None where none goes.
+        """
+        axis, heading = axis_of(self.world.robot, roadmap.base), float(roadmap.base[2])
+        off = np.abs(roadmap.joints - joints).max(axis=1)
+        for k in np.argsort(off, kind="stable")[: OPTIONS.max_led_on].tolist():
+            here = roadmap.joints[k]
+            led = self._carried(self._bound, axis, heading, here, np.array([i]))
+            clear = len(led) > 0 and self.collision.proves(Pose(roadmap.base, led[0]))
+            if clear and goes(self.collision, roadmap.base, here, led[0]):
+                return np.stack([here, led[0]])
+        return None
 
     @property
     def root(self) -> Array:

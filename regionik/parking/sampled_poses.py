@@ -92,6 +92,12 @@ class PoseCover:
             k += 1
         return drawn
 
+    @property
+    def unserved(self) -> list[int]:
+        """Set-points at which no pose drawn has a clear posture."""
+        every = np.arange(len(self.scene.task))
+        return np.flatnonzero(~_served(self._drawn, every).any(axis=0)).tolist()
+
     def serving(self, setpoints: Sequence[int]) -> Array:
         """Return the bases (n, 3) drawn that have clear postures at all of some set-points."""
         rows = _served(self._drawn, np.array(setpoints)).all(axis=1)

@@ -97,11 +97,15 @@ def _find_reachable(scene: Scene) -> tuple[tuple[Stop, ...], Parking]:
     """Return `find` with its doubts; raise NoPlanFound for set-points that have no clear posture at all."""
     found, parking = find(scene)
     told = _confirmed(scene, found)
-    failures = tuple(unreached(scene, sorted(i for stop in told for i in stop.unconfirmed)))
+    _refuse_unreached(scene, sorted(i for stop in told for i in stop.unconfirmed))
+    return told, parking
+
+
+def _refuse_unreached(scene: Scene, some: Sequence[int]) -> None:
+    failures = tuple(unreached(scene, some))
     if failures:
         first, cause = failures[0], Cause("limits", scene.robot.name)
         raise NoPlanFound(Explanation(first.verdict, first.setpoint, first.reason, (cause,), (), failures))
-    return told, parking
 
 
 def _confirmed(scene: Scene, stops: Iterable[Stop]) -> tuple[Stop, ...]:
@@ -188,6 +192,8 @@ def _by_poses(placements: PlacementSearch) -> Iterator[StopGroup]:
     """Yield stops by the least cover by sampled poses, and for what none of these serves parts of others."""
     scene, areas = placements.scene, placements.parking_areas
     cover = PoseCover(scene, areas)
+    if scene.rules.skip_unreachable:  # known before the work that these would spoil
+        _refuse_unreached(scene, cover.unserved)
     parts = cover.fewest()
     served = {i for part in parts for i in part.setpoints}
     left, refused = [i for i in range(len(scene.task)) if i not in served], list[Explanation]()

@@ -38,23 +38,28 @@ class ArmRoadmap:
     parent: Index
 
     def way(self, collision: CollisionChecker, here: Array, there: Array) -> list[Pose] | None:
-        """Return the states strictly between two postures: straight, or along the tree with shortcuts.
+        """Return the states strictly between two postures: the `corners`, or a shorter way by RRTConnect.
 
-        Where that goes far round, a way by RRTConnect that is shorter. None where an end is no posture of the
-        tree, nor a straight motion from the nearest.
+        That is looked for where the corners go far round. None where an end is no posture of the tree, nor a
+        straight motion from the nearest.
         """
-        ends = [Pose(self.base, joints) for joints in (here, there)]
-        corners = ends if goes(collision, self.base, here, there) else self._along_tree(collision, ends)
+        corners = self.corners(collision, here, there)
         if corners is None:
             return None
-        if _length(corners) > OPTIONS.good_length_ratio * _length(ends):
+        if _length(corners) > OPTIONS.good_length_ratio * _length([corners[0], corners[-1]]):
             path = arm_path(collision, self.base, here, there, 0, OPTIONS.max_way_iterations)
             if path is not None:
                 corners = min(corners, [Pose(self.base, q) for q in path], key=_length)
         return [row for a, b in pairwise(corners) for row in [*arm_states(a, b), b]][:-1]
 
-    def _along_tree(self, collision: CollisionChecker, ends: list[Pose]) -> list[Pose] | None:
-        """Corners of a way between two postures by those of the tree; None where one is not joined to it."""
+    def corners(self, collision: CollisionChecker, here: Array, there: Array) -> list[Pose] | None:
+        """Corners of the way between two postures, these among them: straight, or by the tree with shortcuts.
+
+        None where one is not joined to the tree.
+        """
+        ends = [Pose(self.base, joints) for joints in (here, there)]
+        if goes(collision, self.base, here, there):
+            return ends
         between = (Pose(self.base, self.joints[k]) for k in self._between(*(end.joints for end in ends)))
         corners = distinct([ends[0], *between, ends[1]])
 
