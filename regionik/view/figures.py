@@ -84,7 +84,9 @@ def plot_stops(world: World, stops: Sequence[Stop], path: str | os.PathLike[str]
     def made() -> Figure:
         floor = stops_floor(world, stops)
         figure = Figure(figsize=(OPTIONS.floor_width, _floor_height(floor) + 0.7))
-        facts = f"{count_noun(len(world.task), 'set-point')}, {count_noun(len(stops), 'stop')}"
+        served, asked = sum(len(stop.setpoints) for stop in stops), len(world.task)
+        some = f"{served} of " * (served < asked)
+        facts = f"{some}{count_noun(asked, 'set-point')}, {count_noun(len(stops), 'stop')}"
         figure.suptitle(f"{world.name}: {facts}", **_HEAD)
         _floor(figure.add_subplot(), floor)
         return figure
