@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -56,6 +56,12 @@ SECTIONS = {
     "Inverse kinematics": ("Solver", "LiveSolver", "compare"),
     "Errors": ("RegionikError", "InputError", "NoPlanFound"),
 }
+FIGURES = {
+    "Areas and reach": ("area.svg", "Reach, rejection and admissible area of one set-point"),
+    "Plans": ("ladder.svg", "The ladder of a path, and the components of one set-point on the floor"),
+    "Time": ("motion.png", "The base's path, and the tool's speed on it"),
+    "To look at": ("page.png", "The page of a plan"),
+}
 RESULTS = (
     "regionik.regions.Area",
     "regionik.reachability.reach.Answer",
@@ -74,7 +80,7 @@ RESULTS = (
 
 def on_files(files: Files, config: Any) -> Files:
     """Add the written pages to those that stand in the folder."""
-    pages = {"api.md": api_page()} | {
+    pages = api_pages() | {
         page: format_page(
             json.loads((DOCS / schema).read_text("utf-8")), title, f"{about} [The schema]({schema})."
         )
@@ -96,19 +102,28 @@ def on_post_build(config: Any) -> None:
         rik.to_html(rik.plan(rik.load_world(name)), folder / f"{name}.html")
 
 
-def api_page() -> str:
-    """All public names, by what they are for."""
+def api_pages() -> dict[str, str]:
+    """All public names, a page for each topic, and one that lists them."""
     from regionik import _HOME
 
     told = [name for names in SECTIONS.values() for name in names]
     if sorted(told) != sorted(_HOME):
         raise ValueError(f"SECTIONS: expected each public name once, not {sorted(set(told) ^ set(_HOME))}")
-    lines = ["# Python", "", "`import regionik as rik`. Arrays go in and come out as numpy's."]
+    overview = ["# Python", "", "`import regionik as rik`. Arrays go in and come out as numpy's.", ""]
+    pages = {}
     for section, names in SECTIONS.items():
-        lines += ["", f"## {section}"]
-        lines += [f"\n::: {_HOME[name]}.{name}" for name in names]
-    lines += ["", "## What they give and take", *(f"\n::: {name}" for name in RESULTS)]
-    return "\n".join(lines) + "\n"
+        page = f"api/{section.lower().replace(' ', '-')}.md"
+        listed = ", ".join(f"[`{name}`]({page}#{_HOME[name]}.{name})" for name in names)
+        overview.append(f"- [{section}]({page}): {listed}")
+        pages[page] = _api_page(section, [f"{_HOME[name]}.{name}" for name in names])
+    overview.append("- [What they give and take](api/results.md)")
+    results = _api_page("What they give and take", RESULTS)
+    return {"api.md": "\n".join(overview) + "\n", "api/results.md": results, **pages}
+
+
+def _api_page(section: str, names: Iterable[str]) -> str:
+    figure = [f"\n![{FIGURES[section][1]}](../figures/{FIGURES[section][0]})"] if section in FIGURES else []
+    return "\n".join([f"# {section}", *figure, *(f"\n::: {name}" for name in names)]) + "\n"
 
 
 def format_page(schema: dict[str, Any], title: str, about: str) -> str:
