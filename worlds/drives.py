@@ -16,6 +16,8 @@ from numpy.typing import ArrayLike
 from regionik.worlds.arrays import Array
 
 BaseKind = Literal["omni", "differential", "car"]
+# Of base moves that go round things, by OMPL's names; those from RRTstar on better their ways
+BasePlanner = Literal["RRTConnect", "BKPIECE1", "RRTstar", "InformedRRTstar", "BITstar", "AORRTC"]
 
 MAX_CHORD_ERROR = 5e-4  # that a line through points of a drawn way may cut off an arc [m]
 

@@ -11,6 +11,7 @@ import numpy as np
 from shapely.geometry import MultiPolygon, Polygon
 
 from regionik.worlds.arrays import Array, check_near_origin, freeze, frozen, one_line, unit_vector
+from regionik.worlds.drives import BasePlanner
 from regionik.worlds.errors import InputError, located
 from regionik.worlds.limits import Criteria, Execution, ParkingAccuracy, Speeds
 from regionik.worlds.obstacles import Box, Prism, Solid, as_polygon
@@ -148,6 +149,10 @@ class Rules:
     smooth : bool
         Base and arm go on together where they can, and their motion is made smooth. Without it plans are the
         papers': configurations of M-FABRIK as they were found, the base led on by Algorithm 2 and OMPL.
+    base_planner : {"RRTConnect", "BKPIECE1", "RRTstar", "InformedRRTstar", "BITstar", "AORRTC"}
+        OMPL's planner, by its name there, of base moves that neither a straight way nor the floor's shortest
+        path makes, and of moves of base and arm together. From RRTstar on they better their ways as long as
+        they may, which takes longer.
     solid_floor : bool
         The arm keeps clear of the floor, the plane z = 0, as of any other solid.
     mode : {"continuous", "stops"}
@@ -193,6 +198,7 @@ class Rules:
     lift_within: bool = False
     avoidance: bool = True
     smooth: bool = True
+    base_planner: BasePlanner = "RRTConnect"
     solid_floor: bool = True
     mode: Mode = "continuous"
     order: Order = "given"
@@ -246,7 +252,13 @@ class Rules:
 
 
 _ABOVE_ZERO = ("step", "tolerance", "path_tolerance")
-_CHOICES: dict[str, Any] = {"heading": Heading, "mode": Mode, "order": Order, "stop_criterion": StopCriterion}
+_CHOICES: dict[str, Any] = {
+    "heading": Heading,
+    "mode": Mode,
+    "order": Order,
+    "stop_criterion": StopCriterion,
+    "base_planner": BasePlanner,
+}
 
 
 @dataclass(frozen=True)

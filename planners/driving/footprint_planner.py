@@ -42,6 +42,7 @@ from regionik.planners.driving.pose_planner import (
 )
 from regionik.planners.geometry.angles import wrap
 from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.drives import BasePlanner
 from regionik.worlds.shadows import Shadow
 
 OPTIONS = DRIVING
@@ -105,7 +106,9 @@ class FootprintFloor:
         bounds = slabs_along(self.scene, OPTIONS.heading_slabs)
         return slab_areas(self.footprint, self.floor, self.obstacles, self.clearance, bounds, self.upper)
 
-    def drive(self, start: ArrayLike, goal: ArrayLike, *, seed: int) -> FootprintPath:
+    def drive(
+        self, start: ArrayLike, goal: ArrayLike, *, seed: int, planner: BasePlanner = "RRTConnect"
+    ) -> FootprintPath:
         """Drive from pose to pose in any direction, turning on the way.
 
         Parameters
@@ -114,6 +117,8 @@ class FootprintFloor:
             x, y [m], yaw [rad].
         seed : int
             Of the sampling planner, 0 or above. Same input, same path.
+        planner : str
+            OMPL's name of it.
 
         Raises
         ------
@@ -138,7 +143,7 @@ class FootprintFloor:
         base = Steering(SLIDE, 0.0, float(np.hypot(*scene.corners.T).max()))
         if direct(scene, base, a, b) is not None:
             return FootprintPath(np.stack([a, b]), "straight")
-        found, cost = plan_poses(scene, base, a, b, seed)
+        found, cost = plan_poses(scene, base, a, b, seed, planner)
         if found is not None and cost <= OPTIONS.good_cost_ratio * slide_cost(base, a, b):
             return FootprintPath(found, "ompl")
         through = path_through_slabs(scene, self.slabs, a, b)

@@ -20,10 +20,11 @@ from regionik.planners.driving.footprint_scene import FootprintScene
 from regionik.planners.driving.options import DRIVING
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.driving.reeds_shepp import MAX_MOTIONS, words_between
-from regionik.planners.driving.sampling import PlanningProblem, connect_poses
+from regionik.planners.driving.sampling import BETTERING, PlanningProblem, connect_poses
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array, Index, frozen
+from regionik.worlds.drives import BasePlanner
 from regionik.worlds.errors import InputError
 
 SLIDE, SPIN, REEDS_SHEPP = range(3)
@@ -121,7 +122,7 @@ def direct(scene: FootprintScene, base: Steering, a: Array, b: Array) -> Array |
 
 
 def plan_poses(
-    scene: FootprintScene, base: Steering, start: Array, goal: Array, seed: int
+    scene: FootprintScene, base: Steering, start: Array, goal: Array, seed: int, planner: BasePlanner
 ) -> tuple[Array | None, float]:
     """Poses (k, 3) of the cheapest path from start to goal, each steered freely to the next, and its cost.
 
@@ -129,7 +130,7 @@ def plan_poses(
     the first finds nothing.
     """
     best, least, enough = None, np.inf, OPTIONS.short_cost_ratio * _unhindered(base, start, goal)
-    for poses in _attempts(scene, base, start, goal, seed):
+    for poses in _attempts(scene, base, start, goal, seed, planner):
         kept, cost = shortcut(scene, base, poses)
         if cost < least:
             best, least = kept, cost
@@ -143,8 +144,13 @@ def _unhindered(base: Steering, a: Array, b: Array) -> float:
     return float(words_between(a, b, base.radius)[1][0]) if base.kind == REEDS_SHEPP else 0.0
 
 
-def _attempts(scene: FootprintScene, base: Steering, start: Array, goal: Array, seed: int) -> Iterator[Array]:
-    """Paths of RRTConnect, up to the first attempt that finds none: the next would hardly do better."""
+def _attempts(
+    scene: FootprintScene, base: Steering, start: Array, goal: Array, seed: int, planner: BasePlanner
+) -> Iterator[Array]:
+    """Paths of a sampling planner, up to the first attempt that finds none: the next would hardly do better.
+
+    One that betters its own path is asked once.
+    """
     motions = np.empty((MAX_MOTIONS, 2))
     problem = PlanningProblem(
         scene.vertices.min(axis=0),
@@ -153,8 +159,9 @@ def _attempts(scene: FootprintScene, base: Steering, start: Array, goal: Array, 
         goal,
         lambda p: fits(scene, p[0], p[1], p[2]),
         lambda p, q: steer(scene, base, p, q, np.inf, motions) < np.inf,
+        planner,
     )
-    for k in range(OPTIONS.max_attempts):
+    for k in range(1 if planner in BETTERING else OPTIONS.max_attempts):
         poses = connect_poses(
             problem,
             turning_radius=base.radius,
@@ -275,7 +282,13 @@ def same_pose(a: Array, b: Array) -> bool:
 
 
 def drive_wheeled(
-    scene: FootprintScene, start: ArrayLike, goal: ArrayLike, *, turning_radius: float = 0.0, seed: int
+    scene: FootprintScene,
+    start: ArrayLike,
+    goal: ArrayLike,
+    *,
+    turning_radius: float = 0.0,
+    seed: int,
+    planner: BasePlanner = "RRTConnect",
 ) -> WheeledPath:
     """Drive a base on wheels: a car along lines and arcs, forwards and backwards, others turn on the spot.
 
@@ -289,6 +302,8 @@ def drive_wheeled(
         Of a car [m]; 0 for a base that turns on the spot and drives straight, backwards if that turns less.
     seed : int
         Of the sampling planner, 0 or above. Same input, same path.
+    planner : str
+        OMPL's name of it.
 
     Returns
     -------
@@ -319,7 +334,7 @@ def drive_wheeled(
         return WheeledPath(a, (), "still")
     if direct(scene, base, a, b) is not None:
         return _steered(scene, base, np.stack([a, b]), "straight")
-    poses, _ = plan_poses(scene, base, a, b, seed)
+    poses, _ = plan_poses(scene, base, a, b, seed, planner)
     if poses is None:
         kind = f"a turning radius of {base.radius:g} m" if base.radius else "turns on the spot"
         ends = f"from {pose_text(a)} to {pose_text(b)}"

@@ -1,4 +1,4 @@
-"""Paths by OMPL's RRTConnect: between two points of a box, or two poses on a floor.
+"""Paths by OMPL's sampling planners: between two points of a box, or two poses on a floor.
 
 The only file that imports ompl.
 """
@@ -15,10 +15,12 @@ from typing import Any
 import numpy as np
 
 from regionik.worlds.arrays import Array
+from regionik.worlds.drives import BasePlanner
 
 _OMPL = Lock()  # its seed and its log level belong to the whole process
 
 State = Any  # of OMPL: read by index, valid during the call only
+BETTERING = ("RRTstar", "InformedRRTstar", "BITstar", "AORRTC")  # planners that use up their iterations
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +35,7 @@ class PlanningProblem:
     goal: Array
     state_is_free: Callable[[Any], bool]  # says if a state is free
     motion_is_free: Callable[[Any, Any], bool]  # says if the motion from one state to another is free
+    planner: BasePlanner = "RRTConnect"  # by OMPL's name
 
 
 def connect(
@@ -123,9 +126,11 @@ def _connected(
     setup.setStateValidityChecker(lambda p: bool(problem.state_is_free(read(p))))
     information.setMotionValidator(Motions(information))
     setup.setStartAndGoalStates(*ends)
-    planner = geometric.RRTConnect(information)
-    if stride is not None:
+    planner = getattr(geometric, problem.planner)(information)
+    if stride is not None and hasattr(planner, "setRange"):
         planner.setRange(stride)
+    if problem.planner in BETTERING:
+        setup.setOptimizationObjective(base.PathLengthOptimizationObjective(information))
     setup.setPlanner(planner)
     left = iter(range(iterations))
     status = setup.solve(base.PlannerTerminationCondition(lambda: next(left, None) is None))

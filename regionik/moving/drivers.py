@@ -177,11 +177,13 @@ class ByHeadingDriver(Driver):
     def route(self, here: Pose, there: Pose, label: int, berth: float = 0.0) -> Array:
         """Of the base, (n, 3)."""
         a, b = here.base, there.base
-        found = found_once(
-            self._paths, a, b, berth, lambda: self._floor_between(a, b, berth).drive(a, b, seed=self.seed)
-        )
+        found = found_once(self._paths, a, b, berth, lambda: self._searched(a, b, berth))
         self.count(found.method)
         return found.poses
+
+    def _searched(self, a: Array, b: Array, berth: float) -> FootprintPath:
+        floor, planner = self._floor_between(a, b, berth), self.scene.rules.base_planner
+        return floor.drive(a, b, seed=self.seed, planner=planner)
 
     def _floor_between(self, a: Array, b: Array, berth: float) -> FootprintFloor:
         """Return the floor for a drive between two base poses (3,), prepared once for all of one kind."""
@@ -216,7 +218,8 @@ class WheeledDriver(Driver):
     def _searched(self, a: Array, b: Array, berth: float) -> WheeledPath:
         room, radius = self.scene.footprint_between(a, b), self.scene.robot.drive.turning_radius
         room = room.with_berth(berth) if berth else room
-        return drive_wheeled(room, a, b, turning_radius=radius, seed=self.seed)
+        planner = self.scene.rules.base_planner
+        return drive_wheeled(room, a, b, turning_radius=radius, seed=self.seed, planner=planner)
 
     def onto(self, here: Pose, label: int) -> list[Pose]:
         """Straight on or back to where a base that touches its bounds may turn, if that leads there."""

@@ -319,7 +319,7 @@ class WholeBodyPlanner:
             *self._box(start, goal), start, goal,
             lambda q: travel([here, at := self._pose(q), there]) < self.most
             and self.driver.inside(at, self.piece) and self.collision.proves(at),
-            lambda p, q: self._goes(self._pose(p), self._pose(q)),
+            lambda p, q: self._goes(self._pose(p), self._pose(q)), self.scene.rules.base_planner,
         )  # fmt: skip
         path = connect(problem, seed=seed, iterations=iterations, stride=POSTURES.roadmap.max_stride)
         if path is None:

@@ -119,7 +119,8 @@ def _lifted(scene: Scene, seed: int, here: Pose, there: Pose) -> list[Pose]:
     if same(here.base, here.joints, there.base, there.joints):
         return []
     carry = scene.robot.carry
-    way = drive_wheeled(scene.footprint_between(here.base, there.base), here.base, there.base, seed=seed)
+    room, planner = scene.footprint_between(here.base, there.base), scene.rules.base_planner
+    way = drive_wheeled(room, here.base, there.base, seed=seed, planner=planner)
     driven = [Pose(base, carry) for base in way.sample(scene.rules.step * 0.999)]
     folded = Pose(there.base, carry)
     return [*arm_states(here, driven[0]), *driven[:-1], folded, *arm_states(folded, there)]

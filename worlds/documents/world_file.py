@@ -27,6 +27,7 @@ from regionik.worlds.documents.environment import (
 )
 from regionik.worlds.documents.robots import RobotPart, read_robot, robot_to_document
 from regionik.worlds.documents.tasks import PiecePart, read_task, task_to_document, without_repeats
+from regionik.worlds.drives import BasePlanner
 from regionik.worlds.errors import FileNote, InputError, located, located_error, read_each
 from regionik.worlds.limits import Criteria, Execution, ParkingAccuracy, Speeds
 from regionik.worlds.obstacles import Solid
@@ -48,7 +49,17 @@ from regionik.worlds.readers.text import (
     validated,
 )
 from regionik.worlds.robot import Robot, check_criteria
-from regionik.worlds.scene import FrameNames, Heading, Mode, Order, Rules, Start, StopCriterion, Target, World
+from regionik.worlds.scene import (
+    FrameNames,
+    Heading,
+    Mode,
+    Order,
+    Rules,
+    Start,
+    StopCriterion,
+    Target,
+    World,
+)
 
 _MAX_TARGET_DEPTH = 1e-6  # a target this far inside a solid is taken for a mistake [m]
 
@@ -124,6 +135,11 @@ class RulesPart(Strict):
         default=Rules.smooth,
         description="base and arm go on together where they can, and their motion is made smooth; false: "
         "M-FABRIK's configurations as they were found, the base led on by Algorithm 2 and OMPL",
+    )
+    base_planner: BasePlanner = Field(
+        default=Rules.base_planner,
+        description="OMPL's planner of base moves that go round things, and of base and arm together; from "
+        "RRTstar on they better their ways as long as they may, which takes longer",
     )
     solid_floor: bool = Field(
         default=Rules.solid_floor, description="the arm keeps clear of the floor, as of any other solid"
