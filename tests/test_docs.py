@@ -87,7 +87,8 @@ def test_links_lead_somewhere(path: Path) -> None:
 def test_the_menu_names_all_pages() -> None:
     menu = re.findall(r"[\w/-]+\.md", str(yaml.safe_load((ROOT / "mkdocs.yml").read_text("utf-8"))["nav"]))
     assert len(menu) == len(set(menu))
-    assert set(menu) == set(PAGES) | WRITTEN
+    by_topic = {page for page in menu if page.startswith("api/")}  # the build refuses those that it does not write
+    assert set(menu) - by_topic == set(PAGES) | WRITTEN
 
 
 def test_the_gallery_has_all_bundled_worlds() -> None:
