@@ -11,9 +11,9 @@ import pytest
 import shapely
 
 import regionik as rik
-from tests.plans import plan_to_document
 from regionik.worlds.drives import BasePlanner
 from regionik.worlds.scene import World
+from tests.plans import plan_to_document
 
 PLANNERS = get_args(BasePlanner)
 
@@ -22,9 +22,8 @@ PLANNERS = get_args(BasePlanner)
 def yard() -> World:
     """Two set-points at the ends of a yard with two walls to drive round, by a base on two wheels."""
     robot = rik.load_robot("pioneer-parm")
-    walls = tuple(
-        rik.Box(f"wall {k}", [0.2, 2.6, 0.8], [x, y, 0.4]) for k, (x, y) in enumerate(((1.5, 1.3), (3.5, 2.7)))
-    )
+    places = {"near wall": (1.5, 1.3), "far wall": (3.5, 2.7)}
+    walls = tuple(rik.Box(name, [0.2, 2.6, 0.8], [x, y, 0.4]) for name, (x, y) in places.items())
     task = tuple(rik.Target(spot) for spot in ([0.3, 1.0, 0.5], [4.8, 3.0, 0.5]))
     rules = rik.Rules(clearance=0.05, mode="stops")
     return World("yard", robot, rik.Floor(shapely.box(-0.5, 0.0, 5.5, 4.0)), walls, task, rules)
@@ -57,5 +56,5 @@ def test_the_same_seed_gives_the_same_plan(planner: BasePlanner) -> None:
 
 
 def test_a_planner_that_is_not_known_is_refused_with_the_valid_ones() -> None:
-    with pytest.raises(rik.InputError, match=r"base_planner: expected one of RRTConnect, .*AORRTC, got 'PRM'"):
+    with pytest.raises(rik.InputError, match="base_planner: expected one of RRTConnect, .*AORRTC, got 'PRM'"):
         rik.Rules(base_planner="PRM")  # type: ignore[arg-type]
