@@ -107,6 +107,12 @@ def test_iterations_of_table_6(name: str, setpoints: int, total: int) -> None:
     assert taken <= 71
 
 
+def test_iterations_and_cut_components_of_experiment_4() -> None:
+    told = {row[0]: row[2] for row in santos.experiment_4().rows}
+    assert told["components that lead nowhere, cut before anything moves"] == "10 of 50"
+    assert float(told["iterations of a configuration, mean"]) == pytest.approx(3.5, abs=0.2)  # the paper's: 4
+
+
 def test_three_intermediate_configurations_at_set_point_11() -> None:
     rows = [row for row in santos_runs.experiment("pillar") if row.iterations is None]
     assert [row.setpoint for row in rows] == [11, 11, 11]

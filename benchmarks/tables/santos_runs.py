@@ -1,6 +1,6 @@
-"""What tables 2 to 6 of Santos et al. (IEEE Access 2020) measure, M-FABRIK.
+"""What tables 2 to 6 and experiment 4 of Santos et al. (IEEE Access 2020) measure, M-FABRIK.
 
-Scenes that the paper only draws are those of the bundled worlds `free`, `pillar` and `wall`.
+Scenes that the paper only draws are those of the bundled worlds `free`, `pillar`, `wall` and `l_shape`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from regionik.postures.poses import axis_of
 from regionik.pruning import choose_chain, solvers_along, start_place, start_pose, whole_path
 from regionik.scene import scene_of
 from regionik.values import Batch, Configuration
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Mask
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import load_world
 
@@ -140,8 +140,13 @@ class Row(NamedTuple):
     miss: float
 
 
+def pruned_components(name: str) -> Mask:
+    """Experiment 4: which components of a bundled world's ladder are kept."""
+    return whole_path(scene_of(load_world(name)))[2].keep
+
+
 def experiment(name: str) -> list[Row]:
-    """Table 6: the configurations of a bundled world, and what Algorithm 2 puts between two bases.
+    """Table 6, experiment 4: the configurations of a bundled world, and those of Algorithm 2 between them.
 
     Algorithm 2 is asked wherever the straight way between two bases leaves the free floor.
     """
