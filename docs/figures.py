@@ -44,7 +44,7 @@ SHOWN = 16  # the set-point of l_shape whose components are shown on the floor, 
 def main(folder: Path) -> None:
     """Draw all figures into a folder."""
     mpl.rcParams.update({"svg.hashsalt": "regionik", "font.size": 9, "svg.fonttype": "none"})
-    for name, draw in {"area": area, "inner_outer": inner_outer, "ladder": ladder}.items():
+    for name, draw in DRAWN.items():
         figure = draw()
         figure.savefig(folder / f"{name}.svg", metadata={"Date": None}, bbox_inches="tight")
         plt.close(figure)
@@ -205,6 +205,44 @@ def motion() -> Any:
     return figure
 
 
+def by_hand() -> Any:
+    """M-FABRIK's distance by iteration, its configurations laid over each other, and tracks of two wheels."""
+    figure, (distance, floor, tracks) = plt.subplots(1, 3, figsize=(11.5, 3.6), layout="constrained")
+    world = rik.load_world("free")
+    assert world.start is not None
+    here, solver = world.start, rik.Solver(world.robot, tolerance=1e-6)
+    base, joints = here.base, here.joints
+    for target in world.task:
+        distance.semilogy(1000 * solver.history(target.position, base, joints), color=KEPT, linewidth=0.7)
+        found = solver(target.position, base, joints)
+        base, joints = found.base, found.joints
+    distance.set_xlabel("iteration")
+    distance.set_ylabel("tool from set-point [mm]")
+    distance.set_title("free: each set-point from the one before", fontsize=9)
+    world = rik.load_world("l_shape")
+    fill(floor, shadows(world), SOLID)
+    for found in rik.plan(replace(world, rules=replace(world.rules, smooth=False))).setpoints[::3]:
+        links = world.robot.frames(found.base[None], found.joints[None])[0, :, :2, 3]
+        floor.plot(*links.T, color=KEPT, linewidth=1.2, alpha=0.6)
+        floor.plot(*found.base[:2], "o", color=KEPT, markersize=7, alpha=0.4)
+    floor.plot(
+        *np.array([target.position[:2] for target in world.task]).T, "k.-", markersize=3, linewidth=0.6
+    )
+    floor.set_title("l_shape: configurations of M-FABRIK", fontsize=9)
+    plan = rik.plan(rik.load_world("circle"))
+    x, y, yaw = plan.motion.base.T
+    for side, colour in ((0.5, UNDECIDED), (-0.5, KEPT)):
+        off = side * plan.world.robot.gauge
+        tracks.plot(x - off * np.sin(yaw), y + off * np.cos(yaw), color=colour, linewidth=1)
+    tracks.plot(*plan.tools()[:, :2].T, "k", linewidth=0.6)
+    tracks.set_title("circle: wheels and tool by Xu's tracker", fontsize=9)
+    for panel in (floor, tracks):
+        panel.set_aspect("equal")
+        panel.set_xlabel("x [m]")
+        panel.set_ylabel("y [m]")
+    return figure
+
+
 def _lanes(pruned: Pruned) -> np.ndarray:
     """Height of each component in its rung: the kept ones below."""
     found = pruned.ladder
@@ -236,6 +274,8 @@ def outline(panel: Any, shape: Any) -> None:
     """The edge of the floor."""
     panel.plot(*shapely.get_coordinates(shape.exterior).T, color="#90a4ae", linewidth=1)
 
+
+DRAWN = {"area": area, "inner_outer": inner_outer, "ladder": ladder, "by_hand": by_hand}
 
 if __name__ == "__main__":
     main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent / "figures")

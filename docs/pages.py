@@ -50,10 +50,10 @@ SECTIONS = {
         "replan_stop",
         "why",
     ),
-    "Time": ("retime", "trajectory", "point_to_point"),
+    "Time": ("retime", "trajectory", "point_to_point", "polynomial"),
     "Execution": ("simulate", "Noise"),
     "To look at": ("show", "to_html", "plot", "plot_floor"),
-    "Inverse kinematics": ("Solver", "LiveSolver", "compare"),
+    "Inverse kinematics": ("Solver", "LiveSolver", "avoiding_fabrik", "base_steps", "compare"),
     "Errors": ("RegionikError", "InputError", "NoPlanFound"),
 }
 FIGURES = {

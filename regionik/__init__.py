@@ -20,7 +20,9 @@ if TYPE_CHECKING:
     from regionik.mfabrik import Solver
     from regionik.output.export import export, write_field
     from regionik.output.plan_file import load_plan, save_plan
+    from regionik.papers.by_hand import avoiding_fabrik, base_steps
     from regionik.papers.comparison import compare
+    from regionik.papers.polynomial import polynomial
     from regionik.parking.replanning import replan_stop
     from regionik.parking.stops import stops
     from regionik.pipeline import plan, why
@@ -55,17 +57,20 @@ __all__ = [
     "Box", "Chain", "Criteria", "Cylinder", "Execution", "Floor", "InputError", "Joint", "LinkBox",
     "LinkCapsule", "LinkHull", "LiveSolver", "Mesh", "NoPlanFound", "Noise", "ParkingAccuracy", "Plan",
     "Prism", "RegionikError", "Robot", "Rules", "Solver", "Speeds", "Sphere", "Start", "Target", "Tool",
-    "World", "Zone", "admissible_area", "compare", "export", "load_plan", "load_robot", "load_world", "plan",
-    "plot", "plot_floor", "point_to_point", "reach", "reach_field", "reach_slice", "replan_stop",
-    "retime", "save_plan", "show", "simulate", "stops", "to_html", "trajectory", "verify",
-    "verify_answers", "verify_areas", "why", "write_field",
+    "World", "Zone", "admissible_area", "avoiding_fabrik", "base_steps", "compare", "export",
+    "load_plan", "load_robot", "load_world", "plan", "plot", "plot_floor", "point_to_point",
+    "polynomial", "reach", "reach_field", "reach_slice", "replan_stop", "retime", "save_plan", "show",
+    "simulate", "stops", "to_html", "trajectory", "verify", "verify_answers", "verify_areas", "why",
+    "write_field",
 ]  # fmt: skip
 
 _HOME = {
     name: f"regionik.{module}"
     for module, names in {
         "area_verification": "verify_areas",
+        "papers.by_hand": "avoiding_fabrik base_steps",
         "papers.comparison": "compare",
+        "papers.polynomial": "polynomial",
         "live_solver": "LiveSolver",
         "mfabrik": "Solver",
         "output.export": "export write_field",

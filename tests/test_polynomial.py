@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmarks.tables.polynomial import ORDERS, blend, polynomial
+from regionik.papers.polynomial import ORDERS, blend, polynomial
 from regionik.worlds.errors import InputError
 from tests import examples
 

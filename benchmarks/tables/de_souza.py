@@ -10,8 +10,8 @@ from functools import lru_cache
 import numpy as np
 
 from benchmarks.tables.planar3r import Planar3R
-from benchmarks.tables.polynomial import polynomial
 from benchmarks.tables.table import Table
+from regionik.papers.polynomial import polynomial
 from regionik.papers.rivals.genetic import Genetic
 from regionik.papers.rivals.iterative import DampedLeastSquares
 from regionik.papers.rivals.method import ArmMethod

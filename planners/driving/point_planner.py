@@ -73,7 +73,7 @@ def drive_point(free: Polygon | MultiPolygon, start: ArrayLike, goal: ArrayLike,
     [[0.2, 0.5], [0.7, 0.5], [1.2, 0.5]]
     """
     a, b = frozen(start, (2,), "start"), frozen(goal, (2,), "goal")
-    part = _common_part(free, a, b)
+    part = common_part(free, a, b)
     return drive_point_inside(part, FlatPolygon.from_shapely(part), a, b, step=step)
 
 
@@ -104,7 +104,7 @@ def _greedy_path(vertices: Array, starts: Index, ends: Array, step: float) -> tu
     return (points, False, True) if arrived else (ends, False, False)
 
 
-def _common_part(free: Polygon | MultiPolygon, start: Array, goal: Array) -> Polygon:
+def common_part(free: Polygon | MultiPolygon, start: Array, goal: Array) -> Polygon:
     """Part of the free area that holds both points."""
     parts = shapely.get_parts(checked_polygon(free))
     gaps = shapely.distance(parts, shapely.points([start, goal])[:, None])
