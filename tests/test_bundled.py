@@ -186,7 +186,7 @@ def test_circle_and_door_are_the_paper_s_simulations() -> None:
 
 def test_names() -> None:
     ours = ("corridor", "depot", "facade", "free", "l_shape", "pillar", "pipe", "shelf", "slab", "wall")
-    asked = "walkway", "workplace"
+    asked = "heap", "walkway", "workplace"
     assert world_names() == tuple(
         sorted((*ours, *asked, "tao1", "tao2", "tao3", "posts1", "posts2", "circle", "door"))
     )

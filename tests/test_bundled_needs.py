@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -65,3 +66,17 @@ def test_a_whole_base_goes_through_a_corridor_in_which_it_cannot_turn_round() ->
     across = 2 * np.linalg.norm(robot.footprint, axis=1).max()
     assert across > 0.6  # it does not fit at every heading
     assert np.ptp(base[inside, 2]) < np.pi / 4
+
+
+def test_a_scan_is_gone_over_with_the_base_beside_it() -> None:
+    """An open mesh with holes, without which base and arm would go through it."""
+    found = planned("heap")
+    (heap,) = found.world.obstacles
+    assert isinstance(heap, rik.Mesh)
+    edges = np.sort(heap.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    assert (np.unique(edges, axis=0, return_counts=True)[1] == 1).any()
+    assert found.lift_offs == 0
+    assert rik.verify(found).ok
+    without = rik.plan(replace(found.world, obstacles=()))
+    kinds = {one.kind for one in rik.verify(replace(without, world=found.world)).violations}
+    assert {"arm", "clearance"} <= kinds
