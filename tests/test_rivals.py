@@ -9,6 +9,7 @@ import pytest
 
 from benchmarks.tables.batch import solve_batch
 from benchmarks.tables.goals import aim_at, confirm, solve_goal
+from regionik.papers.rivals.evolution import Evolution
 from regionik.papers.rivals.genetic import Genetic
 from regionik.papers.rivals.iterative import (
     CyclicDescent,
@@ -19,6 +20,7 @@ from regionik.papers.rivals.iterative import (
 )
 from regionik.papers.rivals.method import ArmMethod, Fabrik, FabrikPolished
 from regionik.papers.rivals.network import Network
+from regionik.papers.rivals.population import PopulationMethod
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, POSITION, Aim
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, spread_postures
@@ -98,10 +100,11 @@ def test_descent_is_best_for_each_joint() -> None:
             assert found.error <= best + 1e-6
 
 
-def test_genes_keep_the_limits_and_repeat() -> None:
+@pytest.mark.parametrize("method", [Genetic, Evolution])
+def test_genes_keep_the_limits_and_repeat(method: type[PopulationMethod]) -> None:
     chain = small()
     goal, start = aim_at([0.03, 0.25, 0.0]), np.full(3, 0.5)
-    one, two = (solve_goal(Genetic(chain, 5e-4, seed=3), goal, start) for _ in range(2))
+    one, two = (solve_goal(method(chain, 5e-4, seed=3), goal, start) for _ in range(2))
     assert one.converged
     assert 0 < one.iterations <= 500
     assert (one.joints == two.joints).all()
@@ -109,9 +112,10 @@ def test_genes_keep_the_limits_and_repeat() -> None:
 
 
 @pytest.mark.parametrize("kind", [DIRECTION, ORIENTATION])
-def test_genes_turn_the_tool_as_asked(kind: int) -> None:
+@pytest.mark.parametrize("bred", [Genetic, Evolution])
+def test_genes_turn_the_tool_as_asked(bred: type[PopulationMethod], kind: int) -> None:
     chain = robot_named("youbot").chain
-    method, start = Genetic(chain, 0.02, 0.1), np.zeros(chain.dof)
+    method, start = bred(chain, 0.02, 0.1), np.zeros(chain.dof)
     for aim in aims(chain, kind, 3):
         found = method.search(aim, start)
         error, angle = confirm(chain, aim, found.joints)

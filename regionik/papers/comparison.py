@@ -17,6 +17,7 @@ import numpy as np
 
 from regionik.mfabrik import Method, Solver, configurations
 from regionik.papers.options import PAPERS
+from regionik.papers.rivals.evolution import Evolution
 from regionik.papers.rivals.genetic import Genetic
 from regionik.papers.rivals.iterative import CyclicDescent, DampedLeastSquares, PseudoInverse, Transpose
 from regionik.papers.rivals.method import ArmMethod, Fabrik, FabrikPolished, SearchResult
@@ -125,6 +126,7 @@ METHODS: dict[str, Callable[[World], Methods]] = {
     "mfabrik-areas": _mfabrik_in_areas,
     **{kind.name: _with_sliding_base(kind) for kind in _ARM_METHODS},
     Genetic.name: _with_sliding_base(Genetic),
+    Evolution.name: _with_sliding_base(Evolution),
     Network.name: _network,
 }
 DEFAULT = (REFERENCE, *(kind.name for kind in _ARM_METHODS))

@@ -29,6 +29,14 @@ class GeneticOptions:
 
 
 @dataclass(frozen=True)
+class EvolutionOptions:
+    """Differential evolution, of as many postures as the genetic algorithm has for three joints."""
+
+    population_per_joint: int = 15
+    generations: int = 500
+
+
+@dataclass(frozen=True)
 class NetworkOptions:
     """The neural network."""
 
@@ -59,6 +67,7 @@ class PapersOptions:
 
     tracker: TrackerOptions = TrackerOptions()
     genetic: GeneticOptions = GeneticOptions()
+    evolution: EvolutionOptions = EvolutionOptions()
     network: NetworkOptions = NetworkOptions()
     comparison: ComparisonOptions = ComparisonOptions()
 
