@@ -17,14 +17,15 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.free_space import FreeSpace, PathAreas, into_span, into_spans
 from regionik.areas.ground import united
-from regionik.explain.cut_off import beyond, cut_off, poses_in
+from regionik.explain.cut_off import beyond, cut_off, parted, poses_in
 from regionik.explain.failures import no_place, split_stroke, too_many_lifts
 from regionik.explain.several import together
 from regionik.ladder import Ladder, Mask, build_ladder
 from regionik.mfabrik import Solver, solver_for
+from regionik.planners.driving.footprint_planner import is_joined
 from regionik.planners.geometry.polygons import FlatPolygon, clamp_each
 from regionik.planners.progress import track
-from regionik.postures.poses import axis_of
+from regionik.postures.poses import axis_of, pose_of
 from regionik.regions import distinct_free_spaces, path_areas
 from regionik.scene import Scene
 from regionik.worlds.arrays import Array
@@ -75,24 +76,30 @@ def whole_path(scene: Scene) -> tuple[FreeSpace, PathAreas, Pruned]:
     """Return the free floor of the base, the areas of the whole path, and their pruned ladder.
 
     The arm faces its targets and the base turns freely where that suffices. Postures over the arm's back, and
-    places for some headings only, are used where they save a lift-off or a target. Raises NoPlanFound where
-    none of them spans the path.
+    places for some headings only, are used where they save a lift-off or a target; drives that slabs of
+    heading do not show, where else there is no path. Raises NoPlanFound where none of them spans it.
     """
     found: list[tuple[FreeSpace, PathAreas, Pruned]] = []
+    refused: list[tuple[FreeSpace, PathAreas, Refusal]] = []
     for free_space, facings in distinct_free_spaces(scene):
         areas, pruned = prune_path(scene, free_space, facings)
-        if isinstance(pruned, Pruned):
-            found.append((free_space, areas, pruned))
-            if not pruned.breaks:
-                break
-    if not found and not isinstance(pruned, Pruned):
-        raise NoPlanFound(pruned())
+        if not isinstance(pruned, Pruned):
+            refused.append((free_space, areas, pruned))
+            continue
+        found.append((free_space, areas, pruned))
+        if not pruned.breaks:
+            break
+    if not found:
+        driven = (_driven_through(scene, free_space, areas) for free_space, areas, _ in refused)
+        found = [one for one in driven if one is not None]
+    if not found:
+        raise NoPlanFound(refused[-1][2]())
     within = scene.within_strokes
     return min(found, key=lambda one: (len(one[2].split(within)), len(one[2].breaks)))
 
 
 def spans(scene: Scene) -> bool:
-    """Return True where `whole_path` succeeds, without an explanation where it does not."""
+    """Return True where areas alone span the path, without an explanation where they do not."""
     every = (prune_path(scene, free_space, facings)[1] for free_space, facings in distinct_free_spaces(scene))
     return any(isinstance(pruned, Pruned) for pruned in every)
 
@@ -128,6 +135,49 @@ def _cut(scene: Scene, free_space: FreeSpace, ladder: Ladder) -> Pruned | Refusa
     return pruned
 
 
+def _driven_through(
+    scene: Scene, free_space: FreeSpace, areas: PathAreas
+) -> tuple[FreeSpace, PathAreas, Pruned] | None:
+    """The free space with pieces joined by drives until areas span the path; None where they do not."""
+    while True:
+        ladder = build_ladder(areas, len(scene.task), free_space)
+        pruned = _cut(scene, free_space, ladder)
+        if isinstance(pruned, Pruned):
+            return free_space, areas, pruned
+        wider = _driven_on(scene, free_space, ladder)
+        if wider is None:
+            return None
+        free_space = wider
+
+
+def _driven_on(scene: Scene, free_space: FreeSpace, ladder: Ladder) -> FreeSpace | None:
+    """The free space with one more piece joined to that which the base is on; None where no drive is found.
+
+    Where a base passes only as it turns and drives at once, slabs of heading leave a gap: OMPL is asked, but
+    where outer areas prove that there is no way.
+    """
+    piece = None if ladder.empty else _widest_piece(scene, free_space, ladder)
+    if piece is None or len(free_space.sides) == 1 or scene.robot.drive.rolls:
+        return None
+    start, robot = start_place(scene), scene.robot
+    here = _places(free_space, ladder, ladder.floor == piece)[0] if start is None else start
+    for i in ladder.off(piece):
+        for other in sorted(set(ladder.floor[_rung(ladder, i)].tolist()) - {-1}):
+            there = _places(free_space, ladder, ladder.floor == other)
+            if parted(scene.free_floor.outer, here, there):
+                continue
+            ends = (pose_of(robot, row[:2], float(row[2])) for row in (here, there[0]))
+            if is_joined(scene.footprint, *ends, planner=scene.rules.base_planner):
+                return free_space.with_drive(piece, other)
+        return None
+    return None
+
+
+def _places(free_space: FreeSpace, ladder: Ladder, some: Mask) -> Array:
+    """Places and headings (n, 3) in some of the components, the largest first."""
+    return poses_in(free_space, ladder.component[some], ladder.side[some])
+
+
 def _refused_lift(scene: Scene, pruned: Pruned, i: int, told: Callable[..., Explanation]) -> Explanation:
     return told(scene, i, shapely.shortest_line(pruned.area(i - 1), pruned.area(i)))
 
@@ -159,7 +209,7 @@ def cut_off_from(scene: Scene, i: int, piece: int, ladder: Ladder, free_space: F
     """Explain why the base does not get from the floor it works on to any component of set-point i."""
     span, own = _rung(ladder, i), ladder.floor == piece
     start, areas = start_place(scene), ladder.component[span]
-    here = poses_in(free_space, ladder.component[own], ladder.side[own])[0] if start is None else start
+    here = _places(free_space, ladder, own)[0] if start is None else start
     there, floor = poses_in(free_space, areas, ladder.side[span]), shapely.union_all(free_space.whole(piece))
     return cut_off(scene, i, here, there, floor, shapely.union_all(areas))
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import shapely
 
 import regionik as rik
 from regionik.planners.avoidance.avoiding_fabrik import AvoidanceResult
@@ -80,3 +81,24 @@ def test_a_scan_is_gone_over_with_the_base_beside_it() -> None:
     without = rik.plan(replace(found.world, obstacles=()))
     kinds = {one.kind for one in rik.verify(replace(without, world=found.world)).violations}
     assert {"arm", "clearance"} <= kinds
+
+
+def bend(width: float) -> rik.World:
+    """The corridor of another width [m]."""
+    world = rik.load_world("corridor")
+    wide = [
+        (3.4 - width if x == 2.8 else x, 0.7 + width if y == 1.3 else y)
+        for x, y in world.floor.polygon.exterior.coords
+    ]
+    return replace(world, floor=replace(world.floor, polygon=shapely.Polygon(wide)))
+
+
+@pytest.mark.slow
+def test_a_bend_that_slabs_of_heading_leave_a_gap_in_is_passed_by_ompl() -> None:
+    found = rik.plan(bend(0.55))
+    assert rik.verify(found).ok
+    assert found.lift_offs == 1
+    assert found.stats["base_moves"]["ompl"] >= 1
+    with pytest.raises(rik.NoPlanFound, match="No way was found between set-points 5 and 6") as no:
+        rik.plan(bend(0.46))
+    assert no.value.explanation.verdict == "ladder-broken"

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import MultiPolygon, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.planners.driving.footprint import slide_is_free
+from regionik.planners.driving.footprint import fits, slide_is_free
 from regionik.planners.driving.footprint_scene import (
     FootprintScene,
     Outline,
@@ -139,8 +139,7 @@ class FootprintFloor:
         a, b = checked_ends(scene, start, goal, seed)
         if same_pose(a, b):
             return FootprintPath(a[None], "straight")
-        # A turn costs what it moves the outermost corner by.
-        base = Steering(SLIDE, 0.0, float(np.hypot(*scene.corners.T).max()))
+        base = sliding(scene)
         if direct(scene, base, a, b) is not None:
             return FootprintPath(np.stack([a, b]), "straight")
         found, cost = plan_poses(scene, base, a, b, seed, planner)
@@ -175,6 +174,23 @@ class FootprintFloor:
             why = f"{narrowest} and {fits}"
         reason = f"{what} from {pose_text(start)} to {pose_text(goal)}: {why}"
         return NarrowPassageError(reason, passage, across)
+
+
+def sliding(scene: FootprintScene) -> Steering:
+    """Steering of a base that drives every way; a turn costs what it moves the outermost corner by."""
+    return Steering(SLIDE, 0.0, float(np.hypot(*scene.corners.T).max()))
+
+
+def is_joined(
+    scene: FootprintScene, start: Array, goal: Array, *, seed: int = 0, planner: BasePlanner = "RRTConnect"
+) -> bool:
+    """True if a sampling planner finds a way between poses (3,) where the footprint fits, turning on it."""
+    base = sliding(scene)
+    if not (fits(scene, *start) and fits(scene, *goal)):
+        return False
+    return direct(scene, base, start, goal) is not None or (
+        plan_poses(scene, base, start, goal, seed, planner)[0] is not None
+    )
 
 
 def passage_width(free: BaseGeometry, start: BaseGeometry, goal: BaseGeometry) -> float:

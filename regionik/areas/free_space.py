@@ -7,7 +7,7 @@ base goes from one slab to the next where it may stand in both.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import NamedTuple
 
@@ -72,10 +72,12 @@ class PathAreas:
 class FreeSpace:
     """Free floor of the base: one side for every heading, or one a slab round the full turn, or both.
 
-    Of both, the side for every heading comes first.
+    Of both, the side for every heading comes first. ``drives`` joins pieces that sides do not: pairs of parts
+    of the floor between which a drive is known.
     """
 
     sides: tuple[Side, ...]
+    drives: tuple[tuple[int, int], ...] = ()
 
     @cached_property
     def spans(self) -> Array:
@@ -93,7 +95,8 @@ class FreeSpace:
         pairs = shapely.STRtree(polygon).query(polygon, predicate="intersects")
         a, b = pairs[:, self.beside(*side[pairs])]
         real = shapely.area(shapely.intersection(polygon[a], polygon[b])) > MIN_AREA
-        return Pieces(polygon, side, component_labels(len(polygon), np.column_stack([a[real], b[real]])))
+        joined = np.vstack([np.column_stack([a[real], b[real]]), *(np.array([pair]) for pair in self.drives)])
+        return Pieces(polygon, side, component_labels(len(polygon), joined))
 
     @cached_property
     def somewhere(self) -> Side:
@@ -101,6 +104,11 @@ class FreeSpace:
         return Side(
             united(np.array([side.free for side in self.sides], dtype=object)), np.empty(0, dtype=object)
         )
+
+    def with_drive(self, a: int, b: int) -> FreeSpace:
+        """Return the free space with the pieces of two labels as one."""
+        first = [int(np.flatnonzero(self.pieces.label == label)[0]) for label in (a, b)]
+        return replace(self, drives=(*self.drives, (first[0], first[1])))
 
     def whole(self, label: int) -> Geometries:
         """Return all parts with one label."""

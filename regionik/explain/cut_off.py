@@ -77,7 +77,7 @@ def barrier(scene: Scene, here: Array, there: Array) -> Barrier | None:
 
         def parts(changed: Scene, proven: bool = proven) -> bool:
             free = changed.free_floor
-            return _parted(free.outer if proven else free.turning, here, there)
+            return parted(free.outer if proven else free.turning, here, there)
 
         if parts(scene):
             names = _together(scene, parts, LineString([here[:2], there[0, :2]]))
@@ -94,7 +94,7 @@ def poses_in(free_space: FreeSpace, components: Geometries, side: Index) -> Arra
     return np.array([[p.x, p.y, yaw] for p, yaw in zip(spots, yaws, strict=True)])
 
 
-def _parted(free_space: FreeSpace, here: Array, there: Array) -> bool:
+def parted(free_space: FreeSpace, here: Array, there: Array) -> bool:
     """True if the base gets from a pose to none of some."""
     own = free_space.piece_at(here[:2], float(here[2]))
     return all(free_space.piece_at(pose[:2], float(pose[2])) != own for pose in there)
