@@ -15,7 +15,7 @@ from regionik.worlds.errors import InputError, located
 from regionik.worlds.limits import Criteria, Execution, ParkingAccuracy, Speeds
 from regionik.worlds.obstacles import Box, Prism, Solid, as_polygon
 from regionik.worlds.robot import Robot
-from regionik.worlds.strokes import check_strokes
+from regionik.worlds.strokes import check_strokes, worked_ways
 from regionik.worlds.zones import Zone
 
 
@@ -80,6 +80,8 @@ class Target:
         What people call it, in messages, answers and files; empty for none.
     stroke : int or None
         0 for travel, else as in `regionik.worlds.strokes`; None for all of a task that tells none.
+    speed : float or None
+        Greatest speed of the tool while it works its way to it [m/s]; None for no bound of its own.
 
     Examples
     --------
@@ -93,6 +95,7 @@ class Target:
     orientation: Array | None = None
     name: str = ""
     stroke: int | None = None
+    speed: float | None = None
 
     def __post_init__(self) -> None:
         if self.name:
@@ -108,6 +111,8 @@ class Target:
             object.__setattr__(self, "direction", unit_vector(self.direction, "target: direction"))
         if not 0 < self.cone <= np.pi:
             raise InputError(f"target: cone must be above 0 and at most pi, got {self.cone}")
+        if self.speed is not None and not 0 < self.speed < inf:
+            raise InputError(f"target: speed must be above 0 and finite, got {self.speed}")
         if self.cone >= np.pi:
             for free in ("direction", "orientation"):
                 object.__setattr__(self, free, None)
@@ -377,6 +382,12 @@ class World:
     def __repr__(self) -> str:
         sizes = f"obstacles={len(self.obstacles)}, set_points={len(self.task)}, mode={self.rules.mode!r}"
         return f"World({self.name!r}, robot={self.robot.name!r}, {sizes})"
+
+    @cached_property
+    def work_speeds(self) -> Array:
+        """Greatest speed of the tool on its way to each set-point, infinite on travel, (k,) [m/s]."""
+        told = np.array([inf if target.speed is None else target.speed for target in self.task])
+        return np.where(worked_ways([target.stroke for target in self.task]), told, inf)
 
     @cached_property
     def base_allowance(self) -> float:

@@ -31,6 +31,8 @@ class ToolPath:
     orientations: Array | None = None  # (n, 3, 3) rotations of the tool frame
     strokes: Index | None = None  # (n,) see `regionik.worlds.strokes`; None where the path tells none
     names: tuple[str, ...] = ()  # of the points, n; or none, where no point has one
+    # (n,) greatest speeds on the way to points, infinite where none is told; None where the path tells none
+    speeds: Array | None = None
 
     def __post_init__(self) -> None:
         n = len(self.points)
@@ -113,7 +115,9 @@ def divided_strokes(path: ToolPath, spacing: float) -> ToolPath:
     k = np.repeat(np.arange(len(count)), count)
     share = (np.arange(len(k)) - (np.cumsum(count) - count)[k]) / count[k]
     points = np.round(path.points[k] + share[:, None] * ways[k], _DECIMALS) + 0.0
-    return replace(path, points=points, strokes=path.strokes[k])
+    leads_to = k + (share > 0)
+    speeds = None if path.speeds is None else path.speeds[leads_to]
+    return replace(path, points=points, strokes=path.strokes[k], speeds=speeds)
 
 
 def turn_with_arc(path: ToolPath, start: float, end: float) -> ToolPath:
@@ -193,10 +197,13 @@ def targets_along(path: ToolPath, cone: float) -> tuple[Target, ...]:
     orientations = free if path.orientations is None else path.orientations
     names = path.names or [""] * len(path.points)
     strokes = free if path.strokes is None else path.strokes.tolist()
+    speeds = (
+        free if path.speeds is None else [one if one < math.inf else None for one in path.speeds.tolist()]
+    )
     return tuple(
-        Target(point, direction, cone, orientation, name, stroke)
-        for point, direction, orientation, name, stroke in zip(
-            path.points, directions, orientations, names, strokes, strict=True
+        Target(point, direction, cone, orientation, name, stroke, speed)
+        for point, direction, orientation, name, stroke, speed in zip(
+            path.points, directions, orientations, names, strokes, speeds, strict=True
         )
     )
 

@@ -84,6 +84,7 @@ def _different_tasks(plan: Plan, world: World) -> Iterator[str]:
         return
     order = _order(plan, ours, theirs)
     yield from _different_strokes(plan, order, world)
+    yield from _different_speeds(plan, order, world)
     for k, (i, target) in enumerate(zip(order, ours, strict=True)):
         asked = theirs[i]
         for what in ("position", "direction", "orientation", "cone"):
@@ -105,6 +106,16 @@ def _different_strokes(plan: Plan, order: Sequence[int], world: World) -> Iterat
         if kinds[0] != kinds[1] or ours[k] != (follows and theirs[i]):
             said = [one.stroke for one in (target, world.task[i])]
             yield f"task: set-point {k + 1}: stroke: {said[0]} in the plan, {said[1]} in the world"
+
+
+def _different_speeds(plan: Plan, order: Sequence[int], world: World) -> Iterator[str]:
+    """Where a timed plan has another speed of a set-point than the world."""
+    if np.isnan(plan.motion.time).all():
+        return
+    for k, (i, target) in enumerate(zip(order, plan.world.task, strict=False)):
+        if target.speed != world.task[i].speed:
+            said = [_said(one.speed) for one in (target, world.task[i])]
+            yield f"task: set-point {k + 1}: speed: {said[0]} in the plan, {said[1]} in the world"
 
 
 def _order(plan: Plan, done: Sequence[Target], task: Sequence[Target]) -> Sequence[int]:

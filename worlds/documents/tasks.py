@@ -64,7 +64,7 @@ def _direction_kind(value: Any) -> str:
 
 
 class _Aim(Strict):
-    """Orientation of the tool, or how far it may deviate from a direction; the frame; and the stroke."""
+    """Orientation of the tool, or how far it may deviate from a direction; frame, stroke and speed."""
 
     frame: FrameReference | None = None
     orientation: (
@@ -80,6 +80,7 @@ class _Aim(Strict):
         default=None,
         description="neighbours of one number from 1 on are worked with the tool down all the way; 0: travel",
     )
+    speed: Positive | None = Field(default=None, description="greatest of the tool at work [m/s]")
 
 
 class ToolAim(_Aim):
@@ -148,13 +149,14 @@ class PointsPiece(ToolAim):
 
 
 class CsvColumns(Strict):
-    """Titles of the columns: of x, y, z, of one way to aim at most, of names and of strokes."""
+    """Titles of the columns: of x, y, z, of one way to aim at most, of names, strokes and speeds."""
 
     x: OneLine = Field(description="a title")
     y: OneLine = Field(description="a title")
     z: OneLine = Field(description="a title")
     name: OneLine | None = Field(default=None, description="title of the column of names of set-points")
     stroke: OneLine | None = Field(default=None, description="title of the column of strokes, 0 for travel")
+    speed: OneLine | None = Field(default=None, description="title of the column of speeds at work [m/s]")
     dx: OneLine | None = None
     dy: OneLine | None = None
     dz: OneLine | None = None
@@ -309,7 +311,7 @@ def _path(part: Piece, where: str, place: str, folder: Path, most: int) -> ToolP
 
 
 def _aimed(part: Piece, path: ToolPath) -> ToolPath:
-    """Return a path with the direction or orientation of its piece, and its stroke."""
+    """Return a path with the direction or orientation of its piece, its stroke and its speed."""
     own = path.directions is not None or path.orientations is not None
     direction = None if isinstance(part.direction, str) else part.direction  # a word has gone to the reader
     aims = {"direction": direction, "orientation": part.orientation}
@@ -336,6 +338,10 @@ def _aimed(part: Piece, path: ToolPath) -> ToolPath:
         if path.strokes is not None:
             raise InputError("stroke: the file has its own, leave this out")
         path = replace(path, strokes=np.full(n, part.stroke))
+    if part.speed is not None:
+        if path.speeds is not None:
+            raise InputError("speed: the file has its own, leave this out")
+        path = replace(path, speeds=np.full(n, part.speed))
     return path if part.x_axis is None else turn_along_path(path)
 
 
@@ -345,7 +351,7 @@ def _rotation(orientation: list[float] | list[list[float]]) -> Array:
 
 
 def task_to_document(task: tuple[Target, ...]) -> list[dict[str, Any]]:
-    """Return the set-points as lists of points; neighbours of one stroke that aim alike share one."""
+    """Return the set-points as lists of points; neighbours that differ in place and name alone share one."""
     pieces: list[dict[str, Any]] = []
     for _, group in groupby(task, key=lambda target: repr(_aim(target))):
         targets = list(group)
@@ -356,9 +362,10 @@ def task_to_document(task: tuple[Target, ...]) -> list[dict[str, Any]]:
 
 
 def _aim(target: Target) -> dict[str, Any]:
-    stroke = {} if target.stroke is None else {"stroke": target.stroke}
+    own = {"stroke": target.stroke, "speed": target.speed}
+    told = {key: value for key, value in own.items() if value is not None}
     if target.orientation is not None:
-        return {"orientation": target.orientation.tolist(), "cone": float(target.cone), **stroke}
+        return {"orientation": target.orientation.tolist(), "cone": float(target.cone), **told}
     if target.direction is not None:
-        return {"direction": target.direction.tolist(), "cone": float(target.cone), **stroke}
-    return stroke
+        return {"direction": target.direction.tolist(), "cone": float(target.cone), **told}
+    return told
