@@ -925,6 +925,20 @@ FAULTS = (
         ("tests/test_feeds.py",),
     ),
     Fault(
+        "exports: what is fed follows the tool's way with its errors",
+        "regionik/timing/extrusion.py",
+        "out=np.ones_like(gone), where=whole)",
+        "out=np.ones_like(gone), where=whole & (gone < 0))",
+        ("tests/test_prints.py",),
+    ),
+    Fault(
+        "exports: the tool feeds on travel",
+        "regionik/timing/extrusion.py",
+        "worked = np.linalg.norm(np.diff(tools, axis=0), axis=1) * on",
+        "worked = np.linalg.norm(np.diff(tools, axis=0), axis=1)",
+        ("tests/test_extrusion.py",),
+    ),
+    Fault(
         "verify: the tool may be lifted within strokes",
         "regionik/verification/strokes.py",
         "if len(lifted) and is_worked(",

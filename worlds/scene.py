@@ -82,6 +82,8 @@ class Target:
         0 for travel, else as in `regionik.worlds.strokes`; None for all of a task that tells none.
     speed : float or None
         Greatest speed of the tool while it works its way to it [m/s]; None for no bound of its own.
+    flow : float or None
+        Material fed per metre of that way, in any unit: of G-code, E in mm of filament; None for none.
 
     Examples
     --------
@@ -96,6 +98,7 @@ class Target:
     name: str = ""
     stroke: int | None = None
     speed: float | None = None
+    flow: float | None = None
 
     def __post_init__(self) -> None:
         if self.name:
@@ -113,6 +116,8 @@ class Target:
             raise InputError(f"target: cone must be above 0 and at most pi, got {self.cone}")
         if self.speed is not None and not 0 < self.speed < inf:
             raise InputError(f"target: speed must be above 0 and finite, got {self.speed}")
+        if self.flow is not None and not 0 <= self.flow < inf:
+            raise InputError(f"target: flow must be at least 0 and finite, got {self.flow}")
         if self.cone >= np.pi:
             for free in ("direction", "orientation"):
                 object.__setattr__(self, free, None)
@@ -388,6 +393,15 @@ class World:
         """Greatest speed of the tool on its way to each set-point, infinite on travel, (k,) [m/s]."""
         told = np.array([inf if target.speed is None else target.speed for target in self.task])
         return np.where(worked_ways([target.stroke for target in self.task]), told, inf)
+
+    @cached_property
+    def work_flows(self) -> Array | None:
+        """Material fed per metre on the way to each set-point, 0 on travel, (k,); None where none is told."""
+        flows = [target.flow for target in self.task]
+        if all(flow is None for flow in flows):
+            return None
+        works = worked_ways([target.stroke for target in self.task])
+        return np.where(works, np.array([flow or 0.0 for flow in flows]), 0.0)
 
     @cached_property
     def base_allowance(self) -> float:

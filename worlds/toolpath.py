@@ -33,6 +33,7 @@ class ToolPath:
     names: tuple[str, ...] = ()  # of the points, n; or none, where no point has one
     # (n,) greatest speeds on the way to points, infinite where none is told; None where the path tells none
     speeds: Array | None = None
+    flows: Array | None = None  # (n,) material fed per metre on the way to points, 0 for none
 
     def __post_init__(self) -> None:
         n = len(self.points)
@@ -116,8 +117,8 @@ def divided_strokes(path: ToolPath, spacing: float) -> ToolPath:
     share = (np.arange(len(k)) - (np.cumsum(count) - count)[k]) / count[k]
     points = np.round(path.points[k] + share[:, None] * ways[k], _DECIMALS) + 0.0
     leads_to = k + (share > 0)
-    speeds = None if path.speeds is None else path.speeds[leads_to]
-    return replace(path, points=points, strokes=path.strokes[k], speeds=speeds)
+    speeds, flows = (None if told is None else told[leads_to] for told in (path.speeds, path.flows))
+    return replace(path, points=points, strokes=path.strokes[k], speeds=speeds, flows=flows)
 
 
 def turn_with_arc(path: ToolPath, start: float, end: float) -> ToolPath:
@@ -200,12 +201,9 @@ def targets_along(path: ToolPath, cone: float) -> tuple[Target, ...]:
     speeds = (
         free if path.speeds is None else [one if one < math.inf else None for one in path.speeds.tolist()]
     )
-    return tuple(
-        Target(point, direction, cone, orientation, name, stroke, speed)
-        for point, direction, orientation, name, stroke, speed in zip(
-            path.points, directions, orientations, names, strokes, speeds, strict=True
-        )
-    )
+    flows = free if path.flows is None else path.flows.tolist()
+    columns = zip(path.points, directions, orientations, names, strokes, speeds, flows, strict=True)
+    return tuple(Target(point, aim, cone, *others) for point, aim, *others in columns)
 
 
 def _sampled(count: int, point: Callable[[float], list[float]]) -> Array:

@@ -84,7 +84,7 @@ def _different_tasks(plan: Plan, world: World) -> Iterator[str]:
         return
     order = _order(plan, ours, theirs)
     yield from _different_strokes(plan, order, world)
-    yield from _different_speeds(plan, order, world)
+    yield from _differently_worked(plan, order, world)
     for k, (i, target) in enumerate(zip(order, ours, strict=True)):
         asked = theirs[i]
         for what in ("position", "direction", "orientation", "cone"):
@@ -108,14 +108,15 @@ def _different_strokes(plan: Plan, order: Sequence[int], world: World) -> Iterat
             yield f"task: set-point {k + 1}: stroke: {said[0]} in the plan, {said[1]} in the world"
 
 
-def _different_speeds(plan: Plan, order: Sequence[int], world: World) -> Iterator[str]:
-    """Where a timed plan has another speed of a set-point than the world."""
-    if np.isnan(plan.motion.time).all():
-        return
+def _differently_worked(plan: Plan, order: Sequence[int], world: World) -> Iterator[str]:
+    """Where the plan has another flow to a set-point than the world or, if it is timed, another speed."""
+    kinds = ("flow",) if np.isnan(plan.motion.time).all() else ("flow", "speed")
     for k, (i, target) in enumerate(zip(order, plan.world.task, strict=False)):
-        if target.speed != world.task[i].speed:
-            said = [_said(one.speed) for one in (target, world.task[i])]
-            yield f"task: set-point {k + 1}: speed: {said[0]} in the plan, {said[1]} in the world"
+        for what in kinds:
+            one, other = getattr(target, what), getattr(world.task[i], what)
+            if one != other:
+                said = f"{_said(one)} in the plan, {_said(other)} in the world"
+                yield f"task: set-point {k + 1}: {what}: {said}"
 
 
 def _order(plan: Plan, done: Sequence[Target], task: Sequence[Target]) -> Sequence[int]:

@@ -64,7 +64,7 @@ def _direction_kind(value: Any) -> str:
 
 
 class _Aim(Strict):
-    """Orientation of the tool, or how far it may deviate from a direction; frame, stroke and speed."""
+    """Orientation of the tool, or how far it may deviate from a direction; frame, stroke, speed and flow."""
 
     frame: FrameReference | None = None
     orientation: (
@@ -81,6 +81,9 @@ class _Aim(Strict):
         description="neighbours of one number from 1 on are worked with the tool down all the way; 0: travel",
     )
     speed: Positive | None = Field(default=None, description="greatest of the tool at work [m/s]")
+    flow: Annotated[float, Field(ge=0)] | None = Field(
+        default=None, description="material fed per metre of the tool's way at work, in any unit"
+    )
 
 
 class ToolAim(_Aim):
@@ -149,7 +152,7 @@ class PointsPiece(ToolAim):
 
 
 class CsvColumns(Strict):
-    """Titles of the columns: of x, y, z, of one way to aim at most, of names, strokes and speeds."""
+    """Titles of the columns: of x, y, z, of one way to aim at most, of names and of how it is worked."""
 
     x: OneLine = Field(description="a title")
     y: OneLine = Field(description="a title")
@@ -157,6 +160,7 @@ class CsvColumns(Strict):
     name: OneLine | None = Field(default=None, description="title of the column of names of set-points")
     stroke: OneLine | None = Field(default=None, description="title of the column of strokes, 0 for travel")
     speed: OneLine | None = Field(default=None, description="title of the column of speeds at work [m/s]")
+    flow: OneLine | None = Field(default=None, description="title of the column of material fed per metre")
     dx: OneLine | None = None
     dy: OneLine | None = None
     dz: OneLine | None = None
@@ -311,7 +315,7 @@ def _path(part: Piece, where: str, place: str, folder: Path, most: int) -> ToolP
 
 
 def _aimed(part: Piece, path: ToolPath) -> ToolPath:
-    """Return a path with the direction or orientation of its piece, its stroke and its speed."""
+    """Return a path with the direction or orientation of its piece, and with how that is worked."""
     own = path.directions is not None or path.orientations is not None
     direction = None if isinstance(part.direction, str) else part.direction  # a word has gone to the reader
     aims = {"direction": direction, "orientation": part.orientation}
@@ -334,15 +338,22 @@ def _aimed(part: Piece, path: ToolPath) -> ToolPath:
         if not given:
             raise InputError("follow: needs a direction or an orientation beside it")
         path = turn_with_arc(path, part.arc.start, part.arc.end)
-    if part.stroke is not None:
-        if path.strokes is not None:
-            raise InputError("stroke: the file has its own, leave this out")
-        path = replace(path, strokes=np.full(n, part.stroke))
-    if part.speed is not None:
-        if path.speeds is not None:
-            raise InputError("speed: the file has its own, leave this out")
-        path = replace(path, speeds=np.full(n, part.speed))
+    path = _worked(part, path)
     return path if part.x_axis is None else turn_along_path(path)
+
+
+def _worked(part: Piece, path: ToolPath) -> ToolPath:
+    """Return a path with the stroke, the speed and the flow of its piece."""
+    for key, own in (("stroke", path.strokes), ("speed", path.speeds), ("flow", path.flows)):
+        if getattr(part, key) is not None and own is not None:
+            raise InputError(f"{key}: the file has its own, leave this out")
+    n = len(path.points)
+    return replace(
+        path,
+        strokes=path.strokes if part.stroke is None else np.full(n, part.stroke),
+        speeds=path.speeds if part.speed is None else np.full(n, part.speed),
+        flows=path.flows if part.flow is None else np.full(n, part.flow),
+    )
 
 
 def _rotation(orientation: list[float] | list[list[float]]) -> Array:
@@ -362,7 +373,7 @@ def task_to_document(task: tuple[Target, ...]) -> list[dict[str, Any]]:
 
 
 def _aim(target: Target) -> dict[str, Any]:
-    own = {"stroke": target.stroke, "speed": target.speed}
+    own = {"stroke": target.stroke, "speed": target.speed, "flow": target.flow}
     told = {key: value for key, value in own.items() if value is not None}
     if target.orientation is not None:
         return {"orientation": target.orientation.tolist(), "cone": float(target.cone), **told}

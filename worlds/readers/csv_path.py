@@ -37,7 +37,7 @@ _POINT, _AXIS, _NORMAL = ("x", "y", "z"), ("dx", "dy", "dz"), ("nx", "ny", "nz")
 _QUATERNION, _ANGLES = ("qx", "qy", "qz", "qw"), ("roll", "pitch", "yaw")
 _AIMS = _AXIS, _NORMAL, _QUATERNION, _ANGLES  # a table has one of them at most
 _UNTITLED = {len(names): names for names in (_POINT, _POINT + _AXIS, _POINT + _QUATERNION)}
-_OTHERS = "name", "stroke", "speed"
+_OTHERS = "name", "stroke", "speed", "flow"
 _KNOWN = (*_OTHERS, *_POINT, *(name for aim in _AIMS for name in aim))
 MAX_DIGITS = 9  # of the number of a stroke
 PIECE = 2**20  # of a long file that is read at once [bytes]
@@ -309,6 +309,7 @@ def _path_of_lines(lines: Sequence[str], layout: CsvLayout, number: int) -> Tool
     names: list[str] = []
     strokes: list[int] = []
     speeds: list[float] = []
+    flows: list[float] = []
     numbers: list[int] = []
     first = max(layout.row, number)
     for at, cells in _cells(lines[first - number :], layout.sign, layout.where, first):
@@ -327,6 +328,8 @@ def _path_of_lines(lines: Sequence[str], layout: CsvLayout, number: int) -> Tool
                 strokes.append(_stroke(cell, title, where))
             elif what == "speed":
                 speeds.append(_speed(cell, title, where))
+            elif what == "flow":
+                flows.append(_flow(cell, title, where))
             else:
                 rows[-1].append(_number(cell, title, where))
     aim = tuple(what for what, _, _ in layout.places if what not in (*_POINT, *_OTHERS))
@@ -336,6 +339,7 @@ def _path_of_lines(lines: Sequence[str], layout: CsvLayout, number: int) -> Tool
         names=tuple(names),
         strokes=np.array(strokes) if strokes else None,
         speeds=np.array(speeds) if speeds else None,
+        flows=np.array(flows) if flows else None,
     )
 
 
@@ -351,6 +355,14 @@ def _speed(cell: str, name: str, where: str) -> float:
     value = _number(cell, name, where) if cell else math.inf
     if value <= 0:
         raise InputError(f"{where}: {name}: expected a speed above 0 m/s, or nothing, got {clip(cell)}")
+    return value
+
+
+def _flow(cell: str, name: str, where: str) -> float:
+    """Return what is fed per metre, 0 for an empty cell."""
+    value = _number(cell, name, where) if cell else 0.0
+    if value < 0:
+        raise InputError(f"{where}: {name}: expected at least 0 a metre, or nothing, got {clip(cell)}")
     return value
 
 

@@ -10,7 +10,8 @@ higher of the heights before and after, and goes on from there. What else does n
 a note; all lines that may change it and are not followed are refused at once.
 
 Of a program that extrudes, one with E in its moves or with M82 or M83, the strokes are the moves on which E
-grows; what comes before the first and after the last is left out. Of others they are all moves but G0.
+grows; what comes before the first and after the last is left out. What they feed a metre is their flow. Of
+other programs strokes are all moves but G0.
 """
 
 from __future__ import annotations
@@ -166,6 +167,7 @@ class _Program:
     points: list[list[float]] = field(default_factory=list)
     works: list[bool] = field(default_factory=list)  # on the move to each point
     speeds: list[float] = field(default_factory=list)  # of that move, infinite where none is told [m/s]
+    flows: list[float] = field(default_factory=list)  # filament per metre of that move [mm/m]
     unit: float = MILLIMETRE
     move: str = ""
     plane: tuple[str, str, str] = PLANES["G17"]
@@ -200,16 +202,22 @@ class _Program:
 
     def path(self, file: Path) -> ToolPath:
         """Return the path that was read, that of a program that extrudes from its first to its last bead."""
-        points, works, speeds = np.array(self.points), np.array(self.works)[1:], np.array(self.speeds)
+        points, works = np.array(self.points), np.array(self.works)[1:]
+        speeds, flows = np.array(self.speeds), np.array(self.flows)
         if self.extrudes:
             beads = np.flatnonzero(works)
             if not len(beads):
                 raise InputError(f"{file}: expected moves on which E grows, as the program has E, M82 or M83")
             first, end = beads[0], beads[-1] + 2
-            points, works, speeds = points[first:end], works[first : end - 1], speeds[first:end]
-        speeds[0] = math.inf
-        told = bool(np.isfinite(speeds).any())
-        return ToolPath(points, strokes=numbered_strokes(works), speeds=speeds if told else None)
+            points, works = points[first:end], works[first : end - 1]
+            speeds, flows = speeds[first:end], flows[first:end]
+        speeds[0], flows[0] = math.inf, 0.0
+        return ToolPath(
+            points,
+            strokes=numbered_strokes(works),
+            speeds=speeds if np.isfinite(speeds).any() else None,
+            flows=flows if self.extrudes else None,
+        )
 
     def run(self, block: Block, number: int) -> None:
         """Do a block."""
@@ -282,7 +290,7 @@ class _Program:
         for axis in values.keys() & AXES:
             end[axis] = values[axis] * self.unit + (start[axis] if self.relative else 0.0)
         fed, self.at = self._fed(values), end
-        works = fed > LEAST_FILAMENT if self.extrudes else self.move != "G0"
+        works, before = fed > LEAST_FILAMENT if self.extrudes else self.move != "G0", len(self.points)
         self._check_words(values, owners)
         if self.move in ARCS and (works or not self.extrudes):
             if not self.points or _lacking(start):
@@ -291,7 +299,16 @@ class _Program:
             self._add_arc(start, end, values)
         else:
             self._add_line(start, end, works, number)
+        self._lay(before, fed * self.unit / MILLIMETRE)
         self.away = {axis: code for axis, code in self.away.items() if axis in _lacking(end)}
+
+    def _lay(self, first: int, filament: float) -> None:
+        """Lay filament [mm] evenly along the points from ``first`` on, as far as they are worked."""
+        ways = [
+            math.dist(self.points[k - 1], self.points[k]) * self.works[k]
+            for k in range(first, len(self.points))
+        ]
+        self.flows += [filament / sum(ways) if way else 0.0 for way in ways]
 
     def _add_line(self, start: dict[str, float], end: dict[str, float], works: bool, number: int) -> None:
         """A straight move, as far as its ends are known."""
