@@ -16,7 +16,7 @@ from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError, ReasonCode, Verdict
 from regionik.worlds.prepared import Prepared
 from regionik.worlds.scene import StopCriterion, Target, World
-from regionik.worlds.strokes import within_strokes, worked_ways
+from regionik.worlds.strokes import within_strokes
 
 StateKind = Literal["setpoint", "step", "transit"]
 
@@ -304,12 +304,14 @@ class Plan(Prepared):
         return frames[:, :3, 3]
 
     def tool_on(self) -> NDArray[np.bool_]:
-        """True where the tool works from a state to the next, (n,): not on travel, nor where it is lifted.
+        """True where the tool works from a state to the next, (n,): not on travel, nor on leads, nor lifted.
 
         Without strokes in the task it works all the way from set-point to set-point.
         """
-        works = worked_ways([target.stroke for target in self.world.task])
-        ahead, down = np.append(works, False)[self.motion.leads_to()], self.motion.kind != "transit"
+        ahead, down = (
+            np.append(self.world.works, False)[self.motion.leads_to()],
+            self.motion.kind != "transit",
+        )
         return np.append(ahead & down[:-1] & down[1:], False)[: len(down)]
 
     def lifts_within(self) -> list[int]:

@@ -939,10 +939,24 @@ FAULTS = (
         ("tests/test_extrusion.py",),
     ),
     Fault(
+        "verify: the tool works on leads",
+        "regionik/verification/strokes.py",
+        "in_one_stroke(one, other) and not (one.lead or other.lead)",
+        "in_one_stroke(one, other) and not one.lead",
+        ("tests/test_leads.py",),
+    ),
+    Fault(
+        "paths: the tool comes to the next stroke before it leaves the last",
+        "worlds/toolpath.py",
+        "[first - 0.25, np.arange(n), last + 0.25]",
+        "[first - 0.75, np.arange(n), last + 0.75]",
+        ("tests/test_leads.py",),
+    ),
+    Fault(
         "verify: the tool may be lifted within strokes",
         "regionik/verification/strokes.py",
-        "if len(lifted) and is_worked(",
-        "if len(lifted) > len(plan.motion) and is_worked(",
+        "if len(lifted) and in_one_stroke(",
+        "if len(lifted) > len(plan.motion) and in_one_stroke(",
         ("tests/test_strokes.py",),
     ),
     Fault(

@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from shapely.geometry import MultiPolygon, Polygon
 
-from regionik.worlds.arrays import Array, check_near_origin, freeze, frozen, one_line, unit_vector
+from regionik.worlds.arrays import Array, Mask, check_near_origin, freeze, frozen, one_line, unit_vector
 from regionik.worlds.errors import InputError, located
 from regionik.worlds.limits import Criteria, Execution, ParkingAccuracy, Speeds
 from regionik.worlds.obstacles import Box, Prism, Solid, as_polygon
@@ -84,6 +84,8 @@ class Target:
         Greatest speed of the tool while it works its way to it [m/s]; None for no bound of its own.
     flow : float or None
         Material fed per metre of that way, in any unit: of G-code, E in mm of filament; None for none.
+    lead : bool
+        True on the lead-in or lead-out of a stroke, to and from which the tool is down and does not work.
 
     Examples
     --------
@@ -99,6 +101,7 @@ class Target:
     stroke: int | None = None
     speed: float | None = None
     flow: float | None = None
+    lead: bool = False
 
     def __post_init__(self) -> None:
         if self.name:
@@ -118,6 +121,8 @@ class Target:
             raise InputError(f"target: speed must be above 0 and finite, got {self.speed}")
         if self.flow is not None and not 0 <= self.flow < inf:
             raise InputError(f"target: flow must be at least 0 and finite, got {self.flow}")
+        if self.lead and not self.stroke:
+            raise InputError(f"target: lead: expected a stroke from 1 on beside it, got {self.stroke}")
         if self.cone >= np.pi:
             for free in ("direction", "orientation"):
                 object.__setattr__(self, free, None)
@@ -389,6 +394,12 @@ class World:
         return f"World({self.name!r}, robot={self.robot.name!r}, {sizes})"
 
     @cached_property
+    def works(self) -> Mask:
+        """True where the tool works its way to a set-point from the one before, (k,)."""
+        leads = np.array([target.lead for target in self.task], dtype=bool)
+        return worked_ways([target.stroke for target in self.task]) & ~leads & ~np.append(False, leads)[:-1]
+
+    @cached_property
     def work_speeds(self) -> Array:
         """Greatest speed of the tool on its way to each set-point, infinite on travel, (k,) [m/s]."""
         told = np.array([inf if target.speed is None else target.speed for target in self.task])
@@ -400,8 +411,7 @@ class World:
         flows = [target.flow for target in self.task]
         if all(flow is None for flow in flows):
             return None
-        works = worked_ways([target.stroke for target in self.task])
-        return np.where(works, np.array([flow or 0.0 for flow in flows]), 0.0)
+        return np.where(self.works, np.array([flow or 0.0 for flow in flows]), 0.0)
 
     @cached_property
     def base_allowance(self) -> float:

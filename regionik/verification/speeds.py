@@ -16,7 +16,7 @@ from numpy.polynomial.polynomial import polyder
 from regionik.values import Motion, Violation
 from regionik.verification.motion import Indices, MotionSegments
 from regionik.verification.proofs import Finding, StateNames, finding
-from regionik.verification.strokes import is_worked, ways
+from regionik.verification.strokes import in_one_stroke, ways
 from regionik.verification.timed_segments import (
     CoursePolynomials,
     TimedSegments,
@@ -144,7 +144,7 @@ def _fastest_of_tool(world: World, motion: Motion) -> Array:
     fastest = np.full(len(motion) - 1, np.inf if common is None else common)
     for i, first, after in ways(motion):
         before, target = world.task[i - 1], world.task[i]
-        if target.speed is not None and (target.stroke is None or is_worked(before, target)):
+        if target.speed is not None and (target.stroke is None or in_one_stroke(before, target)):
             fastest[first:after] = np.minimum(fastest[first:after], target.speed)
     return fastest
 

@@ -21,7 +21,7 @@ def verify_strokes(plan: Plan, names: StateNames) -> Finding:
 def _lifted(plan: Plan, names: StateNames) -> Iterator[Violation]:
     for i, first, after in ways(plan.motion):
         lifted = np.flatnonzero(plan.motion.kind[first:after] == "transit")
-        if len(lifted) and is_worked(plan.world.task[i - 1], plan.world.task[i]):
+        if len(lifted) and in_one_stroke(plan.world.task[i - 1], plan.world.task[i]):
             text = f"the tool is lifted within stroke {plan.world.task[i].stroke}, before {names.setpoint(i)}"
             yield Violation("strokes", first + int(lifted[0]), i, 0.0, text)
 
@@ -40,7 +40,8 @@ def worked(plan: Plan) -> Mask:
     """States from which the tool works its way to the next, (n,)."""
     on = np.zeros(len(plan.motion), dtype=bool)
     for i, first, after in ways(plan.motion):
-        if is_worked(plan.world.task[i - 1], plan.world.task[i]):
+        one, other = plan.world.task[i - 1], plan.world.task[i]
+        if in_one_stroke(one, other) and not (one.lead or other.lead):
             lifted = plan.motion.kind[first : after + 1] == "transit"
             on[first:after] = ~(lifted[:-1] | lifted[1:])
     return on
@@ -55,6 +56,6 @@ def ways(motion: Motion) -> Iterator[tuple[int, int, int]]:
             yield i, first, after
 
 
-def is_worked(one: Target, other: Target) -> bool:
-    """Return whether the tool works from a set-point to the next, as their strokes tell."""
+def in_one_stroke(one: Target, other: Target) -> bool:
+    """Return whether a set-point and the next are of one stroke."""
     return bool(one.stroke) and one.stroke == other.stroke

@@ -110,7 +110,7 @@ def _different_strokes(plan: Plan, order: Sequence[int], world: World) -> Iterat
 
 def _differently_worked(plan: Plan, order: Sequence[int], world: World) -> Iterator[str]:
     """Where the plan has another flow to a set-point than the world or, if it is timed, another speed."""
-    kinds = ("flow",) if np.isnan(plan.motion.time).all() else ("flow", "speed")
+    kinds = ("flow", "lead") if np.isnan(plan.motion.time).all() else ("flow", "lead", "speed")
     for k, (i, target) in enumerate(zip(order, plan.world.task, strict=False)):
         for what in kinds:
             one, other = getattr(target, what), getattr(world.task[i], what)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import groupby
@@ -48,6 +49,7 @@ from regionik.worlds.toolpath import (
     transform_path,
     turn_along_path,
     turn_with_arc,
+    with_leads,
 )
 
 MAX_SETPOINTS = 200_000  # a plan of so many can still be read back
@@ -61,6 +63,13 @@ def _rotation_kind(value: Any) -> str:
 
 def _direction_kind(value: Any) -> str:
     return "<word>" if isinstance(value, str) else "<vector>"
+
+
+class LeadPart(Strict):
+    """A way along the tool's axis, with the tool down and off."""
+
+    height: Positive = Field(description="a length [m]")
+    speed: Positive | None = Field(default=None, description="greatest of the tool there [m/s]")
 
 
 class _Aim(Strict):
@@ -81,6 +90,13 @@ class _Aim(Strict):
         description="neighbours of one number from 1 on are worked with the tool down all the way; 0: travel",
     )
     speed: Positive | None = Field(default=None, description="greatest of the tool at work [m/s]")
+    lead: bool = Field(default=False, description="of its stroke, with the tool down and off")
+    approach: LeadPart | None = Field(
+        default=None, description="on which the tool comes down to each stroke, along its axis"
+    )
+    departure: LeadPart | None = Field(
+        default=None, description="on which the tool leaves each stroke, along its axis"
+    )
     flow: Annotated[float, Field(ge=0)] | None = Field(
         default=None, description="material fed per metre of the tool's way at work, in any unit"
     )
@@ -308,10 +324,11 @@ def _path(part: Piece, where: str, place: str, folder: Path, most: int) -> ToolP
     kind = next(kind for kind in _KINDS if hasattr(part, kind))
     with located(where, f"{place}.{kind}"):
         path = part.path(folder)
+    with located(where, f"{place}."):
+        path = _aimed(part, path) if len(path.points) <= most else path
     if len(path.points) > most:
         raise located_error(where, place, f"expected at most {MAX_SETPOINTS} set-points in all")
-    with located(where, f"{place}."):
-        return _aimed(part, path)
+    return path
 
 
 def _aimed(part: Piece, path: ToolPath) -> ToolPath:
@@ -339,7 +356,14 @@ def _aimed(part: Piece, path: ToolPath) -> ToolPath:
             raise InputError("follow: needs a direction or an orientation beside it")
         path = turn_with_arc(path, part.arc.start, part.arc.end)
     path = _worked(part, path)
-    return path if part.x_axis is None else turn_along_path(path)
+    path = path if part.x_axis is None else turn_along_path(path)
+    ways = part.approach, part.departure
+    if ways == (None, None):
+        return path
+    heights, speeds = zip(
+        *((0.0, None) if way is None else (way.height, way.speed) for way in ways), strict=True
+    )
+    return with_leads(path, heights, (speeds[0] or math.inf, speeds[1] or math.inf))
 
 
 def _worked(part: Piece, path: ToolPath) -> ToolPath:
@@ -353,6 +377,7 @@ def _worked(part: Piece, path: ToolPath) -> ToolPath:
         strokes=path.strokes if part.stroke is None else np.full(n, part.stroke),
         speeds=path.speeds if part.speed is None else np.full(n, part.speed),
         flows=path.flows if part.flow is None else np.full(n, part.flow),
+        leads=np.ones(n, dtype=bool) if part.lead else path.leads,
     )
 
 
@@ -373,7 +398,7 @@ def task_to_document(task: tuple[Target, ...]) -> list[dict[str, Any]]:
 
 
 def _aim(target: Target) -> dict[str, Any]:
-    own = {"stroke": target.stroke, "speed": target.speed, "flow": target.flow}
+    own = {"stroke": target.stroke, "speed": target.speed, "flow": target.flow, "lead": target.lead or None}
     told = {key: value for key, value in own.items() if value is not None}
     if target.orientation is not None:
         return {"orientation": target.orientation.tolist(), "cone": float(target.cone), **told}
