@@ -16,7 +16,7 @@ from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError, ReasonCode, Verdict
 from regionik.worlds.prepared import Prepared
 from regionik.worlds.scene import StopCriterion, Target, World
-from regionik.worlds.strokes import within_strokes, worked_ways
+from regionik.worlds.strokes import within_strokes
 
 StateKind = Literal["setpoint", "step", "transit"]
 
@@ -141,6 +141,10 @@ class Motion:
     def __iter__(self) -> Iterator[State]:
         return (self[k] for k in range(len(self)))
 
+    def leads_to(self) -> NDArray[np.int64]:
+        """Set-point that each state but the last is on its way to, (n - 1,)."""
+        return approached(self.kind, self.setpoint)
+
     def part(self, first: int, end: int) -> Motion:
         """States from one to before another."""
         return Motion(*(getattr(self, key)[first:end] for key in COLUMNS))
@@ -149,6 +153,17 @@ class Motion:
     def joined(parts: Sequence[Motion]) -> Motion:
         """One motion after the other."""
         return Motion(*(np.concatenate([getattr(part, key) for part in parts]) for key in COLUMNS))
+
+
+def approached(kind: NDArray[np.str_], setpoint: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the set-point that each of n - 1 segments between states leads to, by their kinds and owners.
+
+    >>> approached(np.array(["transit", "setpoint", "step", "setpoint"]), np.array([-1, 0, 0, 1])).tolist()
+    [0, 1, 1]
+    """
+    last = np.maximum.accumulate(np.where(kind == "setpoint", setpoint, -1))
+    found: NDArray[np.int64] = last[:-1] + 1
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -304,15 +319,15 @@ class Plan(Prepared):
         return frames[:, :3, 3]
 
     def tool_on(self) -> NDArray[np.bool_]:
-        """True where the tool works from a state to the next, (n,): not on travel, nor where it is lifted.
+        """True where the tool works from a state to the next, (n,): not on travel, nor on leads, nor lifted.
 
         Without strokes in the task it works all the way from set-point to set-point.
         """
-        motion, down = self.motion, self.motion.kind != "transit"
-        works = worked_ways([target.stroke for target in self.world.task])
-        last = np.maximum.accumulate(np.where(motion.kind == "setpoint", motion.setpoint, -1))
-        ahead = np.append(works, False)[last + 1] & (last >= 0)
-        return ahead & down & np.append(down[1:], False)
+        ahead, down = (
+            np.append(self.world.works, False)[self.motion.leads_to()],
+            self.motion.kind != "transit",
+        )
+        return np.append(ahead & down[:-1] & down[1:], False)[: len(down)]
 
     def lifts_within(self) -> list[int]:
         """Set-points to which the tool comes lifted, although their stroke begins before."""

@@ -59,11 +59,11 @@ def beads_of(program: str) -> list[Bead]:
 
 
 def printed(table: str) -> list[Array]:
-    """What a plan lays: the tool's time and place (n, 4) of each piece through which the tool is on."""
+    """What a plan lays: time, place of the tool and what is fed (n, 5) of each piece that it is on for."""
     pieces: list[list[list[float]]] = []
     on = False
     for row in csv.DictReader(table.splitlines()):
-        spot = [float(row[key]) for key in ("time", "tool_x", "tool_y", "tool_z")]
+        spot = [float(row[key]) for key in ("time", "tool_x", "tool_y", "tool_z", "extrusion")]
         if on:
             pieces[-1].append(spot)
         if row["tool_on"] == "1" and not on:
@@ -74,7 +74,7 @@ def printed(table: str) -> list[Array]:
 
 def extruded(piece: Array, bead: Bead) -> float:
     """What comes out over a piece, of a nozzle that feeds as much a length as the bead has [mm]."""
-    speeds = np.linalg.norm(np.diff(piece[:, 1:], axis=0), axis=1) / np.maximum(np.diff(piece[:, 0]), 1e-12)
+    speeds = np.linalg.norm(np.diff(piece[:, 1:4], axis=0), axis=1) / np.maximum(np.diff(piece[:, 0]), 1e-12)
     return float((speeds * np.diff(piece[:, 0])).sum()) * bead.extruded / bead.length
 
 

@@ -45,7 +45,7 @@ def pace(state: Array, end: Array, count: int, velocity: float) -> LeastTimeProb
         lambda states: nothing,
         lambda states: 0 * states,
         lambda states: (nothing.state, np.empty(0), np.empty((0, 2, m))),
-        np.inf,
+        np.full(2 * count, np.inf),
         2,
     )
 

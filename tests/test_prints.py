@@ -6,6 +6,7 @@ import csv
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
@@ -21,6 +22,7 @@ from tests.harness.rasters import carried
 from tests.printed import beads_of, dense, extruded, farthest, printed
 from tests.sliced import sliced
 
+FED = "time", "extrusion", "extrusion_rate"
 FLOOR = {"polygon": [[-3, -3], [5, -3], [5, 5], [-3, 5]]}
 RULES = {"clearance": 0.05, "tool_contact": 0.1, "contact_depth": 0.035}
 
@@ -50,15 +52,22 @@ def each_bead_is_printed(found: Plan, program: str, folder: Path, z: float = 0.0
     assert len(pieces) == len(beads)
     allowed = found.world.rules.path_tolerance
     for piece, bead in zip(pieces, beads, strict=True):
-        spots = piece[:, 1:] - [0.0, 0.0, z]
+        spots = piece[:, 1:4] - [0.0, 0.0, z]
         assert farthest(dense(bead.points), spots) < allowed
         assert farthest(spots, bead.points) < allowed
         assert extruded(piece, bead) == pytest.approx(bead.extruded, rel=0.02)
+        assert piece[-1, 4] - piece[0, 4] == pytest.approx(bead.extruded, rel=1e-6)
+    assert pieces[-1][-1, 4] == pytest.approx(sum(bead.extruded for bead in beads), rel=1e-6)
     ends = [(piece[0, 0], piece[-1, 0]) for piece in pieces]
     export(found, folder / "even.csv", rate=100.0)
-    for row in csv.DictReader((folder / "even.csv").read_text().splitlines()):
+    even = list(csv.DictReader((folder / "even.csv").read_text().splitlines()))
+    for row in even:
         on = any(begin <= float(row["time"]) < end for begin, end in ends)
         assert row["tool_on"] == str(int(on))
+        assert on or float(row["extrusion_rate"]) == 0.0
+    time, fed, rate = np.array([[float(row[key]) for key in FED] for row in even]).T
+    summed = np.concatenate([[0.0], np.cumsum(np.diff(time) * (rate[1:] + rate[:-1]) / 2)])
+    assert np.abs(summed - fed).max() < 0.01 * fed[-1]
 
 
 @pytest.mark.parametrize("kind", ["rrf"])

@@ -150,7 +150,7 @@ def engine_alone(found: Plan, finer: int) -> float:
         looks, most = [], np.full(len(grid), np.inf)
         for share in (0.0, 0.5, 1 - 1e-9):
             z, slope, bend = path.evaluate(grid[:-1] + share * np.diff(grid), hop)
-            bound = limits.largest_squared_velocity(z, slope, np.zeros(len(z), dtype=bool))
+            bound = limits.largest_squared_velocity(z, slope, np.full(len(z), np.inf))
             ways = limits.limited_derivatives(slope, bend)
             looks.append(PathDerivatives(share, *ways[:2]))
             most[:-1], most[1:] = np.minimum(most[:-1], bound), np.minimum(most[1:], bound)

@@ -99,7 +99,7 @@ def test_the_largest_use_of_limits_is_that_of_all_instants(jerks: dict[str, floa
     times = np.linspace(0.0, moving.duration, 20_001)[:-1]
     segment = np.searchsorted(motion.time, times, side="right") - 1
     sample = moving.sample(times)
-    seen = limits.usage(*sample.columns, segments_on_path(motion)[segment], sample.jerk)
+    seen = limits.usage(*sample.columns, limits.tool_speeds(motion)[segment], sample.jerk)
     for name, value in seen.items():
         assert (used[name][segment] >= value * (1 - 1e-4) - 1e-9).all(), name
         assert used[name].max() <= value.max() * (1 + 1e-2) + 1e-9

@@ -76,7 +76,7 @@ def test_titles_that_are_not_known_are_named_once(tmp_path: Path) -> None:
     with pytest.warns(FileNote) as told:
         world_of(tmp_path, "colour,x,y,z,mass\nred,0.5,0,0.3,1\nblue,0.7,0,0.3,many\n")
     assert len(told) == 1
-    assert "t.csv: line 1: titles passed over: 'colour, mass'; known are name, stroke, x, y, z" in str(
+    assert "t.csv: line 1: titles passed over: 'colour, mass'; known are name, stroke, speed, flow, x" in str(
         told[0].message
     )
 

@@ -10,13 +10,13 @@ from typing import Any, Literal, get_args
 import numpy as np
 from shapely.geometry import MultiPolygon, Polygon
 
-from regionik.worlds.arrays import Array, check_near_origin, freeze, frozen, one_line, unit_vector
+from regionik.worlds.arrays import Array, Mask, check_near_origin, freeze, frozen, one_line, unit_vector
 from regionik.worlds.drives import BasePlanner
 from regionik.worlds.errors import InputError, located
 from regionik.worlds.limits import Criteria, Execution, ParkingAccuracy, Speeds
 from regionik.worlds.obstacles import Box, Prism, Solid, as_polygon
 from regionik.worlds.robot import Robot
-from regionik.worlds.strokes import check_strokes
+from regionik.worlds.strokes import check_strokes, worked_ways
 from regionik.worlds.zones import Zone
 
 
@@ -81,6 +81,12 @@ class Target:
         What people call it, in messages, answers and files; empty for none.
     stroke : int or None
         0 for travel, else as in `regionik.worlds.strokes`; None for all of a task that tells none.
+    speed : float or None
+        Greatest speed of the tool while it works its way to it [m/s]; None for no bound of its own.
+    flow : float or None
+        Material fed per metre of that way, in any unit: of G-code, E in mm of filament; None for none.
+    lead : bool
+        True on the lead-in or lead-out of a stroke, to and from which the tool is down and does not work.
 
     Examples
     --------
@@ -94,6 +100,9 @@ class Target:
     orientation: Array | None = None
     name: str = ""
     stroke: int | None = None
+    speed: float | None = None
+    flow: float | None = None
+    lead: bool = False
 
     def __post_init__(self) -> None:
         if self.name:
@@ -109,6 +118,12 @@ class Target:
             object.__setattr__(self, "direction", unit_vector(self.direction, "target: direction"))
         if not 0 < self.cone <= np.pi:
             raise InputError(f"target: cone must be above 0 and at most pi, got {self.cone}")
+        if self.speed is not None and not 0 < self.speed < inf:
+            raise InputError(f"target: speed must be above 0 and finite, got {self.speed}")
+        if self.flow is not None and not 0 <= self.flow < inf:
+            raise InputError(f"target: flow must be at least 0 and finite, got {self.flow}")
+        if self.lead and not self.stroke:
+            raise InputError(f"target: lead: expected a stroke from 1 on beside it, got {self.stroke}")
         if self.cone >= np.pi:
             for free in ("direction", "orientation"):
                 object.__setattr__(self, free, None)
@@ -389,6 +404,26 @@ class World:
     def __repr__(self) -> str:
         sizes = f"obstacles={len(self.obstacles)}, set_points={len(self.task)}, mode={self.rules.mode!r}"
         return f"World({self.name!r}, robot={self.robot.name!r}, {sizes})"
+
+    @cached_property
+    def works(self) -> Mask:
+        """True where the tool works its way to a set-point from the one before, (k,)."""
+        leads = np.array([target.lead for target in self.task], dtype=bool)
+        return worked_ways([target.stroke for target in self.task]) & ~leads & ~np.append(False, leads)[:-1]
+
+    @cached_property
+    def work_speeds(self) -> Array:
+        """Greatest speed of the tool on its way to each set-point, infinite on travel, (k,) [m/s]."""
+        told = np.array([inf if target.speed is None else target.speed for target in self.task])
+        return np.where(worked_ways([target.stroke for target in self.task]), told, inf)
+
+    @cached_property
+    def work_flows(self) -> Array | None:
+        """Material fed per metre on the way to each set-point, 0 on travel, (k,); None where none is told."""
+        flows = [target.flow for target in self.task]
+        if all(flow is None for flow in flows):
+            return None
+        return np.where(self.works, np.array([flow or 0.0 for flow in flows]), 0.0)
 
     @cached_property
     def base_allowance(self) -> float:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regionik.worlds.arrays import Array, Index, freeze, frozen, transform_points, unit_vector
+from regionik.worlds.arrays import Array, Index, Mask, freeze, frozen, transform_points, unit_vector
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import Target
 from regionik.worlds.strokes import within_strokes
@@ -31,6 +31,10 @@ class ToolPath:
     orientations: Array | None = None  # (n, 3, 3) rotations of the tool frame
     strokes: Index | None = None  # (n,) see `regionik.worlds.strokes`; None where the path tells none
     names: tuple[str, ...] = ()  # of the points, n; or none, where no point has one
+    # (n,) greatest speeds on the way to points, infinite where none is told; None where the path tells none
+    speeds: Array | None = None
+    flows: Array | None = None  # (n,) material fed per metre on the way to points, 0 for none
+    leads: Mask | None = None  # (n,) of points on the lead-in or lead-out of their stroke; None for no such
 
     def __post_init__(self) -> None:
         n = len(self.points)
@@ -113,7 +117,63 @@ def divided_strokes(path: ToolPath, spacing: float) -> ToolPath:
     k = np.repeat(np.arange(len(count)), count)
     share = (np.arange(len(k)) - (np.cumsum(count) - count)[k]) / count[k]
     points = np.round(path.points[k] + share[:, None] * ways[k], _DECIMALS) + 0.0
-    return replace(path, points=points, strokes=path.strokes[k])
+    leads_to = k + (share > 0)
+    speeds, flows = (None if told is None else told[leads_to] for told in (path.speeds, path.flows))
+    return replace(path, points=points, strokes=path.strokes[k], speeds=speeds, flows=flows)
+
+
+def with_leads(
+    path: ToolPath, heights: tuple[float, float], speeds: tuple[float, float] = (math.inf, math.inf)
+) -> ToolPath:
+    """Return a path with a point before each stroke and one after it, at heights along the tool's axis [m].
+
+    Heights of approach and departure are 0 for none, speeds are the greatest on these ways [m/s]. A path that
+    tells no strokes is one.
+
+    Raises
+    ------
+    InputError
+        Where the tool's axis is not given.
+
+    Examples
+    --------
+    >>> down = ToolPath(line([0, 0, 0], [1, 0, 0], 2), directions=[[0, 0, -1], [0, 0, -1]])
+    >>> with_leads(down, (0.1, 0.2)).points[:, 2].tolist()
+    [0.1, 0.0, 0.0, 0.2]
+    """
+    axes = path.directions if path.orientations is None else path.orientations[:, :, 2]
+    if axes is None:
+        raise InputError("approach, departure: need the tool's axis, by direction or orientation")
+    n = len(path.points)
+    strokes = np.ones(n, dtype=np.int64) if path.strokes is None else path.strokes
+    within = within_strokes(strokes.tolist())
+    ends = ~within, ~np.append(within[1:], False)
+    first, last = (
+        np.flatnonzero((strokes > 0) & end) if height else np.empty(0, dtype=np.int64)
+        for end, height in zip(ends, heights, strict=True)
+    )
+    order = np.argsort(np.concatenate([first - 0.25, np.arange(n), last + 0.25]))
+    own = np.concatenate([first, np.arange(n), last])[order]
+
+    def beside(before: float, values: Array, after: float) -> Array:
+        return np.concatenate([np.full(len(first), before), values, np.full(len(last), after)])[order]
+
+    high = beside(heights[0], np.zeros(n), heights[1])
+    told = np.full(n, math.inf) if path.speeds is None else path.speeds.copy()
+    told[first] = speeds[0]
+    told = beside(math.inf, told, speeds[1])
+    back = high[:, None] * axes[own] / np.linalg.norm(axes[own], axis=1, keepdims=True)
+    leads, names = high > 0, path.names
+    return ToolPath(
+        np.round(path.points[own] - back, _DECIMALS) + 0.0,
+        None if path.directions is None else path.directions[own],
+        None if path.orientations is None else path.orientations[own],
+        strokes[own],
+        tuple("" if lead else names[k] for k, lead in zip(own, leads, strict=True)) if names else (),
+        told if np.isfinite(told).any() else None,
+        None if path.flows is None else beside(0.0, path.flows, 0.0),
+        leads if path.leads is None else leads | path.leads[own],
+    )
 
 
 def turn_with_arc(path: ToolPath, start: float, end: float) -> ToolPath:
@@ -193,12 +253,13 @@ def targets_along(path: ToolPath, cone: float) -> tuple[Target, ...]:
     orientations = free if path.orientations is None else path.orientations
     names = path.names or [""] * len(path.points)
     strokes = free if path.strokes is None else path.strokes.tolist()
-    return tuple(
-        Target(point, direction, cone, orientation, name, stroke)
-        for point, direction, orientation, name, stroke in zip(
-            path.points, directions, orientations, names, strokes, strict=True
-        )
+    speeds = (
+        free if path.speeds is None else [one if one < math.inf else None for one in path.speeds.tolist()]
     )
+    flows = free if path.flows is None else path.flows.tolist()
+    leads = [False] * len(path.points) if path.leads is None else path.leads.tolist()
+    columns = zip(path.points, directions, orientations, names, strokes, speeds, flows, leads, strict=True)
+    return tuple(Target(point, aim, cone, *others) for point, aim, *others in columns)
 
 
 def _sampled(count: int, point: Callable[[float], list[float]]) -> Array:

@@ -87,8 +87,8 @@ def _excess(problem: LeastTimeProblem, timed: TimedStates) -> Array:
     gain, at = by_part(bends(problem, timed)) / problem.acceleration, section_of_bend(problem)
     found = np.ones(len(timed.spans))
     np.maximum.at(found, own, speed.max(axis=1))
-    slow = problem.section[slow]
-    np.maximum.at(found, slow, way / timed.spans[slow] / problem.tool_velocity)
+    limit, slow = problem.tool_velocity[slow], problem.section[slow]
+    np.maximum.at(found, slow, way / timed.spans[slow] / limit)
     np.maximum.at(found, at, gain.max(axis=1) / timed.spans[at] ** 2)
     return found - 1
 

@@ -218,7 +218,7 @@ class TimeProgram:
         (n, m), (k, way, J) = self.timed.states.shape, self.problem.tool_ways(self.timed.states)
         where, row = (k[:, None] * m + np.arange(2 * m)).ravel(), np.repeat(np.arange(len(k)), 2 * m)
         own = self.problem.section[k]
-        most = self.problem.tool_velocity * self.timed.spans[own]
+        most = self.problem.tool_velocity[k] * self.timed.spans[own]
         by_state = _sparse(row, [(where, -J.ravel())], (len(k), n * m))
         return self._rows(by_state, None, self._slower(own, most, most)), way - most
 

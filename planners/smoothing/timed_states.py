@@ -56,7 +56,7 @@ class LeastTimeProblem:
     # Ways of the tool in some directions on some segments by states (n, m): the segments (k,), ways (k,) [m],
     # and how states at both ends change them (k, 2, m)
     tool_ways: Callable[[Array], tuple[Index, Array, Array]]
-    tool_velocity: float  # limit of its speed there [m/s]
+    tool_velocity: Array  # (n - 1,) limit of its speed on each segment, infinite for none [m/s]
     parts: int  # of each segment, at whose ends half-spaces hold
 
     @cached_property

@@ -354,6 +354,9 @@ def plan_summary(plan: Plan, seconds: float, written: Iterable[Path]) -> str:
     likely = [stop.probability for stop in plan.stops if stop.probability is not None]
     if likely:
         lines.append(f"  each stop is good after parking with at least {percent_text(min(likely))}")
+    held = plan.stats.get("timing", {}).get("tool")
+    if held and any(map(math.isfinite, plan.world.work_speeds)):
+        lines.append(held_line(held))
     margins = plan.stats.get("margins")
     if margins:
         lines.append(f"  to spare: {spare_text(margins, plan.world)}")
@@ -371,6 +374,18 @@ def lifted_lines(plan: Plan) -> list[str]:
         f"{math.dist(task[i - 1].position, task[i].position):.3f} m are not worked"
         for i in plan.lifts_within()
     ]
+
+
+def held_line(tool: Mapping[str, Any]) -> str:
+    """Return for what share of their time the tool holds the speeds that are asked."""
+    least, most = tool["asked"]
+    if least == most:
+        line = f"  the tool holds {most:g} m/s for {tool['held']:.0%} of its time on the path"
+    else:
+        line = (
+            f"  the tool holds {least:.3g} to {most:.3g} m/s, as asked, for {tool['held']:.0%} of their time"
+        )
+    return line + f"; for {tool['capped']:.0%} the task asks for more" * (tool["capped"] > 0)
 
 
 def percent_text(probability: float) -> str:

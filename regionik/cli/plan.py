@@ -24,6 +24,7 @@ from regionik.cli.console import (
     check_output,
     explain_no_plan,
     file_names,
+    held_line,
     plan_summary,
     print_json,
     print_message,
@@ -204,7 +205,7 @@ def retime_plan(
 
 def _print_constant_speed(tool: dict[str, Any]) -> None:
     """Print for what share of its time the tool holds its speed, and what keeps it from it where."""
-    print_message(f"  the tool holds {tool['asked']:g} m/s for {tool['held']:.0%} of its time on the path")
+    print_message(held_line(tool))
     corners = len(tool["corners"])
     beside = f"its ends and {corners} sharp corner{'s'[: corners != 1]}" if corners else "its ends"
     print_message(f"  and for {tool['held_elsewhere']:.0%} away from {beside}")

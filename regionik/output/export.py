@@ -107,7 +107,8 @@ def _plan_to_csv(plan: Plan, rate: float | None = None) -> str:
     """Return a table with a row for each state, in order; indices count from 0, empty cells have no value.
 
     ``tool_on`` is 1 where the tool works from a row to the next, else 0. Rows of a timed plan end with
-    velocities and accelerations of base and joints, and the tool's speed.
+    velocities and accelerations of base and joints, and the tool's speed; where the task tells a flow, with
+    what is fed by then and, of a timed plan, how fast.
     ``rate`` gives rows at even times instead [1/s]; see `sample_plan`.
     """
     rows, robot = sample_plan(plan, rate), plan.world.robot
@@ -121,6 +122,12 @@ def _plan_to_csv(plan: Plan, rate: float | None = None) -> str:
         speed = np.linalg.norm(tool_velocity(robot, *sample.columns[:2]), axis=1)
         columns += [sample.base_velocity, sample.joint_velocity]
         columns += [sample.base_acceleration, sample.joint_acceleration, speed[:, None]]
+    if rows.extrusion is not None:
+        header.append("extrusion")
+        columns.append(rows.extrusion[:, None])
+    if rows.extrusion_rate is not None and timed:
+        header.append("extrusion_rate")
+        columns.append(rows.extrusion_rate[:, None])
     owners = [(None, "") if i < 0 else (i, plan.world.task[i].name) for i in rows.setpoint.tolist()]
     times = (None if np.isnan(time) else time for time in sample.time.tolist())
     works = rows.tool_on.astype(int).tolist()

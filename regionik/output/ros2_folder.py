@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from regionik.output.ros2 import (
     vector,
 )
 from regionik.output.ros2_views import view_files, world_events
-from regionik.timing.trajectory import sample_plan
+from regionik.timing.trajectory import PlanSamples, sample_plan
 from regionik.values import Plan
 from regionik.view.triangle_meshes import obstacle_mesh
 from regionik.worlds.arrays import Array
@@ -32,6 +33,7 @@ from regionik.worlds.scene import World
 
 RATE = 50.0  # of trajectories, where none is asked for [1/s]
 ARM, BASE_MOTION, PATH, SCENE = "arm_trajectory", "base_trajectory", "base_path", "planning_scene"
+EXTRUSION = "extrusion"
 SCRIPT = "execute_plan.py"
 _SCRIPT_TEXT = Path(__file__).with_name("execute_plan.txt")
 # Of nav2's MPPI controller.
@@ -52,12 +54,15 @@ ros2_control.yaml     parameters of a controller manager with a trajectory contr
 nav2.yaml             parameters of nav2's controller server and local costmap for the base
 settings.yaml         what execute_plan.py asks of the base, and from when to when the tool works [s]
 execute_plan.py       sends the arm's trajectory, leads the base along its own, stops both where one fails,
-                      and says on /tool_on when the tool works
+                      and says on /tool_on when the tool works{fed}
 bag/                  rosbag2 (MCAP) of /tf, /joint_states, the messages above, the robot and the solids
 view.launch.py        starts RViz with plan.rviz and plays the bag: ros2 launch ./view.launch.py
 robot.urdf            the robot, its base as the root link, its solids as they collide
 foxglove.json         a layout for Foxglove, beside which the bag is opened
 """
+FED = """,
+                      on /extrusion how much is fed by then, on /extrusion_rate how fast
+extrusion.yaml        the same, moment by moment"""
 
 
 def ros2_files(plan: Plan, rate: float | None = None, frame: str = FRAME) -> dict[str, str | bytes]:
@@ -85,18 +90,32 @@ def ros2_files(plan: Plan, rate: float | None = None, frame: str = FRAME) -> dic
             "tool_on": _tool_spans(plan),
         },
     }
+    rows = sample_plan(plan, rate)
+    fed = list(_fed(rows))
+    if fed:
+        documents[EXTRUSION] = {"points": fed}
     texts = {f"{name}.yaml": message_text(document, ".yaml") for name, document in documents.items()}
-    about = README.format(world=plan.world.name, duration=float(plan.motion.time[-1]), frame=frame)
+    about = README.format(
+        world=plan.world.name, duration=float(plan.motion.time[-1]), frame=frame, fed=FED * bool(fed)
+    )
     events = [
         Event(0, f"/{ARM}", "trajectory_msgs/msg/JointTrajectory", arm),
         Event(0, f"/{BASE_MOTION}", "trajectory_msgs/msg/MultiDOFJointTrajectory", base),
         Event(0, f"/{PATH}", "nav_msgs/msg/Path", path, stays=True),
         *world_events(plan.world, frame),
-        *motion_events(plan.world, sample_plan(plan, rate).sample, frame),
+        *motion_events(plan.world, rows.sample, frame),
     ]
     bag = {f"bag/{name}": content for name, content in bag_files(events).items()}
     texts |= {SCRIPT: _SCRIPT_TEXT.read_text("utf-8"), "README.txt": about, **view_files(plan.world, frame)}
     return {**texts, **bag}
+
+
+def _fed(rows: PlanSamples) -> Iterator[Message]:
+    """Yield what is fed by each moment of a timed plan and how fast; nothing where its task tells no flow."""
+    if rows.extrusion is not None and rows.extrusion_rate is not None:
+        columns = rows.sample.time, rows.extrusion, rows.extrusion_rate
+        for time, fed, rate in zip(*(column.tolist() for column in columns), strict=True):
+            yield {"time": time, "extrusion": fed, "extrusion_rate": rate}
 
 
 def _tool_spans(plan: Plan) -> list[Message]:

@@ -16,7 +16,7 @@ from scipy.linalg import solveh_banded
 
 from regionik.planners.search.motion_bounds import longest_levers
 from regionik.timing.inserted_states import graded, periods, with_states
-from regionik.timing.limits import MotionLimits, segments_on_path
+from regionik.timing.limits import MotionLimits
 from regionik.timing.options import TIMING
 from regionik.timing.parametrization import path_of
 from regionik.values import Motion
@@ -47,7 +47,7 @@ def rounded(limits: MotionLimits, motion: Motion, room: Array, most: Array, kept
     path = path_of(limits.robot, motion)
     q, moving = path.coordinates, path.lengths > 0
     change = np.diff(q, axis=0)
-    fastest = limits.largest_squared_velocity(q[:-1] + change / 2, change, segments_on_path(motion))
+    fastest = limits.largest_squared_velocity(q[:-1] + change / 2, change, limits.tool_speeds(motion))
     near = np.maximum(np.minimum(room[:-1], room[1:]), limits.blend)
     slowest = limits.displacement(q[:-1], q[1:]) / near * OPTIONS.min_ramp  # slower is rounded no better
     span = np.minimum(1 / np.sqrt(fastest), slowest)

@@ -23,7 +23,7 @@ from regionik.timing.inserted_states import (
     with_rolled_states,
     with_states,
 )
-from regionik.timing.limits import MotionLimits, segments_on_path, tool_velocity
+from regionik.timing.limits import MotionLimits, tool_velocity
 from regionik.timing.options import TIMING
 from regionik.timing.parametrization import fastest_rates, path_of, steering_pauses
 from regionik.timing.smooth_path import SmoothPath
@@ -42,10 +42,10 @@ def jerk_limited_motion(limits: MotionLimits, fine: Motion) -> Motion:
     Any point of the robot may leave its path, and then the segments between the states that are found, by
     ``limits.blend``.
     """
-    path, factor = path_of(limits.robot, fine), np.ones(len(fine) - 1)
+    path, factor, early = path_of(limits.robot, fine), np.ones(len(fine) - 1), leading(limits)
     best, least, found = fine, np.inf, 0
     for k in range(OPTIONS.max_rounds):
-        position, rate = fastest_rates(limits, fine, 0, factor)
+        position, rate = fastest_rates(early, fine, 0, factor)
         timed, places = _resampled(limits, fine, _TimeLaw(path, rate, limits.ramp))
         excess = np.maximum(_excess(limits, timed), 1.0)
         slower = stretched(limits, timed, np.sqrt(excess))
@@ -60,6 +60,14 @@ def jerk_limited_motion(limits: MotionLimits, fine: Motion) -> Motion:
     steering, span = limits.speeds.steering_velocity, np.diff(timed.time)
     pauses = steering_pauses(path_of(limits.robot, timed), span, steering)
     return replace(timed, time=timed.time + np.concatenate([[0.0], np.cumsum(pauses)]))
+
+
+def leading(limits: MotionLimits) -> MotionLimits:
+    """Return limits by which the tool is slow enough before the path says so, and after.
+
+    So it still is once the path position is averaged, and where splines ripple as speeds change.
+    """
+    return replace(limits, lead=limits.ramp / 2 + OPTIONS.period)
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,11 +214,11 @@ def _excess(limits: MotionLimits, timed: Motion) -> Array:
     path = path_of(limits.robot, timed)
     spline, excess = time_spline(path, timed.time), np.zeros(len(timed) - 1)
     knots, segment = spline.knots.time, spline.knots.segment[:-1]
-    on_path, piece = segments_on_path(timed)[segment], np.arange(len(segment))
+    tool_speed, piece = limits.tool_speeds(timed)[segment], np.arange(len(segment))
     for share in OPTIONS.checked_shares:
         times = knots[:-1] + share * np.diff(knots)
         q, velocity, acceleration, jerk = spline.evaluate(times, piece)
-        np.maximum.at(excess, segment, limits.slowdown(q, velocity, acceleration, on_path, jerk) ** 2)
+        np.maximum.at(excess, segment, limits.slowdown(q, velocity, acceleration, tool_speed, jerk) ** 2)
     return excess
 
 
@@ -256,14 +264,14 @@ def _averaged_steps(cuts: Array, rise: Array, wide: float, times: Array) -> Arra
 
 def _time_below(limits: MotionLimits, timed: Motion) -> float:
     """Time on the path for which the tool has not the asked speed; 0 where none is asked [s]."""
-    if limits.speeds.tool_velocity is None:
+    asked = limits.tool_speeds(timed)
+    if not np.isfinite(asked).any():
         return 0.0
     span = np.diff(timed.time)
     spline = time_spline(path_of(limits.robot, timed), timed.time)
     q, velocity, *_ = spline.evaluate(timed.time[:-1] + span / 2)
     speed = np.linalg.norm(tool_velocity(limits.robot, q, velocity), axis=1)
-    slow = speed < TIMING.figures.min_speed_share * limits.speeds.tool_velocity
-    return float(span @ (segments_on_path(timed) & slow))
+    return float(span @ (np.isfinite(asked) & (speed < TIMING.figures.min_speed_share * asked)))
 
 
 def _on_segments(position: Array, places: Array, values: Array) -> Array:

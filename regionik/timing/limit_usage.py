@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from regionik.timing.limits import ROOTS, MotionLimits, segments_on_path, tool_velocity
+from regionik.timing.limits import ROOTS, MotionLimits, tool_velocity
 from regionik.timing.options import TIMING
 from regionik.timing.trajectory import Trajectory, TrajectorySample, trajectory_within
 from regionik.values import Motion
@@ -35,12 +35,12 @@ class MotionPieces:
     start: Array  # (p,) [s]
     span: Array  # (p,) [s]
     segment: Index  # (p,) between states, that each is on
-    on_path: Mask  # (p,) where the tool is on its path
+    tool_speed: Array  # (p,) greatest of the tool, infinite for none [m/s]
 
     def take(self, some: Index | Mask) -> MotionPieces:
         """Some of the pieces."""
-        start, span = self.start[some], self.span[some]
-        return replace(self, start=start, span=span, segment=self.segment[some], on_path=self.on_path[some])
+        columns = {key: getattr(self, key)[some] for key in ("start", "span", "segment", "tool_speed")}
+        return replace(self, **columns)
 
     def sample(self, share: Array) -> TrajectorySample:
         """The motion at shares (k, p) of the pieces, row by row, at k p instants."""
@@ -50,7 +50,7 @@ class MotionPieces:
     def usage(self, share: Array) -> dict[str, Array]:
         """Share of each limit that is used at shares (k, p) of the pieces, (k, p) each."""
         sample = self.sample(share)
-        used = self.limits.usage(*sample.columns, np.tile(self.on_path, len(share)), sample.jerk)
+        used = self.limits.usage(*sample.columns, np.tile(self.tool_speed, len(share)), sample.jerk)
         return {name: value.reshape(share.shape) for name, value in used.items()}
 
     def largest_usage(self) -> dict[str, Array]:
@@ -76,12 +76,12 @@ def motion_pieces(limits: MotionLimits, motion: Motion) -> Iterator[MotionPieces
     trajectory = trajectory_within(limits.robot, motion, limits.speeds)
     if len(motion) == 1:
         alone = np.zeros(1, dtype=np.intp)
-        yield MotionPieces(limits, trajectory, np.zeros(1), np.zeros(1), alone, np.zeros(1, dtype=bool))
+        yield MotionPieces(limits, trajectory, np.zeros(1), np.zeros(1), alone, np.full(1, np.inf))
         return
     time, segment = trajectory.knots
     span = np.diff(time)
     lasting = np.flatnonzero(span > 0)
-    every = MotionPieces(limits, trajectory, time[:-1], span, segment, segments_on_path(motion)[segment])
+    every = MotionPieces(limits, trajectory, time[:-1], span, segment, limits.tool_speeds(motion)[segment])
     for some in np.array_split(lasting, 1 + len(lasting) // OPTIONS.pieces_at_once):
         yield every.take(some)
 
@@ -110,23 +110,23 @@ def check_tool_speed(limits: MotionLimits, motion: Motion) -> None:
     InputError
         With the joint, its speed and the time in the motion at hand.
     """
-    asked = limits.speeds.tool_velocity
-    if asked is None:
-        raise InputError("hold: expected a tool speed to hold; give tool_velocity")
+    if not np.isfinite(limits.tool_speeds(motion)).any() and limits.speeds.tool_velocity is None:
+        raise InputError("hold: expected a tool speed to hold; give tool_velocity, or speeds in the task")
     for every in motion_pieces(limits, motion):
-        pieces = every.take(every.on_path)
+        pieces = every.take(np.isfinite(every.tool_speed))
+        asked = np.tile(pieces.tool_speed, len(SHARES))
         sample = pieces.sample(np.repeat(SHARES[:, None], len(pieces.start), axis=1))
         q, velocity, _ = sample.columns
         speed = np.linalg.norm(tool_velocity(limits.robot, q, velocity), axis=1)
         moves = speed > AT_REST
         if not moves.any():
             continue
-        wanted = velocity[moves] * (asked / speed[moves])[:, None]
+        wanted = velocity[moves] * (asked[moves] / speed[moves])[:, None]
         name, value, limit, k = limits.fastest_coordinate(wanted)
         if value > limit * (1 + 1e-9):
             raise InputError(
-                f"tool_velocity: {asked:g} m/s cannot be held at t = {sample.time[moves][k]:.3f} s: "
-                f"{name} would go at {value:.3g}, its limit is {limit:.3g}"
+                f"tool_velocity: {asked[moves][k]:g} m/s cannot be held at t = "
+                f"{sample.time[moves][k]:.3f} s: {name} would go at {value:.3g}, its limit is {limit:.3g}"
             )
 
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from regionik.values import Motion
-from regionik.worlds.arrays import Array, Mask
+from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.limits import Speeds
 from regionik.worlds.robot import Robot
 
@@ -29,6 +29,9 @@ class MotionLimits:
     speeds: Speeds
     # Length of lines along the tool's axes that count as part of it; long ones keep it from turning [m]
     pointer: float = 0.0
+    # Greatest speed of the tool on its way to each set-point, as `World.work_speeds`; none for no bounds
+    work_speeds: Array = field(default_factory=lambda: np.empty(0))
+    lead: float = 0.0  # time before and after a slower part of the path at which its speed holds already [s]
 
     @cached_property
     def joint_velocity(self) -> Array:
@@ -59,9 +62,37 @@ class MotionLimits:
         first, second = (np.concatenate([one[:, :2] @ directions, one[:, 2:]], axis=1) for one in (q_s, q_ss))
         return first, second, limits
 
-    def largest_squared_velocity(self, q: Array, q_s: Array, on_path: Mask) -> Array:
-        """Squares (m,) of the path velocity at which the first velocity limit is met."""
-        shares = np.stack(list(self._velocity_usage(q, q_s, on_path).values()))
+    def tool_speeds(self, motion: Motion) -> Array:
+        """Greatest speed of the tool on each segment, infinite where none is asked, (n - 1,) [m/s]."""
+        asked = self.tool_speeds_to(motion.leads_to(), segments_on_path(motion))
+        return asked if self.lead == 0 else self._extended(motion, asked)
+
+    def tool_speeds_to(self, setpoint: Index, on_path: Mask) -> Array:
+        """The same of segments (m,) that lead to set-points, with the tool on its path or not."""
+        own = np.append(self.work_speeds, np.inf)[np.minimum(setpoint, len(self.work_speeds))]
+        common = self.speeds.tool_velocity
+        return np.where(on_path, own if common is None else np.minimum(own, common), np.inf)
+
+    def _extended(self, motion: Motion, asked: Array) -> Array:
+        """Speeds (n - 1,) of which slower ones hold for the lead beyond their segments, on the path alone."""
+        tools, on_path = self.robot.tool(motion.base, motion.joints)[:, :3, 3], segments_on_path(motion)
+        way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(tools, axis=0), axis=1))])
+        part, found = np.cumsum(~on_path), asked.copy()
+        changes = 1 + np.flatnonzero((asked[1:] != asked[:-1]) & on_path[1:] & on_path[:-1])
+        for k in changes.tolist():
+            slow = min(asked[k - 1], asked[k])
+            if asked[k - 1] > slow:
+                first, end = int(np.searchsorted(way, way[k] - slow * self.lead, side="right")) - 1, k
+            else:
+                first, end = k, int(np.searchsorted(way, way[k] + slow * self.lead))
+            rows = np.arange(max(first, 0), end)
+            rows = rows[part[rows] == part[k]]
+            found[rows] = np.minimum(found[rows], slow)
+        return found
+
+    def largest_squared_velocity(self, q: Array, q_s: Array, tool_speed: Array) -> Array:
+        """Squares (m,) of the path velocity at which the first velocity limit is met; see `usage`."""
+        shares = np.stack(list(self._velocity_usage(q, q_s, tool_speed).values()))
         with np.errstate(divide="ignore"):
             most: Array = np.minimum(1.0 / shares.max(0) ** 2, 1e6)
         return most
@@ -75,7 +106,7 @@ class MotionLimits:
         return float(max(*times, *(self.joint_acceleration / self.joint_jerk), 0.0))
 
     def usage(
-        self, q: Array, velocity: Array, acceleration: Array, on_path: Mask, jerk: Array | None = None
+        self, q: Array, velocity: Array, acceleration: Array, tool_speed: Array, jerk: Array | None = None
     ) -> dict[str, Array]:
         """Share of each limit that a motion uses, (n,) each.
 
@@ -83,12 +114,12 @@ class MotionLimits:
         ----------
         q, velocity, acceleration, jerk : (n, 3 + dof) arrays
             Of base and joints; no jerk where it is not limited.
-        on_path : (n,) array of bool
-            Where the tool is on its path.
+        tool_speed : (n,) array
+            Greatest of the tool, infinite for none [m/s].
         """
         s, joints = self.speeds, np.abs(acceleration[:, 3:]) / self.joint_acceleration
         usage = {
-            **self._velocity_usage(q, velocity, on_path),
+            **self._velocity_usage(q, velocity, tool_speed),
             "joint_acceleration": joints.max(1, initial=0.0),
             "base_acceleration": np.hypot(*acceleration[:, :2].T) / s.base_acceleration,
             "turn_acceleration": np.abs(acceleration[:, 2]) / s.turn_acceleration,
@@ -102,10 +133,10 @@ class MotionLimits:
         return usage
 
     def slowdown(
-        self, q: Array, velocity: Array, acceleration: Array, on_path: Mask, jerk: Array | None = None
+        self, q: Array, velocity: Array, acceleration: Array, tool_speed: Array, jerk: Array | None = None
     ) -> Array:
         """Factors (n,) by which a motion must be slower to keep all limits; below 1 it may be faster."""
-        usage = self.usage(q, velocity, acceleration, on_path, jerk)
+        usage = self.usage(q, velocity, acceleration, tool_speed, jerk)
         factors = [share ** ROOTS[name.rpartition("_")[2]] for name, share in usage.items()]
         return np.max(factors, axis=0)
 
@@ -113,7 +144,7 @@ class MotionLimits:
         self, q: Array, velocity: Array, acceleration: Array, jerk: Array | None = None
     ) -> list[str]:
         """Limit that a motion uses most at each instant (n,), but for the tool's speed."""
-        usage = self.usage(q, velocity, acceleration, np.zeros(len(q), dtype=bool), jerk)
+        usage = self.usage(q, velocity, acceleration, np.full(len(q), np.inf), jerk)
         names, joints, joint = list(usage), np.array(self.robot.chain.names), dict[str, NDArray[np.str_]]()
         rates = {"joint_velocity": velocity, "joint_acceleration": acceleration, "joint_jerk": jerk}
         for name, rate in rates.items():
@@ -131,7 +162,7 @@ class MotionLimits:
         names = ["the base", "the base's heading", *self.robot.chain.names]
         return names[k], float(speeds[row, k]), float(limits[k]), int(row)
 
-    def _velocity_usage(self, q: Array, velocity: Array, on_path: Mask) -> dict[str, Array]:
+    def _velocity_usage(self, q: Array, velocity: Array, tool_speed: Array) -> dict[str, Array]:
         s, yaw = self.speeds, q[:, 2]
         base, turn = velocity[:, :2], np.abs(velocity[:, 2])
         usage = {
@@ -142,9 +173,10 @@ class MotionLimits:
         if s.wheel_velocity is not None and self.robot.gauge > 0:
             ahead = np.abs(base[:, 0] * np.cos(yaw) + base[:, 1] * np.sin(yaw))
             usage["wheel_velocity"] = (ahead + turn * self.robot.gauge / 2) / s.wheel_velocity
-        if s.tool_velocity is not None:
-            speed = np.where(on_path, np.linalg.norm(tool_velocity(self.robot, q, velocity), axis=1), 0.0)
-            usage["tool_velocity"] = speed / s.tool_velocity
+        if np.isfinite(tool_speed).any():
+            usage["tool_velocity"] = (
+                np.linalg.norm(tool_velocity(self.robot, q, velocity), axis=1) / tool_speed
+            )
         return usage
 
     def displacement(self, q: Array, other: Array) -> Array:

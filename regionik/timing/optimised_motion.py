@@ -29,7 +29,7 @@ from regionik.timing.limits import MotionLimits
 from regionik.timing.options import TIMING
 from regionik.timing.parametrization import path_of
 from regionik.timing.trajectory import trajectory
-from regionik.values import Motion, Plan, Report
+from regionik.values import Motion, Plan, Report, approached
 from regionik.worlds.arms import has_pivot, pivot_index
 from regionik.worlds.arrays import Array, Index, Mask
 from regionik.worlds.robot import with_joint_margin
@@ -115,7 +115,7 @@ class _TimedLayout:
             half_spaces,
             self._back_on_path,
             self._tool_ways,
-            np.inf if speeds.tool_velocity is None else speeds.tool_velocity,
+            self._tool_speed,
             self.parts,
         )
 
@@ -159,11 +159,16 @@ class _TimedLayout:
         fixed[0] |= scene.start is not None
         return np.where(fixed, states, lower), np.where(fixed, states, upper)
 
+    @cached_property
+    def _tool_speed(self) -> Array:
+        """Greatest speed of the tool on each segment, infinite for none, (n - 1,) [m/s]."""
+        return self.limits.tool_speeds_to(approached(self.kind, self.owner), ~self.lifted)
+
     def _tool_ways(self, states: Array) -> tuple[Index, Array, Array]:
         """Ways of the tool on segments, in directions about its own; see `LeastTimeProblem`."""
         m = states.shape[1]
-        slow = np.flatnonzero(~self.lifted & (self.section >= 0))
-        if self.limits.speeds.tool_velocity is None or not len(slow):
+        slow = np.flatnonzero(np.isfinite(self._tool_speed) & (self.section >= 0))
+        if not len(slow):
             return np.empty(0, dtype=np.int64), np.empty(0), np.empty((0, 2, m))
         frames, J = tool_jacobians(self.scene.robot, states)
         moved = frames[slow + 1, :3, 3] - frames[slow, :3, 3]
@@ -340,7 +345,7 @@ def _layout(limits: MotionLimits, plan: Plan) -> _TimedLayout:
     motion, course = plan.motion, trajectory(plan)
     q, time, lifted = path_of(limits.robot, motion).coordinates, motion.time, motion.kind == "transit"
     ends, edge = _ends(motion, q)
-    resting = limits.speeds.tool_velocity is not None or bool(plan.stops)
+    resting = bool(np.isfinite(limits.tool_speeds(motion)).any()) or bool(plan.stops)
     blocks = [_Block(q[:1], 0 * q[:1], motion.kind[:1], motion.setpoint[:1])]
     section, spans, up = list[int](), list[float](), list[bool]()
     for a, b in pairwise(ends.tolist()):

@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from regionik.planners.timing.time_optimal import PathDerivatives, time_optimal_velocities
-from regionik.timing.limits import MotionLimits, segments_on_path
+from regionik.timing.limits import MotionLimits
 from regionik.timing.options import TIMING
 from regionik.timing.smooth_path import STEERED, SmoothPath, smooth_path
 from regionik.values import Motion
@@ -74,7 +74,7 @@ def fastest_rates(
     factor = np.ones(len(moving)) if tightened is None else tightened[moving]
     if not len(moving):
         return path.position, rate
-    every = _MovingSegments(limits, path, moving, segments_on_path(motion)[moving])
+    every = _MovingSegments(limits, path, moving, limits.tool_speeds(motion)[moving])
     for left in range(tightenings, -1, -1):
         part = every.take(todo)
         found = np.where(part.at_rest, 0.0, part.fastest_rates(factor[todo]))
@@ -97,11 +97,11 @@ class _MovingSegments:
     limits: MotionLimits
     path: SmoothPath
     segments: Index  # (m,)
-    on_path: Mask  # (m,) where the tool is on its path
+    tool_speed: Array  # (m,) greatest of the tool, infinite for none [m/s]
 
     def take(self, some: Index) -> _MovingSegments:
         """Some of the segments, whole runs of them."""
-        return replace(self, segments=self.segments[some], on_path=self.on_path[some])
+        return replace(self, segments=self.segments[some], tool_speed=self.tool_speed[some])
 
     @cached_property
     def grid(self) -> Array:
@@ -135,7 +135,7 @@ class _MovingSegments:
             q, q_s, q_ss = self.evaluate([share])
             if share != LIMITED_SHARES[1]:
                 ends = slice(None, -1) if share == 0.0 else slice(1, None)
-                allowed = self.limits.largest_squared_velocity(q, q_s, self.on_path) / factor
+                allowed = self.limits.largest_squared_velocity(q, q_s, self.tool_speed) / factor
                 steered = 1 / np.maximum(self.steered([share]), MIN_USE) ** 2 / factor
                 most[ends] = np.minimum(most[ends], np.minimum(allowed, steered))
             first, second, limit = self.limits.limited_derivatives(q_s, q_ss)
@@ -151,6 +151,6 @@ class _MovingSegments:
         shares = np.repeat(CHECKED_SHARES, len(self.segments))[:, None]
         velocity = np.sqrt(np.maximum(np.tile(rate[:-1] ** 2, count)[:, None] + shares * gain, 0.0))
         acceleration = q_s * gain / (2 * length) + q_ss * velocity**2
-        factor = self.limits.slowdown(q, q_s * velocity, acceleration, np.tile(self.on_path, count))
+        factor = self.limits.slowdown(q, q_s * velocity, acceleration, np.tile(self.tool_speed, count))
         factor = np.maximum(factor, self.steered(CHECKED_SHARES) * velocity[:, 0])
         return (factor**2).reshape(count, -1).max(0)

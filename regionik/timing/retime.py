@@ -12,7 +12,7 @@ from regionik.planners.progress import track
 from regionik.postures.arm import deviation
 from regionik.timing.corner_rounding import rounded
 from regionik.timing.inserted_states import blended, refined, strayed, with_rests
-from regionik.timing.jerk_limited_timing import jerk_limited_motion, stretched
+from regionik.timing.jerk_limited_timing import jerk_limited_motion, leading, stretched
 from regionik.timing.limit_usage import check_tool_speed, slowdowns
 from regionik.timing.limits import MotionLimits, segments_on_path
 from regionik.timing.optimised_motion import optimised
@@ -43,7 +43,8 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, hold: bool = False, opti
     ----------
     plan : Plan
     speeds : Speeds, optional
-        By default those of the plan's world, or of its robot.
+        By default those of the plan's world, or of its robot. To set-points with a ``speed`` of their own
+        the tool goes no faster than that either.
     hold : bool
         Refuse a tool speed that joints or base cannot give the tool everywhere on the path; without it the
         tool is slower there, and ``stats`` says where.
@@ -78,7 +79,8 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, hold: bool = False, opti
     plan = replace(plan, world=replace(plan.world, speeds=asked), stats=stats)
     # The narrowest cone of the task bounds how far the blend turns the tool.
     cone = min((target.cone for target in plan.world.task if target.direction is not None), default=np.inf)
-    limits = MotionLimits(plan.world.robot, asked, asked.blend / (CORNERS.turn_share * cone))
+    pointer = asked.blend / (CORNERS.turn_share * cone)
+    limits = MotionLimits(plan.world.robot, asked, pointer, plan.world.work_speeds)
     timed, report = _fastest(limits, plan)
     if not report.ok:
         raise InputError(
@@ -154,7 +156,7 @@ def _rests(limits: MotionLimits, motion: Motion, room: Array) -> Index:
         sharp = np.isin(rests, path.corners(CORNERS.rest_rounded_corner, gentle))
         stays = room[rests] <= CORNERS.min_rounded_share * limits.blend
         rests = rests[(sharp & (room[rests] < CORNERS.lifted_blend)) | stays]
-    if limits.speeds.tool_velocity is None:
+    if not np.isfinite(limits.tool_speeds(motion)).any():
         return rests
     return np.union1d(rests, 1 + np.flatnonzero(np.diff(segments_on_path(motion))))
 
@@ -232,7 +234,8 @@ def _timed(limits: MotionLimits, motion: Motion) -> Motion:
     """Motion with times, through its own states and more; a single state has time 0."""
     if len(motion) == 1:
         return replace(motion, time=np.zeros(1))
-    fine = blended(limits, refined(limits, blended(limits, motion)))
+    near = leading(limits) if limits.speeds.limit_jerk else limits
+    fine = blended(limits, refined(near, blended(limits, motion)))
     if limits.speeds.limit_jerk:
         motion = jerk_limited_motion(limits, fine)
     else:

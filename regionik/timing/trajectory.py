@@ -8,6 +8,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from regionik.timing.extrusion import extrusion_of
+from regionik.timing.limits import tool_velocity
 from regionik.timing.options import TIMING
 from regionik.timing.smooth_path import SmoothPath, smooth_path
 from regionik.timing.time_spline import TimeSpline, time_spline
@@ -222,12 +224,17 @@ class PlanSamples:
         As in `Motion`; between two states that of the last set-point, -1 on transits.
     tool_on : (n,) array of bool
         True where the tool works from there on, see `Plan.tool_on`.
+    extrusion, extrusion_rate : (n,) arrays, optional
+        Material fed by then, and how fast from there on [1/s], in the unit of `Target.flow`; none where the
+        task tells no flow.
     """
 
     sample: TrajectorySample
     kind: NDArray[np.str_]
     setpoint: NDArray[np.int64]
     tool_on: Mask
+    extrusion: Array | None = None
+    extrusion_rate: Array | None = None
 
     def __len__(self) -> int:
         return len(self.kind)
@@ -259,7 +266,8 @@ def _at_states(plan: Plan) -> PlanSamples:
     else:
         unknown = np.full_like(motion.base, np.nan), np.full_like(motion.joints, np.nan)
         sample = TrajectorySample(motion.time, motion.base, motion.joints, *unknown, *unknown)
-    return PlanSamples(sample, motion.kind, motion.setpoint, plan.tool_on())
+    fed = _fed(plan, sample, np.arange(len(motion)))
+    return PlanSamples(sample, motion.kind, motion.setpoint, plan.tool_on(), *fed)
 
 
 def _at_rate(plan: Plan, rate: float) -> PlanSamples:
@@ -279,4 +287,15 @@ def _at_rate(plan: Plan, rate: float) -> PlanSamples:
     kind = np.where(on_state, motion.kind[before], np.where(lifted, "transit", "step"))
     last = np.maximum.accumulate(np.where(motion.kind == "setpoint", motion.setpoint, -1))[before]
     setpoint = np.where(on_state, motion.setpoint[before], np.where(lifted, -1, last))
-    return PlanSamples(moving.sample(times), kind, setpoint, plan.tool_on()[before])
+    sample = moving.sample(times)
+    return PlanSamples(sample, kind, setpoint, plan.tool_on()[before], *_fed(plan, sample, before))
+
+
+def _fed(plan: Plan, sample: TrajectorySample, segment: Index) -> tuple[Array | None, Array | None]:
+    """Material fed by rows of a plan on segments, and its rate; of no flow none."""
+    found, robot = extrusion_of(plan), plan.world.robot
+    if found is None:
+        return None, None
+    speed = np.linalg.norm(tool_velocity(robot, *sample.columns[:2]), axis=1)
+    tools = robot.tool(sample.base, sample.joints)[:, :3, 3]
+    return found.at(tools, segment), found.flow[segment] * speed

@@ -13,9 +13,10 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 from numpy.polynomial.polynomial import polyder
 
-from regionik.values import Violation
+from regionik.values import Motion, Violation
 from regionik.verification.motion import Indices, MotionSegments
 from regionik.verification.proofs import Finding, StateNames, finding
+from regionik.verification.strokes import in_one_stroke, ways
 from regionik.verification.timed_segments import (
     CoursePolynomials,
     TimedSegments,
@@ -96,8 +97,9 @@ def _shares(
         turned = base[0][..., -1:] * robot.gauge / 2
         for wheel in (way - turned, way + turned):
             yield "the speed of a wheel", _largest(wheel) / speeds.wheel_velocity, k
-    if speeds.tool_velocity is not None:
-        yield "the tool's mean speed", _tool_speeds(segments)[k] / course.span[k] / speeds.tool_velocity, k
+    fastest = _fastest_of_tool(world, segments.motion)[k]
+    if np.isfinite(fastest).any():
+        yield "the tool's mean speed", _tool_speeds(segments)[k] / course.span[k] / fastest, k
     if robot.drive.rolls:
         most = SLIPPED + SLIP * np.abs(segments.rolled)
         yield "the slip of the wheels", (np.hypot(*course.slip.T) / most)[k], k
@@ -134,6 +136,17 @@ def _tool_speeds(segments: MotionSegments) -> Array:
     tools = segments.robot.tool(motion.base, motion.joints)[:, :3, 3]
     lifted = motion.kind == "transit"
     return np.linalg.norm(np.diff(tools, axis=0), axis=1) * ~(lifted[:-1] | lifted[1:])
+
+
+def _fastest_of_tool(world: World, motion: Motion) -> Array:
+    """Limits of the tool's speed on segments, of all and of ways at work to set-points, (segments,) [m/s]."""
+    common = (world.speeds or Speeds()).tool_velocity
+    fastest = np.full(len(motion) - 1, np.inf if common is None else common)
+    for i, first, after in ways(motion):
+        before, target = world.task[i - 1], world.task[i]
+        if target.speed is not None and (target.stroke is None or in_one_stroke(before, target)):
+            fastest[first:after] = np.minimum(fastest[first:after], target.speed)
+    return fastest
 
 
 def _verify_deviation(

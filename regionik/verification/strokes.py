@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from regionik.values import Plan, Violation
+from regionik.values import Motion, Plan, Violation
 from regionik.verification.motion import Mask
 from regionik.verification.proofs import Finding, StateNames, finding
 from regionik.worlds.scene import Target
@@ -19,9 +19,9 @@ def verify_strokes(plan: Plan, names: StateNames) -> Finding:
 
 
 def _lifted(plan: Plan, names: StateNames) -> Iterator[Violation]:
-    for i, first, after in _ways(plan):
+    for i, first, after in ways(plan.motion):
         lifted = np.flatnonzero(plan.motion.kind[first:after] == "transit")
-        if len(lifted) and _in_one_stroke(plan.world.task[i - 1], plan.world.task[i]):
+        if len(lifted) and in_one_stroke(plan.world.task[i - 1], plan.world.task[i]):
             text = f"the tool is lifted within stroke {plan.world.task[i].stroke}, before {names.setpoint(i)}"
             yield Violation("strokes", first + int(lifted[0]), i, 0.0, text)
 
@@ -39,21 +39,23 @@ def _wrongly_on(plan: Plan, names: StateNames) -> Iterator[Violation]:
 def worked(plan: Plan) -> Mask:
     """States from which the tool works its way to the next, (n,)."""
     on = np.zeros(len(plan.motion), dtype=bool)
-    for i, first, after in _ways(plan):
-        if _in_one_stroke(plan.world.task[i - 1], plan.world.task[i]):
+    for i, first, after in ways(plan.motion):
+        one, other = plan.world.task[i - 1], plan.world.task[i]
+        if in_one_stroke(one, other) and not (one.lead or other.lead):
             lifted = plan.motion.kind[first : after + 1] == "transit"
             on[first:after] = ~(lifted[:-1] | lifted[1:])
     return on
 
 
-def _ways(plan: Plan) -> Iterator[tuple[int, int, int]]:
-    """Each set-point that follows on the one before it, and the states from that one to it."""
-    states = np.flatnonzero(plan.motion.kind == "setpoint").tolist()
+def ways(motion: Motion) -> Iterator[tuple[int, int, int]]:
+    """Yield each set-point that follows on the one before it, and the states from that one to it."""
+    states = np.flatnonzero(motion.kind == "setpoint").tolist()
     for first, after in zip(states, states[1:], strict=False):
-        i = int(plan.motion.setpoint[after])
-        if 0 < i == plan.motion.setpoint[first] + 1:
+        i = int(motion.setpoint[after])
+        if 0 < i == motion.setpoint[first] + 1:
             yield i, first, after
 
 
-def _in_one_stroke(one: Target, other: Target) -> bool:
+def in_one_stroke(one: Target, other: Target) -> bool:
+    """Return whether a set-point and the next are of one stroke."""
     return bool(one.stroke) and one.stroke == other.stroke

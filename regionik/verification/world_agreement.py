@@ -84,6 +84,7 @@ def _different_tasks(plan: Plan, world: World) -> Iterator[str]:
         return
     order = _order(plan, ours, theirs)
     yield from _different_strokes(plan, order, world)
+    yield from _differently_worked(plan, order, world)
     for k, (i, target) in enumerate(zip(order, ours, strict=True)):
         asked = theirs[i]
         for what in ("position", "direction", "orientation", "cone"):
@@ -105,6 +106,17 @@ def _different_strokes(plan: Plan, order: Sequence[int], world: World) -> Iterat
         if kinds[0] != kinds[1] or ours[k] != (follows and theirs[i]):
             said = [one.stroke for one in (target, world.task[i])]
             yield f"task: set-point {k + 1}: stroke: {said[0]} in the plan, {said[1]} in the world"
+
+
+def _differently_worked(plan: Plan, order: Sequence[int], world: World) -> Iterator[str]:
+    """Where the plan has another flow to a set-point than the world or, if it is timed, another speed."""
+    kinds = ("flow", "lead") if np.isnan(plan.motion.time).all() else ("flow", "lead", "speed")
+    for k, (i, target) in enumerate(zip(order, plan.world.task, strict=False)):
+        for what in kinds:
+            one, other = getattr(target, what), getattr(world.task[i], what)
+            if one != other:
+                said = f"{_said(one)} in the plan, {_said(other)} in the world"
+                yield f"task: set-point {k + 1}: {what}: {said}"
 
 
 def _order(plan: Plan, done: Sequence[Target], task: Sequence[Target]) -> Sequence[int]:

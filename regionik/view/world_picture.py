@@ -37,7 +37,6 @@ from regionik.worlds.links import BASE
 from regionik.worlds.obstacles import Solid
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Target, World
-from regionik.worlds.strokes import worked_ways
 
 OPTIONS = VIEW.scene
 
@@ -294,7 +293,7 @@ def task_meshes(world: World, missing: NDArray[np.bool_] | None = None) -> list[
 def _path_meshes(world: World, points: Array) -> Iterator[SceneMesh]:
     """The path that the tool works, and the travel of it."""
     path = triangle_meshes.tubes(points, 0.004) if len(points) > 1 else triangle_meshes.merge([])
-    works = np.repeat(worked_ways([target.stroke for target in world.task])[1:], 2 * OPTIONS.tube_sides)
+    works = np.repeat(world.works[1:], 2 * OPTIONS.tube_sides)
     for node, rows, color, label in (
         ("task/path", works, Color.PATH, "tool path asked for"),
         ("task/travel", ~works, Color.TRAVEL, "travel asked for"),

@@ -103,16 +103,29 @@ def _speeds(course: Course, moved: Array, spans: Array, hops: Index) -> Iterator
     }
     if facts.gauge > 0 and asked.get("wheel_velocity") is not None:
         limits["a wheel"] = (length + turn * facts.gauge / 2, asked["wheel_velocity"])
+    tools = np.array([state["tool"] for state in course.document["states"]], dtype=float)
+    lifted = np.array([kind == "transit" for kind in course.kinds])
+    way = np.linalg.norm(np.diff(tools, axis=0), axis=1) * ~(lifted[:-1] | lifted[1:])
     if asked.get("tool_velocity") is not None:
-        tools = np.array([state["tool"] for state in course.document["states"]], dtype=float)
-        lifted = np.array([kind == "transit" for kind in course.kinds])
-        works = ~(lifted[:-1] | lifted[1:])
-        way = np.linalg.norm(np.diff(tools, axis=0), axis=1) * works
         limits["the tool"] = (way[hops], asked["tool_velocity"])
+    limits["the tool at work"] = ((way / _own_speeds(course))[hops], 1.0)
     for who, (way, limit) in limits.items():
         for k in np.flatnonzero(way > limit * spans * (1 + OVER) + STILL):
             share = way[k] / spans[k] / limit
             yield f"pace: {who} goes at {share:.4f} of its limit after state {hops[k]}"
+
+
+def _own_speeds(course: Course) -> Array:
+    """What set-points ask of the tool on hops to them, infinite for nothing and on travel [m/s]."""
+    task, speeds = course.task, list[float]()
+    last = -1
+    for state in course.document["states"][:-1]:
+        last = state["setpoint"] if state["kind"] == "setpoint" else last
+        ahead = task[last + 1] if last + 1 < len(task) else {}
+        stroke = ahead.get("stroke")
+        works = last >= 0 and (stroke is None or (stroke > 0 and stroke == task[last]["stroke"]))
+        speeds.append(ahead.get("speed", np.inf) if works else np.inf)
+    return np.array(speeds)
 
 
 def _accelerations(course: Course, mean: Array, spans: Array, hops: Index) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import groupby
@@ -48,6 +49,7 @@ from regionik.worlds.toolpath import (
     transform_path,
     turn_along_path,
     turn_with_arc,
+    with_leads,
 )
 
 MAX_SETPOINTS = 200_000  # a plan of so many can still be read back
@@ -63,8 +65,15 @@ def _direction_kind(value: Any) -> str:
     return "<word>" if isinstance(value, str) else "<vector>"
 
 
+class LeadPart(Strict):
+    """A way along the tool's axis, with the tool down and off."""
+
+    height: Positive = Field(description="a length [m]")
+    speed: Positive | None = Field(default=None, description="greatest of the tool there [m/s]")
+
+
 class _Aim(Strict):
-    """Orientation of the tool, or how far it may deviate from a direction; the frame; and the stroke."""
+    """Orientation of the tool, or how far it may deviate from a direction; frame, stroke, speed and flow."""
 
     frame: FrameReference | None = None
     orientation: (
@@ -79,6 +88,17 @@ class _Aim(Strict):
     stroke: Annotated[int, Field(ge=0)] | None = Field(
         default=None,
         description="neighbours of one number from 1 on are worked with the tool down all the way; 0: travel",
+    )
+    speed: Positive | None = Field(default=None, description="greatest of the tool at work [m/s]")
+    lead: bool = Field(default=False, description="of its stroke, with the tool down and off")
+    approach: LeadPart | None = Field(
+        default=None, description="on which the tool comes down to each stroke, along its axis"
+    )
+    departure: LeadPart | None = Field(
+        default=None, description="on which the tool leaves each stroke, along its axis"
+    )
+    flow: Annotated[float, Field(ge=0)] | None = Field(
+        default=None, description="material fed per metre of the tool's way at work, in any unit"
     )
 
 
@@ -148,13 +168,15 @@ class PointsPiece(ToolAim):
 
 
 class CsvColumns(Strict):
-    """Titles of the columns: of x, y, z, of one way to aim at most, of names and of strokes."""
+    """Titles of the columns: of x, y, z, of one way to aim at most, of names and of how it is worked."""
 
     x: OneLine = Field(description="a title")
     y: OneLine = Field(description="a title")
     z: OneLine = Field(description="a title")
     name: OneLine | None = Field(default=None, description="title of the column of names of set-points")
     stroke: OneLine | None = Field(default=None, description="title of the column of strokes, 0 for travel")
+    speed: OneLine | None = Field(default=None, description="title of the column of speeds at work [m/s]")
+    flow: OneLine | None = Field(default=None, description="title of the column of material fed per metre")
     dx: OneLine | None = None
     dy: OneLine | None = None
     dz: OneLine | None = None
@@ -302,14 +324,15 @@ def _path(part: Piece, where: str, place: str, folder: Path, most: int) -> ToolP
     kind = next(kind for kind in _KINDS if hasattr(part, kind))
     with located(where, f"{place}.{kind}"):
         path = part.path(folder)
+    with located(where, f"{place}."):
+        path = _aimed(part, path) if len(path.points) <= most else path
     if len(path.points) > most:
         raise located_error(where, place, f"expected at most {MAX_SETPOINTS} set-points in all")
-    with located(where, f"{place}."):
-        return _aimed(part, path)
+    return path
 
 
 def _aimed(part: Piece, path: ToolPath) -> ToolPath:
-    """Return a path with the direction or orientation of its piece, and its stroke."""
+    """Return a path with the direction or orientation of its piece, and with how that is worked."""
     own = path.directions is not None or path.orientations is not None
     direction = None if isinstance(part.direction, str) else part.direction  # a word has gone to the reader
     aims = {"direction": direction, "orientation": part.orientation}
@@ -332,11 +355,30 @@ def _aimed(part: Piece, path: ToolPath) -> ToolPath:
         if not given:
             raise InputError("follow: needs a direction or an orientation beside it")
         path = turn_with_arc(path, part.arc.start, part.arc.end)
-    if part.stroke is not None:
-        if path.strokes is not None:
-            raise InputError("stroke: the file has its own, leave this out")
-        path = replace(path, strokes=np.full(n, part.stroke))
-    return path if part.x_axis is None else turn_along_path(path)
+    path = _worked(part, path)
+    path = path if part.x_axis is None else turn_along_path(path)
+    ways = part.approach, part.departure
+    if ways == (None, None):
+        return path
+    heights, speeds = zip(
+        *((0.0, None) if way is None else (way.height, way.speed) for way in ways), strict=True
+    )
+    return with_leads(path, heights, (speeds[0] or math.inf, speeds[1] or math.inf))
+
+
+def _worked(part: Piece, path: ToolPath) -> ToolPath:
+    """Return a path with the stroke, the speed and the flow of its piece."""
+    for key, own in (("stroke", path.strokes), ("speed", path.speeds), ("flow", path.flows)):
+        if getattr(part, key) is not None and own is not None:
+            raise InputError(f"{key}: the file has its own, leave this out")
+    n = len(path.points)
+    return replace(
+        path,
+        strokes=path.strokes if part.stroke is None else np.full(n, part.stroke),
+        speeds=path.speeds if part.speed is None else np.full(n, part.speed),
+        flows=path.flows if part.flow is None else np.full(n, part.flow),
+        leads=np.ones(n, dtype=bool) if part.lead else path.leads,
+    )
 
 
 def _rotation(orientation: list[float] | list[list[float]]) -> Array:
@@ -345,7 +387,7 @@ def _rotation(orientation: list[float] | list[list[float]]) -> Array:
 
 
 def task_to_document(task: tuple[Target, ...]) -> list[dict[str, Any]]:
-    """Return the set-points as lists of points; neighbours of one stroke that aim alike share one."""
+    """Return the set-points as lists of points; neighbours that differ in place and name alone share one."""
     pieces: list[dict[str, Any]] = []
     for _, group in groupby(task, key=lambda target: repr(_aim(target))):
         targets = list(group)
@@ -356,9 +398,10 @@ def task_to_document(task: tuple[Target, ...]) -> list[dict[str, Any]]:
 
 
 def _aim(target: Target) -> dict[str, Any]:
-    stroke = {} if target.stroke is None else {"stroke": target.stroke}
+    own = {"stroke": target.stroke, "speed": target.speed, "flow": target.flow, "lead": target.lead or None}
+    told = {key: value for key, value in own.items() if value is not None}
     if target.orientation is not None:
-        return {"orientation": target.orientation.tolist(), "cone": float(target.cone), **stroke}
+        return {"orientation": target.orientation.tolist(), "cone": float(target.cone), **told}
     if target.direction is not None:
-        return {"direction": target.direction.tolist(), "cone": float(target.cone), **stroke}
-    return stroke
+        return {"direction": target.direction.tolist(), "cone": float(target.cone), **told}
+    return told

@@ -37,7 +37,7 @@ _POINT, _AXIS, _NORMAL = ("x", "y", "z"), ("dx", "dy", "dz"), ("nx", "ny", "nz")
 _QUATERNION, _ANGLES = ("qx", "qy", "qz", "qw"), ("roll", "pitch", "yaw")
 _AIMS = _AXIS, _NORMAL, _QUATERNION, _ANGLES  # a table has one of them at most
 _UNTITLED = {len(names): names for names in (_POINT, _POINT + _AXIS, _POINT + _QUATERNION)}
-_OTHERS = "name", "stroke"
+_OTHERS = "name", "stroke", "speed", "flow"
 _KNOWN = (*_OTHERS, *_POINT, *(name for aim in _AIMS for name in aim))
 MAX_DIGITS = 9  # of the number of a stroke
 PIECE = 2**20  # of a long file that is read at once [bytes]
@@ -262,7 +262,9 @@ def _check_complete(names: Collection[str], more: str = "") -> None:
         valid = ", ".join(map(",".join, _AIMS))
         what = f"{', '.join(missing)} missing" if missing else f"got {','.join(names)}"
         what = f"unknown {', '.join(strange)}" if strange else what
-        raise InputError(f"expected titles for x,y,z, at most one of {valid}, name and stroke: {what}{more}")
+        raise InputError(
+            f"expected titles for x,y,z, at most one of {valid}, {', '.join(_OTHERS)}: {what}{more}"
+        )
 
 
 def _check_said(names: Collection[str], form: CsvFormat) -> None:
@@ -306,6 +308,8 @@ def _path_of_lines(lines: Sequence[str], layout: CsvLayout, number: int) -> Tool
     rows: list[list[float]] = []
     names: list[str] = []
     strokes: list[int] = []
+    speeds: list[float] = []
+    flows: list[float] = []
     numbers: list[int] = []
     first = max(layout.row, number)
     for at, cells in _cells(lines[first - number :], layout.sign, layout.where, first):
@@ -322,11 +326,21 @@ def _path_of_lines(lines: Sequence[str], layout: CsvLayout, number: int) -> Tool
                     names.append(checked_name(cell))
             elif what == "stroke":
                 strokes.append(_stroke(cell, title, where))
+            elif what == "speed":
+                speeds.append(_speed(cell, title, where))
+            elif what == "flow":
+                flows.append(_flow(cell, title, where))
             else:
                 rows[-1].append(_number(cell, title, where))
     aim = tuple(what for what, _, _ in layout.places if what not in (*_POINT, *_OTHERS))
     path = _path_of_rows(np.array(rows), aim, layout, numbers)
-    return replace(path, names=tuple(names), strokes=np.array(strokes) if strokes else None)
+    return replace(
+        path,
+        names=tuple(names),
+        strokes=np.array(strokes) if strokes else None,
+        speeds=np.array(speeds) if speeds else None,
+        flows=np.array(flows) if flows else None,
+    )
 
 
 def _stroke(cell: str, name: str, where: str) -> int:
@@ -334,6 +348,22 @@ def _stroke(cell: str, name: str, where: str) -> int:
         expected = "expected a whole number, 0 on travel or 1 and up for each stroke"
         raise InputError(f"{where}: {name}: {expected}, got {clip(cell)}")
     return int(cell)
+
+
+def _speed(cell: str, name: str, where: str) -> float:
+    """Return a speed, infinite for an empty cell [m/s]."""
+    value = _number(cell, name, where) if cell else math.inf
+    if value <= 0:
+        raise InputError(f"{where}: {name}: expected a speed above 0 m/s, or nothing, got {clip(cell)}")
+    return value
+
+
+def _flow(cell: str, name: str, where: str) -> float:
+    """Return what is fed per metre, 0 for an empty cell."""
+    value = _number(cell, name, where) if cell else 0.0
+    if value < 0:
+        raise InputError(f"{where}: {name}: expected at least 0 a metre, or nothing, got {clip(cell)}")
+    return value
 
 
 def _number(cell: str, name: str, where: str) -> float:

@@ -3,13 +3,15 @@
 Rapid and cutting moves (G0, G1) are straight lines, arcs (G2, G3) are cut into chords in the plane of G17,
 G18 or G19, with R or with I, J, K, and with P for the number of turns, the last of which may be part of one,
 as LinuxCNC has it; units (G20, G21), absolute and relative positions (G90, G91) and centres (G90.1, G91.1)
-are heeded, and what says how fast or with which tool is passed over: the tool's speed is that of the world.
+are heeded. F is the speed of moves at work, in units a minute, until the next; travel has none, nor has work
+under G93 or G95, where F is the inverse of a time or goes by turns. What says with which tool is passed over.
 M2 and M30 end a program. Ways to places of the machine (G28, G30, G53) are left out: the tool rises to the
 higher of the heights before and after, and goes on from there. What else does not change the path is named in
 a note; all lines that may change it and are not followed are refused at once.
 
 Of a program that extrudes, one with E in its moves or with M82 or M83, the strokes are the moves on which E
-grows; what comes before the first and after the last is left out. Of others they are all moves but G0.
+grows; what comes before the first and after the last is left out. What they feed a metre is their flow. Of
+other programs strokes are all moves but G0.
 """
 
 from __future__ import annotations
@@ -29,6 +31,7 @@ from regionik.worlds.readers.gcode_blocks import (
     AXES,
     CENTRES,
     ENDS,
+    FEEDS,
     FILAMENTS,
     MILLIMETRE,
     MODES,
@@ -66,7 +69,7 @@ def read_gcode(path: Path, chord: float) -> ToolPath:
     Warns
     -----
     FileNote
-        With what was passed over, where it is more than feeds, spindles and tools.
+        With what was passed over, where it is more than spindles and tools.
     """
     blocks, refused = _blocks(read_text(path).splitlines())
     program = _Program.of(blocks, chord)
@@ -163,11 +166,15 @@ class _Program:
     at: dict[str, float]
     points: list[list[float]] = field(default_factory=list)
     works: list[bool] = field(default_factory=list)  # on the move to each point
+    speeds: list[float] = field(default_factory=list)  # of that move, infinite where none is told [m/s]
+    flows: list[float] = field(default_factory=list)  # filament per metre of that move [mm/m]
     unit: float = MILLIMETRE
     move: str = ""
     plane: tuple[str, str, str] = PLANES["G17"]
     relative: bool = False
     centre_absolute: bool = False
+    feed: float = math.inf  # of moves at work, infinite before the first F [m/s]
+    feed_mode: str = "G94"
     filament: float = 0.0  # where E is, in the program's unit
     filament_relative: bool = False
     away: dict[str, str] = field(default_factory=dict)  # the code that took an axis to a place not known here
@@ -196,12 +203,21 @@ class _Program:
     def path(self, file: Path) -> ToolPath:
         """Return the path that was read, that of a program that extrudes from its first to its last bead."""
         points, works = np.array(self.points), np.array(self.works)[1:]
+        speeds, flows = np.array(self.speeds), np.array(self.flows)
         if self.extrudes:
             beads = np.flatnonzero(works)
             if not len(beads):
                 raise InputError(f"{file}: expected moves on which E grows, as the program has E, M82 or M83")
-            points, works = points[beads[0] : beads[-1] + 2], works[beads[0] : beads[-1] + 1]
-        return ToolPath(points, strokes=numbered_strokes(works))
+            first, end = beads[0], beads[-1] + 2
+            points, works = points[first:end], works[first : end - 1]
+            speeds, flows = speeds[first:end], flows[first:end]
+        speeds[0], flows[0] = math.inf, 0.0
+        return ToolPath(
+            points,
+            strokes=numbered_strokes(works),
+            speeds=speeds if np.isfinite(speeds).any() else None,
+            flows=flows if self.extrudes else None,
+        )
 
     def run(self, block: Block, number: int) -> None:
         """Do a block."""
@@ -210,6 +226,7 @@ class _Program:
         for what in block.passed_over:
             self.passed_over.setdefault(what, number)
         values = block.values or {}
+        self._set_feed(block, number)
         if "G92" in block.codes:
             self.filament = values["E"]
         elif block.homed:
@@ -238,6 +255,17 @@ class _Program:
         elif code in FILAMENTS:
             self.filament_relative = code == "M83"
 
+    def _set_feed(self, block: Block, number: int) -> None:
+        """Take F for the speed from here on, but where it may be that of a code that is passed over."""
+        self.feed_mode = next((code for code in block.codes if code in FEEDS), self.feed_mode)
+        values = block.values or {}
+        if self.feed_mode != "G94":
+            self.feed = math.inf
+            if "F" in values:
+                self.passed_over.setdefault(f"F by {self.feed_mode}", number)
+        elif values.get("F", 0.0) > 0 and (values.keys() & AXES or not block.passed_over):
+            self.feed = values["F"] * self.unit / 60
+
     def _leave(self, block: Block, code: str) -> None:
         """Go to a place of the machine: axes are not known until the program gives them again."""
         if "G53" in block.codes and self.move != "G0":
@@ -262,7 +290,7 @@ class _Program:
         for axis in values.keys() & AXES:
             end[axis] = values[axis] * self.unit + (start[axis] if self.relative else 0.0)
         fed, self.at = self._fed(values), end
-        works = fed > LEAST_FILAMENT if self.extrudes else self.move != "G0"
+        works, before = fed > LEAST_FILAMENT if self.extrudes else self.move != "G0", len(self.points)
         self._check_words(values, owners)
         if self.move in ARCS and (works or not self.extrudes):
             if not self.points or _lacking(start):
@@ -271,7 +299,16 @@ class _Program:
             self._add_arc(start, end, values)
         else:
             self._add_line(start, end, works, number)
+        self._lay(before, fed * self.unit / MILLIMETRE)
         self.away = {axis: code for axis, code in self.away.items() if axis in _lacking(end)}
+
+    def _lay(self, first: int, filament: float) -> None:
+        """Lay filament [mm] evenly along the points from ``first`` on, as far as they are worked."""
+        ways = [
+            math.dist(self.points[k - 1], self.points[k]) * self.works[k]
+            for k in range(first, len(self.points))
+        ]
+        self.flows += [filament / sum(ways) if way else 0.0 for way in ways]
 
     def _add_line(self, start: dict[str, float], end: dict[str, float], works: bool, number: int) -> None:
         """A straight move, as far as its ends are known."""
@@ -382,6 +419,7 @@ class _Program:
             raise InputError(f"expected at most {MAX_POINTS} points in all")
         self.points.append(point)
         self.works.append(works)
+        self.speeds.append(self.feed if works else math.inf)
 
 
 def _lacking(at: dict[str, float]) -> list[str]:

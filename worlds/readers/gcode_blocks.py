@@ -19,7 +19,8 @@ PLANES = {"G17": ("X", "Y", "Z"), "G18": ("Z", "X", "Y"), "G19": ("Y", "Z", "X")
 UNITS = {"G20": INCH, "G21": MILLIMETRE}
 POSITIONS, CENTRES = ("G90", "G91"), ("G90.1", "G91.1")
 FILAMENTS = ("M82", "M83")  # absolute and relative lengths of filament
-MODES = frozenset({*MOVES, *PLANES, *UNITS, *POSITIONS, *CENTRES, *FILAMENTS})
+FEEDS = ("G93", "G94", "G95")  # what F is: the inverse of a time, a way a minute, a way a turn
+MODES = frozenset({*MOVES, *PLANES, *UNITS, *POSITIONS, *CENTRES, *FILAMENTS, *FEEDS})
 AWAY = ("G27", "G28", "G30", "G53")  # moves to places of the machine, which the program's frame does not know
 ENDS = ("M2", "M30", "M99")
 OFFSETS = dict(zip("XYZ", "IJK", strict=True))  # words of a centre by the axes that they are along
@@ -42,7 +43,7 @@ _MOVING_WORD = re.compile(r"(?<![A-Z_])G0*[0-3](?![\d.])", re.IGNORECASE)
 _TOOL = re.compile(r"\s*(?:N\d+\s*)?T[?XC]?\s*$", re.IGNORECASE)  # as multi-material units ask for one
 _MACRO = re.compile(r"\s*([A-Z_][A-Z_]{2,}\w*)(?:\s+(.*\S))?\s*$", re.IGNORECASE)
 _SETTING = re.compile(r"\w+\s*=")
-_GROUPS = (MOVES, tuple(PLANES), tuple(UNITS), POSITIONS, CENTRES, FILAMENTS)
+_GROUPS = (MOVES, tuple(PLANES), tuple(UNITS), POSITIONS, CENTRES, FILAMENTS, FEEDS)
 AXES, _OTHER_AXES = frozenset("XYZ"), frozenset("ABCUVW")
 
 
@@ -51,7 +52,7 @@ def _codes(letter: str, *numbers: float) -> frozenset[str]:
 
 
 # How fast, with which tool, how precisely; and what ends a mode that is refused.
-_PLAIN = _codes("G", 4, 9, 40, 49, 54, 61, 61.1, 64, 80, 93, 94, 95, 96, 97) | _codes("M", *range(10), 30)
+_PLAIN = _codes("G", 4, 9, 40, 49, 54, 61, 61.1, 64, 80, 96, 97) | _codes("M", *range(10), 30)
 _PASSED_OVER = _codes("G", 8, 11, 15, 43, 44, 67, 69, 92.1, 98, 99, 103, 187)
 # Retraction, probing, levelling, cleaning; with axis words some controls take them for other things.
 _WITHOUT_AXES = _codes("G", 5, 5.1, 10, 12, 22, 23, 26, 31, 32, 33, 34, 35, 50, 50.1, 76, 81)
