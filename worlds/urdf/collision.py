@@ -20,12 +20,14 @@ from shapely.geometry.polygon import orient
 
 from regionik.worlds.arrays import Array, transform_points
 from regionik.worlds.chain import Chain
+from regionik.worlds.kept_results import kept
 from regionik.worlds.links import (
     BASE,
     CUBE_CORNERS,
     LINK_RADIUS,
     LinkBox,
     LinkCapsule,
+    LinkHull,
     LinkSolid,
     capsules_along,
 )
@@ -110,7 +112,7 @@ def collision_model(
         if owner != BASE
     ]
     notes = [_missing_note(why, some, chain) for (why, _), some in missing.items()]
-    pieces = [*decompose(parts), *stand_ins]
+    pieces = [*_bounded(parts), *stand_ins]
     if not pieces:
         notes.append(
             f"no arm link has a collision element: capsules of radius {LINK_RADIUS:g} m replace them"
@@ -119,6 +121,20 @@ def collision_model(
     base = base_shape(fixed, height, resting | lacking.get(BASE, set()))
     ordered = sorted(pieces, key=lambda part: part.link)
     return CollisionModel(tuple(ordered), base, tuple(notes), _huge(sizes, chain))
+
+
+def _bounded(
+    parts: Sequence[CollisionPart], most: int = URDF.bounding.max_solids
+) -> tuple[CollisionPart, ...]:
+    """Return parts decomposed, each with its solid; to cut meshes takes long, so that is kept on disk."""
+
+    def made() -> tuple[CollisionPart, ...]:
+        none = np.empty((0, 3, 3))
+        return tuple(replace(part, triangles=none, exact=part.solid) for part in decompose(parts, most))
+
+    if not any(len(part.triangles) for part in parts):
+        return made()
+    return kept("bounded", (parts, most), made, (CollisionPart, LinkBox, LinkCapsule, LinkHull))
 
 
 def _huge(sizes: dict[str, float], chain: Chain) -> tuple[str, ...]:
@@ -208,7 +224,7 @@ def base_shape(
     solids = (
         solid
         for rests in (False, True)
-        for solid in decompose([part for part in tall if (part.sources <= loose) is rests], _BASE.max_solids)
+        for solid in _bounded([part for part in tall if (part.sources <= loose) is rests], _BASE.max_solids)
     )
     sources = frozenset().union(*(part.sources for part in parts))
     return BaseShape(_convex_outline(_lower(_surface(parts), cut)), cut, tuple(solids), sources)
