@@ -447,9 +447,9 @@ FAULTS = (
     ),
     Fault(
         "links: the radius of one of two is forgotten",
-        "worlds/self_collision.py",
-        "(one.radius + other.radius)",
-        "(one.radius)",
+        "worlds/separation.py",
+        "beyond = (v * w).sum(1) > (one.radius + other.radius)",
+        "beyond = (v * w).sum(1) > (one.radius)",
         ("tests/test_convex_separation.py",),
     ),
     Fault(

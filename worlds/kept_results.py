@@ -17,17 +17,17 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from hashlib import sha256
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numpy as np
-import scipy
-import shapely
 
 FOLDER_VARIABLE = "REGIONIK_CACHE_DIR"  # names the folder; set to nothing, nothing is kept
 MAX_FILES, MAX_BYTES = 500, 100_000_000  # of the folder
 
 _KEPT, _UNFINISHED = ".kept.json", ".kept.part"
+_ENGINES = "numpy", "scipy", "shapely", "trimesh"
 _NUMBERS = ("<f8", "<i8")  # of arrays
 
 Made = TypeVar("Made")
@@ -77,7 +77,7 @@ def _versions() -> list[str]:
     source, here = sha256(), Path(__file__).parent
     for path in sorted(here.rglob("*.py")):
         source.update(path.relative_to(here).as_posix().encode() + path.read_bytes())
-    return [source.hexdigest(), np.__version__, scipy.__version__, shapely.__version__]
+    return [source.hexdigest(), *map(version, _ENGINES)]
 
 
 def _read(path: Path, key: str, classes: Mapping[str, type]) -> Any:

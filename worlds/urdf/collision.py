@@ -32,7 +32,7 @@ from regionik.worlds.links import (
     capsules_along,
 )
 from regionik.worlds.readers.text import join_names
-from regionik.worlds.urdf.bounding import cylinder_capsule, hull_triangles, sphere_capsule
+from regionik.worlds.urdf.bounding import cylinder_hull, hull_triangles, prism_corners, sphere_capsule
 from regionik.worlds.urdf.decomposition import CollisionPart, clip_triangles, decompose, mesh_part
 from regionik.worlds.urdf.elements import CollisionShape, Inertial, UrdfModel
 from regionik.worlds.urdf.kinematic_tree import PlacedLink
@@ -76,8 +76,8 @@ def collision_model(
 ) -> CollisionModel:
     """Return the parts of links that move with the arm, and the base: cut at ``height``, where given [m].
 
-    A box stays a box and a capsule a capsule, a cylinder becomes the least capsule around it, a sphere one of
-    next to no length, a mesh a few boxes and capsules; where there are many, those of a link share some
+    A box stays a box and a capsule a capsule, a cylinder becomes a prism of many sides, a sphere a capsule
+    of next to no length, a mesh a few boxes and capsules; where there are many, those of a link share some
     (`regionik.worlds.urdf.decomposition`). A mesh that is missing or unreadable is noted, and something
     stands in for it (`regionik.worlds.urdf.collision`). Neither that nor ``resting`` links of the base decide
     where it is cut.
@@ -167,7 +167,7 @@ def _solid(owner: int, name: str, shape: CollisionShape, T: Array) -> LinkSolid:
         case "box":
             return LinkBox(owner, name, T, np.array(shape.size))
         case "cylinder":
-            return cylinder_capsule(owner, name, T, *shape.size)
+            return cylinder_hull(owner, name, T, *shape.size)
         case "capsule":
             radius, length = shape.size
             start, end = (T[:3, 3] + side * length / 2 * T[:3, 2] for side in (-1, 1))
@@ -183,9 +183,7 @@ def _corners(shape: CollisionShape, T: Array) -> Array:
         return box
     radius = shape.size[0]
     half = shape.size[1] / 2 if shape.kind == "cylinder" else radius
-    angles = np.arange(_BASE.corners) * 2 * pi / _BASE.corners  # of a prism round a circle
-    ring = radius / np.cos(pi / _BASE.corners) * np.column_stack([np.cos(angles), np.sin(angles)])
-    prism = np.concatenate([np.column_stack([ring, np.full(_BASE.corners, z)]) for z in (-half, half)])
+    prism = prism_corners(radius, half, _BASE.corners)
     if shape.kind == "cylinder":
         return prism
     # The prism of a ball stands upright, so that its height is the ball's; a capsule is between two balls.

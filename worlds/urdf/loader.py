@@ -6,9 +6,10 @@ Soft limits of a safety controller narrow a joint's own. Speed limits of 0, and 
 count as none.
 
 Solids bound the collision elements of all links that move with the chain: boxes and capsules as they are,
-the least capsule around each cylinder and sphere, a few boxes and capsules around each mesh; some twenty in
-all, as small ones share a bound. Links behind other joints (fingers, heads) stand still at zero. Two bounds
-that touch in many postures, while the hulls inside them touch in none of 2000, need not keep apart.
+a prism around each cylinder, a capsule around each sphere, a few boxes and capsules around each mesh; some
+twenty in all, as small ones share a bound. Links behind other joints (fingers, heads) stand still at zero.
+Two bounds that touch in many postures, while the hulls inside them touch in none of 2000, need not keep
+apart.
 
 The root and all that is fixed to it, wheels included, give footprint and body height where they are not
 given. Unless ``body_height`` says it, the base is cut at the height at which all takes least volume; what
