@@ -75,10 +75,17 @@ def test_a_changed_mesh_or_file_is_studied_anew(tmp_path: Path, folder: Path) ->
     assert told(crane(tmp_path)) == before
 
 
+def another_number(data: bytes) -> bytes:
+    """A file in which one number of an array is another."""
+    at = data.index(b'"array": "') + 15
+    return data[:at] + (b"A" if data[at : at + 1] != b"A" else b"B") + data[at + 1 :]
+
+
 SPOILT: dict[str, Callable[[str, bytes], bytes]] = {
     "nothing": lambda key, data: b"",
     "half of it": lambda key, data: data[: len(data) // 2],
     "a byte changed": lambda key, data: data[:-20] + bytes([data[-20] ^ 1]) + data[-19:],
+    "a number changed": lambda key, data: another_number(data),
     "not text": lambda key, data: b"\xff\xfe\x00" * 100,
     "deep lists": lambda key, data: sealed(key, json.loads("[" * 500 + "]" * 500)),
     "of another result": lambda key, data: sealed("0" * 64, [None, [], []]),
