@@ -1004,8 +1004,8 @@ FAULTS = (
     Fault(
         "kept results: the name of the function is all that a key is made of",
         "worlds/kept_results.py",
-        "[name, _versions(), _packed(given)]",
-        "[name, _versions()]",
+        "[name, versions, _packed(given)]",
+        "[name, versions]",
         ("tests/test_kept_results.py",),
     ),
     Fault(

@@ -17,7 +17,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from hashlib import sha256
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -48,10 +48,10 @@ def kept(name: str, given: object, make: Callable[[], Made], classes: Sequence[t
     classes : sequence of type
         Dataclasses that may be in the result.
     """
-    folder = cache_folder()
-    if folder is None:
+    folder, versions = cache_folder(), _versions()
+    if folder is None or versions is None:
         return make()
-    key = sha256(json.dumps([name, _versions(), _packed(given)]).encode()).hexdigest()
+    key = sha256(json.dumps([name, versions, _packed(given)]).encode()).hexdigest()
     path = folder / f"{key}{_KEPT}"
     with suppress(Exception):  # whatever else may be in a file of that name, it is made anew
         return cast(Made, _read(path, key, {one.__name__: one for one in classes}))
@@ -72,12 +72,15 @@ def cache_folder() -> Path | None:
     return Path(base, "regionik") if os.path.isabs(base) else None
 
 
-def _versions() -> list[str]:
-    """Return the digest of this package's source, and the versions of the engines."""
+def _versions() -> list[str] | None:
+    """Return the digest of this package's source, and the engines' versions; None where one is not known."""
     source, here = sha256(), Path(__file__).parent
-    for path in sorted(here.rglob("*.py")):
-        source.update(path.relative_to(here).as_posix().encode() + path.read_bytes())
-    return [source.hexdigest(), *map(version, _ENGINES)]
+    files = sorted(here.rglob("*.py"))
+    with suppress(OSError, PackageNotFoundError):
+        for path in files:
+            source.update(path.relative_to(here).as_posix().encode() + path.read_bytes())
+        return [source.hexdigest(), *map(version, _ENGINES)] if files else None
+    return None
 
 
 def _read(path: Path, key: str, classes: Mapping[str, type]) -> Any:
