@@ -16,7 +16,7 @@ for joint in robot.chain.joints:
     limits = f"{joint.lower:6.2f} to {joint.upper:5.2f}"
     print(f"{joint.name:6} {joint.kind:9} {limits}, at most {joint.velocity:.1f} a second")
 
-# Its collision elements became capsules and boxes. The base is its footprint up to where the mast begins, and
+# Its collision elements became prisms and boxes. The base is its footprint up to where the mast begins, and
 # the mast a solid of its own, so that the base may drive under things that the mast passes by.
 print(f"{len(robot.solids)} solids on the arm, base {robot.body_height:.2f} m high with", end=" ")
 print(", ".join(solid.name for solid in robot.base_solids), "on it")

@@ -61,7 +61,7 @@ OWN = (
 def read(kind: str, path: Path) -> None:
     """Read a file of a kind, and do what is done with everything read of that kind."""
     match kind:
-        case "world" | "frames" | "execution":
+        case "world" | "frames" | "execution" | "scan":
             world = load_world(path)
             world_to_document(world)
             robot_to_urdf(world.robot, world.floor.polygon)

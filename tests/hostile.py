@@ -18,12 +18,17 @@ from PIL import Image
 from regionik.worlds.documents.world_file import load_world, world_to_document
 from tests.nasty import GOOD, TASK, broken
 from tests.plans import every_solid, plan_to_document, synthetic_plan
+from tests.scans import clouds, octomap_of
 from tests.urdfs import CRANE
 
 Files = Mapping[str, bytes]
-KINDS = ("world", "plan", "csv", "columns", "gcode", "urdf", "srdf", "map", "frames", "execution", "parts")
+KINDS = (
+    *("world", "plan", "csv", "columns", "gcode", "urdf", "srdf", "map", "frames", "execution", "parts"),
+    "scan",
+)
 READ = {"world": "w.yaml", "plan": "plan.json", "csv": "p.csv", "urdf": "r.urdf", "map": "m.yaml"}
 READ |= {"columns": "t.csv", "gcode": "p.nc", "srdf": "r.srdf", "frames": "w.yaml", "execution": "w.yaml"}
+READ["scan"] = "w.yaml"  # of a world with a point cloud or an octomap
 READ["parts"] = "t.csv.parts/manifest.json"  # of a run of many targets that goes on
 MANIFEST = {"world": "a digest", "targets": "another", "versions": {"regionik": "0.1.0"}}
 
@@ -200,6 +205,8 @@ def samples(kind: str) -> list[Files]:
             return [{"w.yaml": _with_rules(rules)} for rules in (EXECUTION, PARKING, PROCESS)]
         case "parts":
             return [{READ[kind]: json.dumps(MANIFEST).encode()}]
+        case "scan":
+            return [_scanned(name, data) for name, data in scans().items()]
         case _:
             return [
                 {"m.yaml": MAP.replace("m.pgm", file).encode(), file: image}
@@ -334,10 +341,65 @@ def bombs(kind: str) -> dict[str, Files]:
         "frames": _frames_bombs,
         "execution": _execution_bombs,
         "parts": _parts_bombs,
+        "scan": _scan_bombs,
     }
     return {
         name: {READ[kind]: files} if isinstance(files, bytes) else files
         for name, files in made[kind]().items()
+    }
+
+
+def _scanned(name: str, data: bytes) -> Files:
+    kind = "octomap" if name.endswith("t") else "cloud"
+    scan = f"\n  - {{name: scan, {kind}: {{file: {name}, z: [0.01, 2]}}, frame: {{rpy: [0, 0, 1]}}}}\nstart"
+    return {"w.yaml": GOOD.replace("\nstart", scan).encode(), name: data}
+
+
+def scans() -> dict[str, bytes]:
+    """A few points, or cells, in every form that is read."""
+    points = np.array([[3.0, 0.1 * k, 0.5] for k in range(6)])
+    cells = [(40, k, 9) for k in range(6)]
+    return {**clouds(points), "m.bt": octomap_of(cells, 0.05), "m.ot": octomap_of(cells, 0.05, binary=False)}
+
+
+def _scan_bombs() -> dict[str, bytes | Files]:
+    far = b"0 0 0.5\n1e9 1e9 0.5\n"
+    rng = np.random.default_rng(0)
+    noise = rng.uniform([-9, -9, 0.1], [9, 9, 2], (300_000, 3)).astype("<f4").tobytes()
+    head = (
+        "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\nproperty float y\n"
+        "property float z\nend_header\n"
+    )
+    tree = b"# Octomap OcTree binary file\nid OcTree\nsize 1\nres 0.05\ndata\n"
+    full = tree.replace(b"binary ", b"")
+    made = {
+        "many rows": ("p.xyz", b"1 2 3\n" * 30_000_000),
+        "one long line": ("p.xyz", b"1 " * 60_000_000),
+        "many columns": ("p.csv", b"1," * 60_000_000),
+        "far apart": ("p.xyz", far),
+        "more points than there are": ("p.ply", head.format(10**11).encode()),
+        "some more points than there are": ("p.ply", head.format(3_000_000).encode() + noise),
+        "noise": ("p.ply", head.format(300_000).encode() + noise),
+        "no end of a head": ("p.ply", b"ply\n" + b"property float x\n" * 10_000_000),
+        "wide records": (
+            "p.pcd",
+            b"FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 999999999\nPOINTS 1\nDATA binary\n",
+        ),
+        "a deep tree": ("m.bt", tree + b"\xff" * 1_000_000),
+        "a wide tree": ("m.bt", tree + (b"\xff\xff" * 10 + b"\xaa\xaa" * 50) * 200_000),
+        "a full tree": ("m.bt", tree + b"\xaa\xaa"),
+        "a whole world": ("m.ot", full + b"\x00\x00\x80\x3f\x00"),
+        "a deep full tree": ("m.ot", full + b"\x00\x00\x80\x3f\xff" * 1_000_000),
+        "no cells": ("m.bt", tree),
+        "tiny cells": ("m.bt", tree.replace(b"0.05", b"1e-300") + b"\xaa\xaa"),
+    }  # fmt: skip
+    world, points = _scanned("p.xyz", b"")["w.yaml"], b"0 0 0.5\n1 1 0.5\n"
+    tiny = world.replace(b"z: [0.01", b"voxel: 1.0e-300, z: [0.01")
+    return {
+        **{name: _scanned(*one) for name, one in made.items()},
+        "a pipe": {"w.yaml": world, "p.xyz": PIPE},
+        "a device": _scanned("/dev/zero.xyz", b"")["w.yaml"],
+        "a tiny voxel": {"w.yaml": tiny, "p.xyz": points},
     }
 
 

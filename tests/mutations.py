@@ -447,9 +447,9 @@ FAULTS = (
     ),
     Fault(
         "links: the radius of one of two is forgotten",
-        "worlds/self_collision.py",
-        "(one.radius + other.radius)",
-        "(one.radius)",
+        "worlds/separation.py",
+        "beyond = (v * w).sum(1) > (one.radius + other.radius)",
+        "beyond = (v * w).sum(1) > (one.radius)",
         ("tests/test_convex_separation.py",),
     ),
     Fault(
@@ -1021,6 +1021,48 @@ FAULTS = (
         "yield from verify_zones(world, segments, names)",
         "yield from verify_zones(replace(world, rules=type(world.rules)()), segments, names)",
         ("tests/test_zones.py",),
+    ),
+    Fault(
+        "scans: cells reach half a voxel back",
+        "worlds/readers/voxels.py",
+        "cells = np.floor(points / side)",
+        "cells = np.round(points / side)",
+        ("tests/test_scans.py",),
+    ),
+    Fault(
+        "scans: plates are joined whatever is between them",
+        "worlds/readers/voxels.py",
+        "& (boxes[1:, 0, axis] == boxes[:-1, 1, axis])",
+        "",
+        ("tests/test_scans.py",),
+    ),
+    Fault(
+        "octomap: x and y are taken for one another",
+        "worlds/readers/octomap.py",
+        "return x + half * (k & 1), y + half * (k >> 1 & 1)",
+        "return x + half * (k >> 1 & 1), y + half * (k & 1)",
+        ("tests/test_scans.py",),
+    ),
+    Fault(
+        "kept results: a damaged file is believed",
+        "worlds/kept_results.py",
+        "if sha256(content).hexdigest().encode() != digest:",
+        "if not digest:",
+        ("tests/test_kept_results.py",),
+    ),
+    Fault(
+        "kept results: the name of the function is all that a key is made of",
+        "worlds/kept_results.py",
+        "[name, versions, _packed(given)]",
+        "[name, versions]",
+        ("tests/test_kept_results.py",),
+    ),
+    Fault(
+        "urdf: a prism is in its cylinder, not around it",
+        "worlds/urdf/bounding.py",
+        "ring = radius / np.cos(pi / sides) *",
+        "ring = radius *",
+        ("tests/test_urdf_collision.py",),
     ),
 )
 

@@ -182,6 +182,7 @@ def through_urdf(robot: Robot) -> Robot:
         path = Path(folder) / "robot.urdf"
         path.write_text(robot_to_urdf(robot, shapely.box(-2, -2, 6, 2)))
         filterwarnings("ignore", message=".*the tool point lies .* inside")
+        filterwarnings("ignore", message=".* this pair is not checked")  # the youBot's link 2 and its base
         radius = robot.turning_radius or None
         read = load_robot(path, base=robot.base, tip="tool", root="base", turning_radius=radius)
     return replace(read, carry=robot.carry)

@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import shapely
 
+from regionik import load_robot
 from regionik.pipeline import search
 from regionik.planners.collision.proximity import Proximity
 from regionik.postures.collision_checker import MAX_SPARE
 from regionik.postures.poses import Pose
 from regionik.scene import scene_of
 from regionik.worlds.bundled import robot_named
+from regionik.worlds.links import LinkBox
 from regionik.worlds.obstacles import Box, Cylinder, Sphere
+from regionik.worlds.robot import Tool
 from regionik.worlds.scene import Floor, Rules, Target, World
 from tests.bodies import pose_between
-from tests.maths import Array
+from tests.maths import Array, translation
 from tests.witnesses import witness
 
 ROBOT = robot_named("youbot")
@@ -127,6 +131,30 @@ def test_the_last_link_may_touch_what_the_tool_works_on() -> None:
     assert scene_of(world).collision.clear(lifted) == scene_of(replace(world, task=())).collision.clear(
         lifted
     )
+
+
+@pytest.mark.parametrize("gap", [0.02, -0.01])
+def test_what_touches_names_the_rules_that_would_let_it(gap: float) -> None:
+    """A pad wider than ``tool_contact``, level above a table that a set-point is near to."""
+    away = translation(0.0, 0.0, 0.05)
+    pad = LinkBox(0, "pad", translation(0.0, 0.0, 0.04), np.array([0.15, 0.15, 0.02]))
+    robot = load_robot("youbot", tool=Tool(away, (pad,)))
+    at = Pose(np.zeros(3), np.array([0.0, 0.6, -2.0, 1.4, 0.0]))
+    tool = robot.tool(at.base, at.joints)[:3, 3]
+    low = tool[2] - gap
+    table = Box("table", np.array([1.0, 1.0, 0.02]), np.array([*tool[:2], low - 0.01]))
+    rules = Rules(arm_clearance=0.03, solid_floor=False)
+    world = World("table", robot, FLOOR, (table,), (Target(tool),), rules)
+    collision = scene_of(world).collision
+    assert not collision.clear(at)
+    told = collision.words(collision.nearest(at))
+    named = dict(re.findall(r"rules\.(\w+): ([\d.]+)", told))
+    assert "tool_contact" in named
+    assert ("contact_depth" in named) == (gap < 0)
+    rules = replace(
+        rules, tool_contact=float(named["tool_contact"]), contact_depth=float(named.get("contact_depth", 0))
+    )
+    assert scene_of(replace(world, rules=rules)).collision.clear(at)
 
 
 def test_words_and_causes_name_link_and_thing() -> None:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from regionik.worlds.self_collision import ConvexBody, apart_somewhere, separated
+from regionik.worlds.separation import ConvexBody, apart_somewhere, separated
 from tests.maths import Array, pose, translation
 
 HERE = np.eye(4)[None]

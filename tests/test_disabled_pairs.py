@@ -62,8 +62,23 @@ def test_where_next_to_nothing_is_left_it_is_said() -> None:
     assert pairs == [("box 0", "box 2")]
     (note,) = notes
     assert note.startswith(
-        "the bounds of box 0 and box 2 touch in 96% of postures, the links themselves in up to"
+        "the bounds of box 0 and box 2 touch in 95% of postures, the links themselves in up to"
     )
+
+
+@pytest.mark.parametrize(("height", "asked"), [(0.35, False), (0.4, True)])
+def test_a_link_that_is_nearly_always_in_the_base_is_not_asked_and_said(height: float, asked: bool) -> None:
+    """The base is half a metre high; the arm stands in it, and link 1 comes out of it now and then."""
+    outline, mount = (
+        np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]]),
+        np.array([0, 0, height, 0]),
+    )
+    robot = replace(arm(THIN, limit=1.2), footprint=outline, body_height=0.5, mount=mount)
+    assert {(-1, 1), (-1, 2)} < set(self_collision_pairs(robot))
+    pairs, notes = disabled_pairs(robot, bodies(robot))
+    assert (("base of arm", "box 1") not in pairs) == asked
+    assert len(pairs) == len(notes)
+    assert all("base of arm" in note and note.endswith("this pair is not checked") for note in notes)
 
 
 def telescope(*ways: tuple[float, float, float]) -> Robot:
@@ -101,7 +116,7 @@ def test_links_that_touch_mostly_are_not_asked_and_told() -> None:
     robot = arm(1.0, limit=2.2)
     pairs, (note,) = disabled_pairs(robot, bodies(robot))
     assert pairs == [("box 0", "box 2")]
-    assert note.endswith("the links themselves in up to 84%: this pair is not checked")
+    assert note.endswith("the links themselves in up to 83%: this pair is not checked")
     assert disabled_pairs(robot, bodies(arm(0.2, limit=2.2))) == ([], [])
 
 

@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+import regionik as rik
 from regionik.cli.plan import EXPORT_FORMATS
 from regionik.output.export import FORMATS, export
 from regionik.output.urdf import robot_to_urdf, roll_pitch_yaw
@@ -138,6 +139,24 @@ def test_a_box_stays_a_box_on_its_link() -> None:
         size = _numbers(shape.find("geometry/box").attrib["size"])  # type: ignore[union-attr]
         assert np.array_equal(size, box.size)
         assert np.abs(_frame(shape) - box.T_link_box).max() < 1e-12
+
+
+@pytest.mark.parametrize(("radius", "length"), [(0.075, 0.02), (0.01, 0.4), (0.3, 0.05)])
+def test_a_cylinder_comes_back_as_it_was(tmp_path: Path, radius: float, length: float) -> None:
+    path = tmp_path / "pad.urdf"
+    path.write_text(
+        '<robot name="pad"><link name="base"/><link name="pad"><collision><origin xyz="0.1 0.2 0.3" '
+        f'rpy="0.4 0.5 0.6"/><geometry><cylinder radius="{radius}" length="{length}"/></geometry></collision>'
+        '</link><joint name="turn" type="continuous"><parent link="base"/><child link="pad"/></joint></robot>'
+    )
+    robot = rik.load_robot(path, tip="pad")
+    text = robot_to_urdf(robot, shapely.box(-1, -1, 1, 1))
+    (cylinder,) = ElementTree.fromstring(text).findall(".//collision/geometry/cylinder")
+    assert float(cylinder.attrib["radius"]) == pytest.approx(radius, abs=1e-9)
+    assert float(cylinder.attrib["length"]) == pytest.approx(length, abs=1e-9)
+    path.write_text(text)
+    again = rik.load_robot(path, root="base", tip="tool")
+    assert np.abs(again.solids[0].corners - robot.solids[0].corners).max() < 1e-9
 
 
 @pytest.mark.parametrize("robot", [awkward(), youbot()])

@@ -23,6 +23,7 @@ from regionik.worlds.robot import BODY_HEIGHT, Robot
 from regionik.worlds.urdf.bounding import (
     bounding_solid,
     convex_hull,
+    cylinder_hull,
     oriented_box,
     outer_hull,
 )
@@ -49,6 +50,22 @@ def volume(solid: LinkSolid) -> float:
 # --- bounds
 
 _POSE = st.tuples(*[st.floats(-3, 3)] * 6).map(lambda values: pose(values[:3], values[3:]))
+
+
+@settings(max_examples=examples(50))
+@given(st.floats(0.002, 0.6), st.floats(0.001, 1.5), _POSE)
+def test_a_cylinder_is_flat_at_its_ends_and_round_to_a_millimetre(
+    radius: float, length: float, T: Array
+) -> None:
+    hull = cylinder_hull(0, "pad", T, radius, length)
+    local = (hull.corners - T[:3, 3]) @ T[:3, :3]
+    np.testing.assert_allclose(np.abs(local[:, 2]), length / 2, atol=1e-9)
+    out = np.linalg.norm(local[:, :2], axis=1) - radius
+    assert 0 < out.min() <= out.max() < max(1e-3, 0.01 * radius) + 1e-9
+    angles = np.random.default_rng(0).uniform(0, 2 * np.pi, 50)
+    for angle, end in zip(angles, np.linspace(-0.5, 0.5, 50), strict=True):
+        rim = np.array([radius * np.cos(angle), radius * np.sin(angle), end * length, 1.0])
+        assert hull.depth((T @ rim)[:3]) > -1e-9
 
 
 @settings(max_examples=examples(50))

@@ -1,9 +1,4 @@
-"""Self-collision of robots: pairs of solids that may touch, and separation of convex bodies in many poses.
-
-Separation is decided by Gilbert's method: the point of the bodies' Minkowski difference nearest to the origin
-is approached in steps, and as soon as its support in that direction lies further away than the radii, a plane
-separates them.
-"""
+"""Self-collision of robots: pairs of solids that may touch, and postures in which none do."""
 
 from __future__ import annotations
 
@@ -13,7 +8,6 @@ from functools import cached_property
 from itertools import combinations, compress
 
 import numpy as np
-from scipy.optimize import nnls
 from shapely.geometry import Polygon
 
 from regionik.worlds.arrays import Array, Mask
@@ -22,74 +16,14 @@ from regionik.worlds.links import BASE
 from regionik.worlds.obstacles import Prism
 from regionik.worlds.prepared import made_once
 from regionik.worlds.robot import Robot
+from regionik.worlds.separation import ConvexBody, apart_somewhere, separated
 
 BODY = -1  # the base's own body, among indices of solids
-MAX_STEPS = 60  # bodies some hundredths of their size apart need a few; after all, they count as touching
 POSTURES, MANY_POSTURES = 64, 2000  # sampled: to find pairs, and to disable some
 MIN_TOUCHING_SHARE, MAX_MEETING_SHARE, MAX_TOUCHING_SHARE = 0.1, 0.75, 0.95  # of the postures
 UNLIMITED_SLIDE = 2.0  # travel of a joint without limits in these postures [m]
 _PARALLEL = 1e-6
-_TOUCHING = 1e-6  # apart by no more, by rounding [m]
-_SUM_WEIGHT = 1e3  # of the sums of weights, which are 1, against lengths [m]
 _LEVEL = 1e-9  # change of a height that is rounding [m]
-
-
-@dataclass(frozen=True, eq=False)
-class ConvexBody:
-    """All points within ``radius`` [m] of the convex hull of ``corners`` (n, 3) [m]."""
-
-    corners: Array
-    radius: float = 0.0
-
-    def support(self, T: Array, along: Array) -> Array:
-        """Return the corner furthest along directions (n, 3), at poses (n, 4, 4), as (n, 3)."""
-        seen = np.argmax(np.einsum("nji,nj->ni", T[:, :3, :3], along) @ self.corners.T, axis=1)
-        return _transformed(self.corners[seen], T)
-
-
-def separated(one: ConvexBody, T_one: Array, other: ConvexBody, T_other: Array) -> Mask:
-    """Return True for each pair of poses (n, 4, 4) at which a plane between two bodies was found, (n,).
-
-    Where none was found, they touch, or nearly.
-    """
-    found = np.zeros(len(T_one), dtype=bool)
-    left = np.arange(len(T_one))
-    v = _transformed(one.corners.mean(0), T_one) - _transformed(other.corners.mean(0), T_other)
-    for _ in range(MAX_STEPS):
-        w = one.support(T_one[left], -v) - other.support(T_other[left], v)
-        beyond = (v * w).sum(1) > (one.radius + other.radius) * np.linalg.norm(v, axis=1)
-        found[left[beyond]] = True
-        step = v - w
-        gain, length = (v * step).sum(1), (step * step).sum(1)
-        on = ~beyond & (gain > 0)
-        if not on.any():
-            break
-        share = np.minimum(gain[on] / length[on], 1.0)
-        left, v = left[on], v[on] - share[:, None] * step[on]
-    return found
-
-
-def apart_somewhere(one: ConvexBody, T_one: Array, other: ConvexBody, T_other: Array) -> bool:
-    """True if two bodies do not touch in one of the poses (n, 4, 4) at least, decided to rounding.
-
-    A plane is soon found, where there is one; where none was, as between a large body and a small one near
-    the middle of its face, the nearest points are those of a least-squares problem.
-    """
-    if separated(one, T_one, other, T_other).any():
-        return True
-    radii = one.radius + other.radius + _TOUCHING
-    return any(_core_distance(one, A, other, B) > radii for A, B in zip(T_one, T_other, strict=True))
-
-
-def _core_distance(one: ConvexBody, T_one: Array, other: ConvexBody, T_other: Array) -> float:
-    """Distance of the hulls of two bodies' corners, of points weighed by 0 or more, 1 in all [m]."""
-    p, q = (body.corners @ T[:3, :3].T + T[:3, 3] for body, T in ((one, T_one), (other, T_other)))
-    sums = np.zeros((2, len(p) + len(q)))
-    sums[0, : len(p)] = sums[1, len(p) :] = _SUM_WEIGHT
-    weights, _ = nnls(
-        np.vstack([np.concatenate([p, -q]).T, sums]), np.array([0, 0, 0, _SUM_WEIGHT, _SUM_WEIGHT])
-    )
-    return float(np.linalg.norm(weights[: len(p)] @ p - weights[len(p) :] @ q))
 
 
 def base_name(robot: Robot) -> str:
@@ -201,11 +135,13 @@ def disabled_pairs(
         name, other = _solid_name(robot, i), _solid_name(robot, k)
         if at_rest.touching(i, k).any() and not at_rest.meeting(i, k).any():
             pairs.append((name, other))
-        if i == BODY or pairs[-1:] == [(name, other)]:
+        if pairs[-1:] == [(name, other)]:
             continue
         touching = postures.touching(i, k)
-        nested = touching.any() and _slides_along_one_line(robot.chain, *postures.links(i, k))
-        if touching.mean() < MIN_TOUCHING_SHARE and not nested:
+        nested = i != BODY and touching.any() and _slides_along_one_line(robot.chain, *postures.links(i, k))
+        # The base's own body is but a bound, into which an arm may well reach: what is inside is not known.
+        often = MAX_MEETING_SHARE if i == BODY else MIN_TOUCHING_SHARE
+        if touching.mean() < often and not nested:
             continue
         real = 0 if nested else int((postures.meeting(i, k) & touching).sum())
         if real and touching.mean() < MAX_TOUCHING_SHARE and real < MAX_MEETING_SHARE * MANY_POSTURES:
@@ -257,12 +193,6 @@ def _slides_along_one_line(chain: Chain, one: int, other: int) -> bool:
     frames = chain.frames(np.zeros(chain.dof))[:-1][between]
     axes = np.array([T[:3, :3] @ joint.axis for T, joint in zip(frames, chain.joints[between], strict=True)])
     return bool((np.abs(axes @ axes[0]) > 1 - _PARALLEL).all())
-
-
-def _transformed(points: Array, T: Array) -> Array:
-    """Return points (n, 3), or one for all, moved by transforms (n, 4, 4)."""
-    moved: Array = np.einsum("nij,nj->ni", T[:, :3, :3], np.broadcast_to(points, (len(T), 3))) + T[:, :3, 3]
-    return moved
 
 
 def _solid_frames(robot: Robot, joints: Array) -> Array:

@@ -219,6 +219,14 @@ def near_bodies(bodies: Bodies, point: Array, far: float) -> Bodies:
     return replace(bodies, links=links, hulls=left, pieces=tuple(bodies.pieces[m] for m in kept.tolist()))
 
 
+def tool_span(robot: Robot, solid: int) -> float:
+    """Bound of the distance of the tool from any point of one of ``robot.all_solids``, in any posture [m]."""
+    one, chain = robot.all_solids[solid], robot.chain
+    if one.link == len(chain.joints) - 1:
+        return float(np.linalg.norm(one.corners - chain.T_last_tool[:3, 3], axis=1).max()) + one.radius
+    return span_about_tool(robot)
+
+
 def span_about_tool(robot: Robot) -> float:
     """Bound of the distance of the tool from any point of the robot's solids, in any posture [m]."""
     chain = robot.chain

@@ -46,7 +46,8 @@ def _targets_in_solids(scene: Scene) -> Iterator[Explanation]:
             gap, touched = gaps[0][0], solids[gaps[0][1]].name
             most, miss = rules.deepest_contact, rules.tolerance
             if tip - max(0.0, gap) > most + miss or -gap > CORNER * most + miss:
-                yield _too_deep(scene, i, touched, tip, max(tip - max(0.0, gap), -gap) - miss)
+                sunk = max(tip - max(0.0, gap), -gap) - miss
+                yield _too_deep(scene, i, touched, (part, tip), sunk)
                 continue
             gaps = gaps[1:]
         if not gaps or gaps[0][0] >= need:
@@ -55,9 +56,9 @@ def _targets_in_solids(scene: Scene) -> Iterator[Explanation]:
         missing = need + rules.tolerance - gap
         place = f"{gap:z.4f} m from {name}" if gap >= 0 else f"{-gap:z.4f} m deep in {name}"
         reason = (
-            f"{setpoint_at(scene.task, i)} lies {place}: no posture keeps the last link, {tip:g} m round "
-            f"about the tool, at the arm's clearance of {scene.world.arm_clearance:g} m from it. The tool "
-            f"point would have to be {missing:.4f} m farther away."
+            f"{setpoint_at(scene.task, i)} lies {place}: no posture keeps the last link ({part}), {tip:g} m "
+            f"round about the tool, at the arm's clearance of {scene.world.arm_clearance:g} m from it. The "
+            f"tool point would have to be {missing:.4f} m farther away."
         )
         repair = Repair("move-target", f"set-point {i + 1}", missing, f"move it {missing:.4f} m from {name}")
         yield Explanation("no-posture", i, reason, (_cause(scene, name, missing),), (repair,))
@@ -86,14 +87,15 @@ def _targets_buried(scene: Scene) -> Iterator[Explanation]:
             break
 
 
-def _too_deep(scene: Scene, i: int, name: str, tip: float, need: float) -> Explanation:
-    """Explain that the tool cannot touch a solid, as its link would sink in too deep."""
+def _too_deep(scene: Scene, i: int, name: str, last: tuple[str, float], need: float) -> Explanation:
+    """Explain that the tool cannot touch a solid, as its link, a solid so deep about it, would sink in."""
+    part, tip = last
     missing, rules = need - scene.rules.contact_depth, scene.rules
     reason = (
-        f"{setpoint_at(scene.task, i)} cannot be touched: the last link, {tip:g} m round about the tool, "
-        f"would sink at least {need:.4f} m into {name}, and the rules allow {rules.contact_depth:g} m "
-        f"(contact_depth). That rule would have to allow {missing:.4f} m more, or the link to end at the "
-        f"tool point."
+        f"{setpoint_at(scene.task, i)} cannot be touched: the last link ({part}), {tip:g} m round about the "
+        f"tool, would sink at least {need:.4f} m into {name}, and the rules allow {rules.contact_depth:g} m "
+        f"(rules.contact_depth). That rule would have to allow {missing:.4f} m more, or the link to end at "
+        f"the tool point."
     )
     return Explanation("no-posture", i, reason, (_cause(scene, name, missing),))
 

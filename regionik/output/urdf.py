@@ -17,7 +17,7 @@ from regionik.worlds.errors import InputError
 from regionik.worlds.joints import Joint
 from regionik.worlds.links import LinkBox, LinkCapsule, LinkHull, LinkSolid
 from regionik.worlds.robot import Robot
-from regionik.worlds.urdf.bounding import oriented_box
+from regionik.worlds.urdf.bounding import cylinder_in, oriented_box
 
 _UNLIMITED = 1e6  # URDF demands a number where a limit is infinite
 _VIRTUAL_JOINTS = ("base_x", "base_y", "base_yaw", "mount", "tool_fixed")
@@ -131,7 +131,18 @@ def _add_solid(link: ElementTree.Element, solid: LinkSolid) -> None:
         case LinkBox():
             _add_box(link, solid.name, solid.T_link_box, solid.size)
         case LinkHull():
-            _add_box(link, solid.name, *oriented_box(solid.corners))
+            _add_hull(link, solid)
+
+
+def _add_hull(link: ElementTree.Element, hull: LinkHull) -> None:
+    """Add the cylinder that a hull stands for, else a box around it: URDF has no hulls."""
+    found = cylinder_in(hull)
+    if found is None:
+        _add_box(link, hull.name, *oriented_box(hull.corners))
+        return
+    T, radius, length = found
+    shape = _collision(link, hull.name, T, roll_pitch_yaw(T))
+    ElementTree.SubElement(shape, "cylinder", radius=repr(radius), length=repr(length))
 
 
 def _add_capsule(link: ElementTree.Element, capsule: LinkCapsule) -> None:

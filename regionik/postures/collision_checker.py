@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from regionik.planners.collision.contacts import SLACK
 from regionik.planners.collision.distances import obstacles_from, solids_within
 from regionik.planners.collision.proximity import (
     NOTHING_NEAR,
@@ -25,6 +26,7 @@ from regionik.planners.collision.robot_bodies import (
     bodies_from,
     near_bodies,
     span_about_tool,
+    tool_span,
 )
 from regionik.planners.collision.robot_motion import count_on_line, tool_frames
 from regionik.postures.poses import MAX_JOINT_CHANGE, Pose, arrays
@@ -101,15 +103,27 @@ class CollisionChecker:
 
     def words(self, proximity: Proximity) -> str:
         """Return a description of the nearest thing, and how the link might touch what the tool works on."""
-        said, rules = describe(self.bodies, proximity), self.rules
+        said = describe(self.bodies, proximity)
         if (
             proximity.kind == "obstacle"
             and self.bodies.links.outermost[proximity.solid]
             and proximity.other in self.contact.owner
         ):
-            said += f" (it may touch it {rules.deepest_contact:g} m deep, "
-            said += f"within {rules.tool_contact:g} m of the tool)"
+            said += f" ({self._contact_words(proximity)})"
         return said
+
+    def _contact_words(self, proximity: Proximity) -> str:
+        """Return how the last link may touch what the tool works on, and which rules would let it."""
+        rules, sunk = self.rules, -proximity.distance
+        span = tool_span(self.bodies.robot, proximity.solid) + SLACK
+        wanted = [f"rules.tool_contact: {_rounded_up(span)}"] if span > rules.tool_contact else []
+        if sunk > rules.deepest_contact:
+            depth = _rounded_up(sunk + SLACK - rules.tolerance)
+            wanted.append(f"rules.contact_depth: {depth} or solids that end at the tool point")
+        said = (
+            f"it may touch it {rules.deepest_contact:g} m deep, within {rules.tool_contact:g} m of the tool"
+        )
+        return f"{said}; {' and '.join(wanted)} would let it do so at a set-point" if wanted else said
 
     def other(self, proximity: Proximity) -> str:
         """Return the name of what the link comes near to."""
@@ -122,6 +136,11 @@ class CollisionChecker:
             kind: CauseKind = "floor" if floor else "obstacle"
             return Cause(kind, self.other(proximity), max(0.0, self.bodies.clearance - proximity.distance))
         return Cause("self", self.other(proximity), max(0.0, -proximity.distance))
+
+
+def _rounded_up(length: float) -> str:
+    """Return a length in words, rounded up to millimetres [m]."""
+    return f"{np.ceil(length * 1000) / 1000:g}"
 
 
 def bodies_in(world: World) -> Bodies:

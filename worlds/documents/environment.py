@@ -1,21 +1,23 @@
-"""Frames, floor and obstacles of a world file: their grammar, reading and writing.
+"""Floor and obstacles of a world file: their grammar, reading and writing.
 
 A form of obstacle is a model whose ``solid`` gives the obstacle and whose `solid_to_document` case writes it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import fields, replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Discriminator, Field, Tag
+from pydantic import Field, Tag
 from shapely.geometry import Polygon
 
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import pose
+from regionik.worlds.documents.frames import FrameReference, Poses, frame_pose
+from regionik.worlds.documents.scans import CloudShape, OctomapShape
 from regionik.worlds.errors import InputError, located, read_each
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere, as_polygon
 from regionik.worlds.readers.meshes import read_mesh
@@ -32,96 +34,10 @@ from regionik.worlds.readers.text import (
     Vec2,
     Vec3,
     file_in,
-    join_names,
     one_of,
 )
-from regionik.worlds.scene import Floor, FrameNames
+from regionik.worlds.scene import Floor
 from regionik.worlds.zones import Keep, Zone
-
-WORLD = "map"  # the frame of all that names none
-MAX_NAMES = 20  # names in a message
-_NAMED = tuple(field.name for field in fields(FrameNames))
-
-
-def _kind(value: Any) -> str:
-    return "<name>" if isinstance(value, str) else "<pose>"
-
-
-class FramePart(Strict):
-    position: Vec3 = [0.0, 0.0, 0.0]
-    rpy: Vec3 = [0.0, 0.0, 0.0]
-
-
-class FrameOfWorld(FramePart):
-    """The pose of a frame in another one of the file, by default in the world's."""
-
-    parent: OneLine = Field(default=WORLD, description="name of a frame")
-
-
-FramesPart = dict[
-    OneLine,
-    Annotated[
-        Annotated[OneLine, Tag("<name>")] | Annotated[FrameOfWorld, Tag("<pose>")], Discriminator(_kind)
-    ],
-]
-FrameReference = Annotated[
-    Annotated[OneLine, Tag("<name>")] | Annotated[FramePart, Tag("<pose>")], Discriminator(_kind)
-]
-Poses = dict[str, Array]  # T_world_frame (4, 4) by the names of frames
-
-
-def read_frames(part: FramesPart, where: str) -> tuple[FrameNames, Poses]:
-    """Return the names of frames for exports, and the poses of the others in the world, (4, 4).
-
-    ``map``, ``base_link`` and ``tool0`` are texts: what exports call them. All others are poses.
-    """
-    names: dict[str, str] = {}
-    frames: dict[str, FrameOfWorld] = {}
-    for key, value in part.items():
-        with located(where, f"frames.{key}"):
-            if isinstance(value, str) and key in _NAMED:
-                names[key] = value
-            elif isinstance(value, FrameOfWorld) and key not in _NAMED:
-                frames[key] = value
-            elif key in _NAMED:
-                raise InputError("expected text, what exports call this frame")
-            else:
-                raise InputError(f"expected position and rpy; {', '.join(_NAMED)} alone are texts")
-    with located(where, "frames."):
-        called = FrameNames(**names)
-    poses: Poses = {WORLD: np.eye(4)}
-    for key in frames:
-        with located(where, f"frames.{key}"):
-            _add_pose(key, frames, poses)
-    return called, {key: poses[key] for key in (WORLD, *frames)}
-
-
-def frame_pose(reference: str | FramePart, poses: Poses) -> Array:
-    """Return the pose of a frame in the world, (4, 4); an `InputError` lists the names that the file has."""
-    if isinstance(reference, FramePart):
-        return pose(reference.position, reference.rpy)
-    if reference not in poses:
-        raise InputError(f"frame: unknown frame {reference!r}, valid names: {join_names(poses, MAX_NAMES)}")
-    return poses[reference]
-
-
-def _add_pose(name: str, frames: dict[str, FrameOfWorld], poses: Poses) -> None:
-    """Put the pose of a frame, and of those it is given in, among the poses in the world."""
-    way: dict[str, None] = {}  # in order
-    while name not in poses:
-        if name not in frames:
-            raise InputError(
-                f"parent: unknown frame {name!r}, valid names: {join_names([WORLD, *frames], MAX_NAMES)}"
-            )
-        if name in way:
-            circle = join_names([*way, name], MAX_NAMES)
-            raise InputError(f"parent: expected no circle of frames, got {circle}")
-        way[name] = None
-        name = frames[name].parent
-    for frame in reversed(way):
-        part = frames[frame]
-        poses[frame] = poses[part.parent] @ pose(part.position, part.rpy)
-
 
 Ring = Annotated[Many[Vec2], Field(min_length=3)]
 Range = Annotated[list[float], Field(min_length=2, max_length=2)]
@@ -236,13 +152,23 @@ class MeshObstacle(_NamedObstacle):
     mesh: MeshShape
 
 
+class CloudObstacle(_NamedObstacle):
+    cloud: CloudShape
+
+
+class OctomapObstacle(_NamedObstacle):
+    octomap: OctomapShape
+
+
 ObstaclePart = Annotated[
     Annotated[BoxObstacle, Tag("<box>")]
     | Annotated[CylinderObstacle, Tag("<cylinder>")]
     | Annotated[SphereObstacle, Tag("<sphere>")]
     | Annotated[PrismObstacle, Tag("<prism>")]
-    | Annotated[MeshObstacle, Tag("<mesh>")],
-    one_of("box", "cylinder", "sphere", "prism", "mesh"),
+    | Annotated[MeshObstacle, Tag("<mesh>")]
+    | Annotated[CloudObstacle, Tag("<cloud>")]
+    | Annotated[OctomapObstacle, Tag("<octomap>")],
+    one_of("box", "cylinder", "sphere", "prism", "mesh", "cloud", "octomap"),
 ]
 
 
@@ -290,25 +216,36 @@ def read_floor(part: PolygonFloor | MapFloor, where: str, folder: Path) -> Floor
     )
 
 
-def read_obstacle(part: _NamedObstacle, where: str, place: str, folder: Path, poses: Poses) -> Solid:
-    """Return an obstacle; ``place`` is where it stands in the document, ``poses`` are those of its frames."""
+def read_obstacle(
+    part: _NamedObstacle, where: str, place: str, folder: Path, poses: Poses
+) -> tuple[Solid, ...]:
+    """Return an obstacle, the boxes of a scan; ``place`` is where it stands in the document.
+
+    ``poses`` are those of the document's frames.
+    """
     (kind,) = part.model_fields_set - {"name", "frame", "clearance"}
-    with located(where, f"{place}.{kind}."):
-        solid: Solid = getattr(part, kind).solid(part.name, folder)
+    shape = getattr(part, kind)
+    with located(where, f"{place}."):
+        T = np.eye(4) if part.frame is None else frame_pose(part.frame, poses)
+        if not isinstance(shape, MeshFile | MeshInline | SphereShape | CloudShape):
+            _check_upright(kind, T)
+    if isinstance(shape, CloudShape | OctomapShape):
+        with located(where, f"{place}.{kind}."):
+            solids: tuple[Solid, ...] = shape.solids(part.name, folder, T)
+    else:
+        with located(where, f"{place}.{kind}."):
+            solid = shape.solid(part.name, folder)
+        solids = (solid if part.frame is None else solid.transformed(T),)
     if part.clearance is not None:
         with located(where, f"{place}."):
-            solid = replace(solid, clearance=part.clearance)
-    with located(where, f"{place}."):
-        return _in_frame(solid, kind, part.frame, poses)
+            solids = tuple(replace(solid, clearance=part.clearance) for solid in solids)
+    return solids
 
 
-def _in_frame(solid: Solid, kind: str, frame: str | FramePart | None, poses: Poses) -> Solid:
-    if frame is None:
-        return solid
-    T = frame_pose(frame, poses)
-    if not isinstance(solid, Mesh | Sphere) and T[2, 2] < 1 - _UPRIGHT:
-        raise InputError(f"frame: a {kind} stands upright, expected a frame that turns about z alone")
-    return solid.transformed(T)
+def _check_upright(kind: str, T: Array) -> None:
+    if T[2, 2] < 1 - _UPRIGHT:
+        one = f"an {kind}" if kind == "octomap" else f"a {kind}"
+        raise InputError(f"frame: {one} stands upright, expected a frame that turns about z alone")
 
 
 class MoveItScene(Strict):
@@ -320,14 +257,25 @@ class MoveItScene(Strict):
     def solids(self, where: str, folder: Path, poses: Poses) -> tuple[Solid, ...]:
         with located(where, "moveit_scene.file"):
             solids = read_scene(file_in(folder, self.file))
+        if self.frame is None:
+            return tuple(solids)
         with located(where, "moveit_scene."):
-            return tuple(_in_frame(one, type(one).__name__.lower(), self.frame, poses) for one in solids)
+            T = frame_pose(self.frame, poses)
+            for one in solids:
+                if not isinstance(one, Mesh | Sphere):
+                    _check_upright(type(one).__name__.lower(), T)
+            return tuple(one.transformed(T) for one in solids)
 
 
-def huge_meshes(parts: Iterable[_NamedObstacle], solids: Iterable[Solid], floor: Floor) -> Iterator[str]:
-    """Yield a note on each obstacle of a mesh file that is far larger than the floor."""
+def huge_meshes(
+    parts: Iterable[_NamedObstacle], groups: Iterable[Sequence[Solid]], floor: Floor
+) -> Iterator[str]:
+    """Yield a note on each obstacle of a mesh file that is far larger than the floor.
+
+    ``groups`` are the solids of each of ``parts``.
+    """
     x0, y0, x1, y1 = floor.polygon.bounds
-    for part, solid in zip(parts, solids, strict=True):
+    for part, (solid, *_) in zip(parts, groups, strict=True):
         from_file = isinstance(part, MeshObstacle) and isinstance(part.mesh, MeshFile)
         size = float(np.ptp(np.array(solid.bounds), axis=0).max()) if from_file else 0.0
         if size > max(HUGE_MESH, HUGE_MESH_SHARE * float(np.hypot(x1 - x0, y1 - y0))):

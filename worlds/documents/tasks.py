@@ -14,7 +14,7 @@ from pydantic import Discriminator, Field, Tag
 
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import check_rotation
-from regionik.worlds.documents.environment import FrameReference, Poses, frame_pose
+from regionik.worlds.documents.frames import FrameReference, Poses, frame_pose
 from regionik.worlds.errors import InputError, located, located_error
 from regionik.worlds.readers.csv_path import (
     AngleUnit,

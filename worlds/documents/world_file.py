@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import asdict, replace
+from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -13,18 +14,17 @@ from pydantic import ConfigDict, Field
 from regionik.worlds.bundled import world_path
 from regionik.worlds.documents.environment import (
     FloorPart,
-    FramesPart,
     MoveItScene,
     ObstaclePart,
     ZonePart,
     floor_to_document,
     huge_meshes,
     read_floor,
-    read_frames,
     read_obstacle,
     solid_to_document,
     zone_to_document,
 )
+from regionik.worlds.documents.frames import FramesPart, read_frames
 from regionik.worlds.documents.robots import RobotPart, read_robot, robot_to_document
 from regionik.worlds.documents.tasks import PiecePart, read_task, task_to_document, without_repeats
 from regionik.worlds.drives import BasePlanner
@@ -274,9 +274,10 @@ def world_from_document(document: dict[str, Any], where: str = "world", folder: 
     floor = read_floor(model.floor, where, folder)
     parts = enumerate(model.obstacles)
     frames, poses = read_frames(model.frames, where)
-    obstacles = tuple(read_obstacle(part, where, f"obstacles[{k}]", folder, poses) for k, part in parts)
-    for note in huge_meshes(model.obstacles, obstacles, floor):
+    groups = [read_obstacle(part, where, f"obstacles[{k}]", folder, poses) for k, part in parts]
+    for note in huge_meshes(model.obstacles, groups, floor):
         warnings.warn(f"{where}: {note}", FileNote, stacklevel=3)
+    obstacles = tuple(chain.from_iterable(groups))
     if model.moveit_scene is not None:
         obstacles += model.moveit_scene.solids(where, folder, poses)
     zones = read_each(where, "zones", model.zones, ZonePart.zone)

@@ -31,7 +31,7 @@ LengthUnit = Literal["m", "cm", "mm", "in"]
 AngleUnit = Literal["rad", "deg"]
 Normals = Literal["outward", "inward"]
 _UNIT_IN_TITLE = re.compile(r"\s*[\[(]\s*(\w+)\s*[\])]$")
-_PER_METRE: dict[LengthUnit, float] = {"m": 1.0, "cm": 100.0, "mm": 1000.0, "in": 1 / 0.0254}
+PER_METRE: dict[LengthUnit, float] = {"m": 1.0, "cm": 100.0, "mm": 1000.0, "in": 1 / 0.0254}
 _SIGNS: dict[Delimiter, str] = {"comma": ",", "semicolon": ";", "tab": "\t"}
 _POINT, _AXIS, _NORMAL = ("x", "y", "z"), ("dx", "dy", "dz"), ("nx", "ny", "nz")
 _QUATERNION, _ANGLES = ("qx", "qy", "qz", "qw"), ("roll", "pitch", "yaw")
@@ -382,7 +382,7 @@ def _number(cell: str, name: str, where: str) -> float:
 def _path_of_rows(rows: Array, aim: tuple[str, ...], layout: CsvLayout, numbers: Sequence[int]) -> ToolPath:
     """Return the path of lines of such numbers: of rows of x, y, z and a way to aim."""
     form, (points, rest) = layout.form, np.split(rows.reshape(-1, 3 + len(aim)), [3], axis=1)
-    points = points / _PER_METRE[form.unit or "m"] if form.scale is None else points * form.scale
+    points = points / PER_METRE[form.unit or "m"] if form.scale is None else points * form.scale
     if not aim:
         return ToolPath(points)
     if aim in (_AXIS, _NORMAL):

@@ -14,7 +14,7 @@ import numpy as np
 import shapely
 from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, transform_points
 from regionik.worlds.chain import rot_x, rot_y, rot_z, translation
 from regionik.worlds.links import LinkBox, LinkCapsule, LinkHull, LinkSolid
 from regionik.worlds.urdf.options import URDF
@@ -35,6 +35,7 @@ class _BoundingOptions:
     max_rounds: int = 4  # of each of these turns
     radii: int = 65  # of capsules that are tried
     min_radius: float = 1e-4  # and least side [m]
+    min_sides: int = 8  # of a prism around a cylinder
     min_length: float = 1e-6  # of a segment, as engines want a direction [m]
     scale: float = 1 + 1e-9  # against rounding
     rounding: float = 1e-9  # of hulls [m]
@@ -116,11 +117,43 @@ def fast_oriented_box(points: Array) -> tuple[Array, Array]:
     return T, size
 
 
-def cylinder_capsule(link: int, name: str, T_link: Array, radius: float, length: float) -> LinkCapsule:
-    """Return the least capsule that contains a cylinder along z of ``T_link``; its round ends stand out."""
-    half = length / 2
-    rim = np.array([[radius, -half], [radius, half]])
-    return _capsule(link, name, T_link, *_least_capsule(rim[:, 0], rim[:, 1]))
+def cylinder_hull(link: int, name: str, T_link: Array, radius: float, length: float) -> LinkHull:
+    """Return a prism around a cylinder along z of ``T_link``, whose edges stand out by `max_excess` at most.
+
+    Those of wide ones stand out by more, as their corners are ``max_corners``.
+    """
+    radius, half = max(radius, _BOUNDS.min_radius), max(length / 2, _BOUNDS.min_radius)
+    sides = int(np.ceil(pi / np.arccos(radius / (radius + OPTIONS.max_excess))))
+    corners = prism_corners(radius, half, min(max(sides, _BOUNDS.min_sides), OPTIONS.max_corners // 2))
+    return LinkHull(link, name, transform_points(T_link, corners))
+
+
+def cylinder_in(hull: LinkHull) -> tuple[Array, float, float] | None:
+    """Return frame (4, 4), radius and length of the cylinder along z that a hull is a prism around.
+
+    None where it is no prism of as many equal sides as `cylinder_hull` makes.
+    """
+    sides, odd = divmod(len(hull.corners), 2)
+    if odd or sides < _BOUNDS.min_sides:
+        return None
+    low, high = hull.corners[:sides], hull.corners[sides:]
+    spoke, along = low[0] - low.mean(0), high.mean(0) - low.mean(0)
+    length, around = float(np.linalg.norm(along)), float(np.linalg.norm(spoke))
+    if min(length, around) < _BOUNDS.min_radius:
+        return None
+    T = np.eye(4)
+    T[:3, 0], T[:3, 2], T[:3, 3] = spoke / around, along / length, hull.corners.mean(0)
+    T[:3, 1] = np.cross(T[:3, 2], T[:3, 0])
+    radius = around * float(np.cos(pi / sides))
+    again = transform_points(T, prism_corners(radius, length / 2, sides))
+    return (T, radius, length) if np.abs(again - hull.corners).max() < _BOUNDS.rounding else None
+
+
+def prism_corners(radius: float, half: float, sides: int) -> Array:
+    """Return the corners (2 sides, 3) of a prism around a cylinder along z, from -half to half [m]."""
+    angles = np.arange(sides) * 2 * pi / sides
+    ring = radius / np.cos(pi / sides) * np.column_stack([np.cos(angles), np.sin(angles)])
+    return np.concatenate([np.column_stack([ring, np.full(sides, z)]) for z in (-half, half)])
 
 
 def sphere_capsule(link: int, name: str, center: Array, radius: float) -> LinkCapsule:

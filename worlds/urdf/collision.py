@@ -20,17 +20,19 @@ from shapely.geometry.polygon import orient
 
 from regionik.worlds.arrays import Array, transform_points
 from regionik.worlds.chain import Chain
+from regionik.worlds.kept_results import kept
 from regionik.worlds.links import (
     BASE,
     CUBE_CORNERS,
     LINK_RADIUS,
     LinkBox,
     LinkCapsule,
+    LinkHull,
     LinkSolid,
     capsules_along,
 )
 from regionik.worlds.readers.text import join_names
-from regionik.worlds.urdf.bounding import cylinder_capsule, hull_triangles, sphere_capsule
+from regionik.worlds.urdf.bounding import cylinder_hull, hull_triangles, prism_corners, sphere_capsule
 from regionik.worlds.urdf.decomposition import CollisionPart, clip_triangles, decompose, mesh_part
 from regionik.worlds.urdf.elements import CollisionShape, Inertial, UrdfModel
 from regionik.worlds.urdf.kinematic_tree import PlacedLink
@@ -74,8 +76,8 @@ def collision_model(
 ) -> CollisionModel:
     """Return the parts of links that move with the arm, and the base: cut at ``height``, where given [m].
 
-    A box stays a box and a capsule a capsule, a cylinder becomes the least capsule around it, a sphere one of
-    next to no length, a mesh a few boxes and capsules; where there are many, those of a link share some
+    A box stays a box and a capsule a capsule, a cylinder becomes a prism of many sides, a sphere a capsule
+    of next to no length, a mesh a few boxes and capsules; where there are many, those of a link share some
     (`regionik.worlds.urdf.decomposition`). A mesh that is missing or unreadable is noted, and something
     stands in for it (`regionik.worlds.urdf.collision`). Neither that nor ``resting`` links of the base decide
     where it is cut.
@@ -110,7 +112,7 @@ def collision_model(
         if owner != BASE
     ]
     notes = [_missing_note(why, some, chain) for (why, _), some in missing.items()]
-    pieces = [*decompose(parts), *stand_ins]
+    pieces = [*_bounded(parts), *stand_ins]
     if not pieces:
         notes.append(
             f"no arm link has a collision element: capsules of radius {LINK_RADIUS:g} m replace them"
@@ -119,6 +121,20 @@ def collision_model(
     base = base_shape(fixed, height, resting | lacking.get(BASE, set()))
     ordered = sorted(pieces, key=lambda part: part.link)
     return CollisionModel(tuple(ordered), base, tuple(notes), _huge(sizes, chain))
+
+
+def _bounded(
+    parts: Sequence[CollisionPart], most: int = URDF.bounding.max_solids
+) -> tuple[CollisionPart, ...]:
+    """Return parts decomposed, each with its solid; to cut meshes takes long, so that is kept on disk."""
+
+    def made() -> tuple[CollisionPart, ...]:
+        none = np.empty((0, 3, 3))
+        return tuple(replace(part, triangles=none, exact=part.solid) for part in decompose(parts, most))
+
+    if not any(len(part.triangles) for part in parts):
+        return made()
+    return kept("bounded", (parts, most), made, (CollisionPart, LinkBox, LinkCapsule, LinkHull))
 
 
 def _huge(sizes: dict[str, float], chain: Chain) -> tuple[str, ...]:
@@ -151,7 +167,7 @@ def _solid(owner: int, name: str, shape: CollisionShape, T: Array) -> LinkSolid:
         case "box":
             return LinkBox(owner, name, T, np.array(shape.size))
         case "cylinder":
-            return cylinder_capsule(owner, name, T, *shape.size)
+            return cylinder_hull(owner, name, T, *shape.size)
         case "capsule":
             radius, length = shape.size
             start, end = (T[:3, 3] + side * length / 2 * T[:3, 2] for side in (-1, 1))
@@ -167,9 +183,7 @@ def _corners(shape: CollisionShape, T: Array) -> Array:
         return box
     radius = shape.size[0]
     half = shape.size[1] / 2 if shape.kind == "cylinder" else radius
-    angles = np.arange(_BASE.corners) * 2 * pi / _BASE.corners  # of a prism round a circle
-    ring = radius / np.cos(pi / _BASE.corners) * np.column_stack([np.cos(angles), np.sin(angles)])
-    prism = np.concatenate([np.column_stack([ring, np.full(_BASE.corners, z)]) for z in (-half, half)])
+    prism = prism_corners(radius, half, _BASE.corners)
     if shape.kind == "cylinder":
         return prism
     # The prism of a ball stands upright, so that its height is the ball's; a capsule is between two balls.
@@ -208,7 +222,7 @@ def base_shape(
     solids = (
         solid
         for rests in (False, True)
-        for solid in decompose([part for part in tall if (part.sources <= loose) is rests], _BASE.max_solids)
+        for solid in _bounded([part for part in tall if (part.sources <= loose) is rests], _BASE.max_solids)
     )
     sources = frozenset().union(*(part.sources for part in parts))
     return BaseShape(_convex_outline(_lower(_surface(parts), cut)), cut, tuple(solids), sources)

@@ -131,7 +131,7 @@ def _expand_xacro(path: Path) -> str:
     stem = path.name.removesuffix(".xacro").removesuffix(".urdf")
     target = f"{stem}.urdf" if f"{stem}.urdf" != path.name else f"{stem}.expanded.urdf"
     command = f"xacro {shlex.quote(path.name)} > {shlex.quote(target)}"
-    return f"xacro is not supported, expand it first: {command}"
+    return f"xacro is not supported, expand it first: {command} (pip install xacro)"
 
 
 def _refuse_xacro(root: Element, path: Path) -> None:

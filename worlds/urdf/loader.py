@@ -6,9 +6,10 @@ Soft limits of a safety controller narrow a joint's own. Speed limits of 0, and 
 count as none.
 
 Solids bound the collision elements of all links that move with the chain: boxes and capsules as they are,
-the least capsule around each cylinder and sphere, a few boxes and capsules around each mesh; some twenty in
-all, as small ones share a bound. Links behind other joints (fingers, heads) stand still at zero. Two bounds
-that touch in many postures, while the hulls inside them touch in none of 2000, need not keep apart.
+a prism around each cylinder, a capsule around each sphere, a few boxes and capsules around each mesh; some
+twenty in all, as small ones share a bound. Links behind other joints (fingers, heads) stand still at zero.
+Two bounds that touch in many postures, while the hulls inside them touch in none of 2000, need not keep
+apart.
 
 The root and all that is fixed to it, wheels included, give footprint and body height where they are not
 given. Unless ``body_height`` says it, the base is cut at the height at which all takes least volume; what
@@ -33,6 +34,7 @@ from regionik.worlds.bundled import robot_named, robot_names
 from regionik.worlds.chain import Chain, planar_pose
 from regionik.worlds.drives import BaseKind, drive_of
 from regionik.worlds.errors import FileNote, InputError, RobotNote, located, located_error
+from regionik.worlds.kept_results import kept
 from regionik.worlds.links import BASE, CUBE_CORNERS
 from regionik.worlds.readers.meshes import Surface
 from regionik.worlds.readers.text import MAX_NUMBER, join_names
@@ -253,22 +255,37 @@ def _robot(model: UrdfModel, mount: Array, chain: Chain, body: CollisionModel, g
 def _at_rest(
     robot: Robot, body: CollisionModel, semantics: SemanticModel, carry: ArrayLike | str | None
 ) -> tuple[Robot, list[str]]:
-    """Return a robot with its carry posture and the pairs that are no use to check, and notes on both."""
+    """Return a robot with its carry posture and the pairs that are no use to check, and notes on both.
+
+    To find these takes seconds, so they are kept on disk.
+    """
     points = [part.points for part in (*body.parts, *body.base.parts)]
+    given = None if carry is None else carry if isinstance(carry, str) else np.asarray(carry)
+    bare = replace(robot, visuals=())
+    rest, pairs, notes = kept(
+        "at_rest", (bare, points, semantics, given), lambda: _studied(bare, points, semantics, given)
+    )
+    robot = replace(robot, unchecked=(*robot.unchecked, *pairs))
+    return (robot if rest is None else replace(robot, carry=rest)), list(notes)
+
+
+def _studied(
+    robot: Robot, points: list[Array], semantics: SemanticModel, carry: Array | str | None
+) -> tuple[Array | None, tuple[tuple[str, str], ...], tuple[str, ...]]:
+    """Return a robot's carry posture, if any is known, pairs that are no use to check, and notes on both."""
     named = semantics.resting_postures(robot.chain) if carry is None else []
     postures = [semantics.posture(name, robot.chain) for name in named]
     rest = next((posture for posture in postures if bodies_clear(robot, points, posture)), None)
     if isinstance(carry, str):
         rest = semantics.posture(carry, robot.chain)
     pairs, notes = disabled_pairs(robot, points, rest)
-    robot = replace(robot, unchecked=(*robot.unchecked, *pairs))
     if named and rest is None:
         notes.append(f"links touch in posture {named[0]} of the SRDF file: the arm is carried in another")
     if rest is None and carry is None:
-        rest = rest_posture(robot)
+        rest = rest_posture(replace(robot, unchecked=(*robot.unchecked, *pairs)))
         if rest is None:
             notes.append("no posture was found in which the arm keeps off itself: it is carried at zeros")
-    return (robot if rest is None else replace(robot, carry=rest)), notes
+    return rest, tuple(pairs), tuple(notes)
 
 
 def _mounted(chain: Chain, T_base_root: Array, yaw: float) -> tuple[Array, Chain]:
