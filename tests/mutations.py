@@ -1045,17 +1045,17 @@ FAULTS = (
     ),
     Fault(
         "kept results: a damaged file is believed",
-        "worlds/kept_results.py",
+        "worlds/disk_cache.py",
         "if sha256(content).hexdigest().encode() != digest:",
         "if not digest:",
-        ("tests/test_kept_results.py",),
+        ("tests/test_disk_cache.py",),
     ),
     Fault(
         "kept results: the name of the function is all that a key is made of",
-        "worlds/kept_results.py",
+        "worlds/disk_cache.py",
         "[name, versions, _packed(given)]",
         "[name, versions]",
-        ("tests/test_kept_results.py",),
+        ("tests/test_disk_cache.py",),
     ),
     Fault(
         "urdf: a prism is in its cylinder, not around it",

@@ -41,7 +41,7 @@ class CarrierOptions:
     """Postures carried along set-points on a fixed base, and round the rim of a circle to park in."""
 
     max_starts: int = 24  # postures at the first set-point
-    max_led_on: int = 24  # postures of a roadmap that are led on to a set-point that it does not join
+    max_continued: int = 24  # postures of a roadmap that are led on to a set-point that it does not join
     max_compared: int = 3  # of those that serve every set-point
     rim_directions: int = 8  # in which a posture is led out to the rim
     rim_steps: int = 4  # on the way there, each posture the start of the next

@@ -95,7 +95,7 @@ class PostureCarrier(PostureSearch):
         left = np.flatnonzero(~held) if self.collision.proves(Pose(base, self.root)) else ()
         most, joints = POSTURES.roadmap.max_iterations, joints.copy()
         for n in left:
-            path = self._led_on(roadmap, int(some[n]), joints[n])
+            path = self._continued_to(roadmap, int(some[n]), joints[n])
             if path is None:
                 path = arm_path(self.collision, base, roadmap.nearest(joints[n]), joints[n], 0, most)
             if path is not None:
@@ -103,14 +103,14 @@ class PostureCarrier(PostureSearch):
         found = self.clear_postures(base, some[held], joints[held])
         return None if found is None else replace(found, roadmap=roadmap)
 
-    def _led_on(self, roadmap: ArmRoadmap, i: int, joints: Array) -> Array | None:
+    def _continued_to(self, roadmap: ArmRoadmap, i: int, joints: Array) -> Array | None:
         """A straight motion (2, dof) to a posture at set-point i that one of a roadmap is led on to.
 
         The nearest to ``joints`` come first. None where none goes.
         """
         axis, heading = axis_of(self.world.robot, roadmap.base), float(roadmap.base[2])
         off = np.abs(roadmap.joints - joints).max(axis=1)
-        for k in np.argsort(off, kind="stable")[: OPTIONS.max_led_on].tolist():
+        for k in np.argsort(off, kind="stable")[: OPTIONS.max_continued].tolist():
             here = roadmap.joints[k]
             led = self._carried(self._bound, axis, heading, here, np.array([i]))
             clear = len(led) > 0 and self.collision.proves(Pose(roadmap.base, led[0]))

@@ -20,7 +20,7 @@ from shapely.geometry.polygon import orient
 
 from regionik.worlds.arrays import Array, transform_points
 from regionik.worlds.chain import Chain
-from regionik.worlds.kept_results import kept
+from regionik.worlds.disk_cache import cached
 from regionik.worlds.links import (
     BASE,
     CUBE_CORNERS,
@@ -134,7 +134,7 @@ def _bounded(
 
     if not any(len(part.triangles) for part in parts):
         return made()
-    return kept("bounded", (parts, most), made, (CollisionPart, LinkBox, LinkCapsule, LinkHull))
+    return cached("bounded", (parts, most), made, (CollisionPart, LinkBox, LinkCapsule, LinkHull))
 
 
 def _huge(sizes: dict[str, float], chain: Chain) -> tuple[str, ...]:

@@ -32,9 +32,9 @@ from numpy.typing import ArrayLike
 from regionik.worlds.arrays import Array, frozen, transform_points
 from regionik.worlds.bundled import robot_named, robot_names
 from regionik.worlds.chain import Chain, planar_pose
+from regionik.worlds.disk_cache import cached
 from regionik.worlds.drives import BaseKind, drive_of
 from regionik.worlds.errors import FileNote, InputError, RobotNote, located, located_error
-from regionik.worlds.kept_results import kept
 from regionik.worlds.links import BASE, CUBE_CORNERS
 from regionik.worlds.readers.meshes import Surface
 from regionik.worlds.readers.text import MAX_NUMBER, join_names
@@ -262,7 +262,7 @@ def _at_rest(
     points = [part.points for part in (*body.parts, *body.base.parts)]
     given = None if carry is None else carry if isinstance(carry, str) else np.asarray(carry)
     bare = replace(robot, visuals=())
-    rest, pairs, notes = kept(
+    rest, pairs, notes = cached(
         "at_rest", (bare, points, semantics, given), lambda: _studied(bare, points, semantics, given)
     )
     robot = replace(robot, unchecked=(*robot.unchecked, *pairs))

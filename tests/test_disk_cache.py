@@ -135,7 +135,7 @@ def test_the_folder_is_the_users_cache_unless_said(tmp_path: Path, monkeypatch: 
 
 def test_what_was_used_last_is_kept(tmp_path: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The oldest files go beyond the bounds, those of others never."""
-    monkeypatch.setattr("regionik.worlds.kept_results.MAX_FILES", 3)
+    monkeypatch.setattr("regionik.worlds.disk_cache.MAX_FILES", 3)
     urdf = crane(tmp_path)
     told(urdf)
     own = set(contents(folder))

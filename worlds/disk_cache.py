@@ -33,7 +33,7 @@ _NUMBERS = ("<f8", "<i8")  # of arrays
 Made = TypeVar("Made")
 
 
-def kept(name: str, given: object, make: Callable[[], Made], classes: Sequence[type] = ()) -> Made:
+def cached(name: str, given: object, make: Callable[[], Made], classes: Sequence[type] = ()) -> Made:
     """Return what a pure function makes of values, from disk where it is there.
 
     Parameters
