@@ -56,7 +56,7 @@ def test_notebook_runs_and_its_values_show_themselves(notebook: Path, tmp_path: 
     command = [sys.executable, "-c", RUN_CELLS]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=600, check=False)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines()[-1] == "4 pictures of 4 values"
+    assert done.stdout.splitlines()[-1] == "4 pictures of 5 values"  # an explanation is text
     assert (tmp_path / "pillar.html").stat().st_size > 500_000
 
 
