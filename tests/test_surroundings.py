@@ -23,6 +23,7 @@ from regionik.worlds.bundled import robot_named
 from regionik.worlds.obstacles import Prism
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from regionik.worlds.shadows import Shadow
+from tests import MINUTES
 from tests.kinds import Solid
 from tests.maths import Array
 
@@ -88,7 +89,7 @@ def test_from_one_pose_only_what_is_near_is_looked_at(monkeypatch: pytest.Monkey
     [
         ([0.0, 0.2, 1.0], ()),  # too high
         # The base cannot come near, for an obstacle or for what the map has there
-        pytest.param([8.0, 8.0, 0.3], ("slab",), marks=pytest.mark.slow),
+        pytest.param([8.0, 8.0, 0.3], ("slab",), marks=MINUTES),
         pytest.param([-8.0, 8.0, 0.3], ("stain",), marks=pytest.mark.slow),
         ([31.5, 0.0, 0.3], ("slab",)),  # off the floor
     ],
