@@ -47,7 +47,7 @@ def test_plain_python_gives_the_same_numbers() -> None:
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param("pipe", marks=MINUTES), pytest.param("tao1", marks=MINUTES)]
+    "name", [pytest.param("pipe", marks=MINUTES), pytest.param("tao1", marks=pytest.mark.slow)]
 )
 def test_each_kernel_of_a_plan_says_the_same_as_plain_python(name: str) -> None:
     with kernels_called_twice():
