@@ -34,7 +34,7 @@ class ConfigurationOptions:
     max_places: int = 12  # of the base, in an area where the arm touches something
     max_pitches: int = 24  # of the last link, at every place
     max_measured: int = 4  # postures at one place that touch something, whose distances are measured
-    max_colliding: int = 200  # of these in all, after which no other place is tried
+    max_colliding: int = 400  # of these in all, after which no other place is tried
     max_sampled_places: int = 2  # where more postures of the arm are sampled
     max_samples: int = 50  # of them at each
     max_reach_postures: int = 24  # of those that a thin reach was sampled from, spread over all
