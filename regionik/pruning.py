@@ -139,15 +139,13 @@ def _driven_through(
     scene: Scene, free_space: FreeSpace, areas: PathAreas
 ) -> tuple[FreeSpace, PathAreas, Pruned] | None:
     """The free space with pieces joined by drives until areas span the path; None where they do not."""
-    while True:
-        ladder = build_ladder(areas, len(scene.task), free_space)
+    ladder = build_ladder(areas, len(scene.task), free_space)
+    while (wider := _driven_on(scene, free_space, ladder)) is not None:
+        free_space, ladder = wider, build_ladder(areas, len(scene.task), wider)
         pruned = _cut(scene, free_space, ladder)
         if isinstance(pruned, Pruned):
             return free_space, areas, pruned
-        wider = _driven_on(scene, free_space, ladder)
-        if wider is None:
-            return None
-        free_space = wider
+    return None
 
 
 def _driven_on(scene: Scene, free_space: FreeSpace, ladder: Ladder) -> FreeSpace | None:
@@ -159,17 +157,15 @@ def _driven_on(scene: Scene, free_space: FreeSpace, ladder: Ladder) -> FreeSpace
     piece = None if ladder.empty else _widest_piece(scene, free_space, ladder)
     if piece is None or len(free_space.sides) == 1 or scene.robot.drive.rolls:
         return None
-    start, robot = start_place(scene), scene.robot
+    start, robot, off = start_place(scene), scene.robot, ladder.off(piece)
     here = _places(free_space, ladder, ladder.floor == piece)[0] if start is None else start
-    for i in ladder.off(piece):
-        for other in sorted(set(ladder.floor[_rung(ladder, i)].tolist()) - {-1}):
-            there = _places(free_space, ladder, ladder.floor == other)
-            if parted(scene.free_floor.outer, here, there):
-                continue
-            ends = (pose_of(robot, row[:2], float(row[2])) for row in (here, there[0]))
-            if is_joined(scene.footprint, *ends, planner=scene.rules.base_planner):
-                return free_space.with_drive(piece, other)
-        return None
+    for other in sorted(set(ladder.floor[_rung(ladder, off[0])].tolist()) - {-1}) if off else ():
+        there = _places(free_space, ladder, ladder.floor == other)
+        if parted(scene.free_floor.outer, here, there):
+            continue
+        ends = (pose_of(robot, row[:2], float(row[2])) for row in (here, there[0]))
+        if is_joined(scene.footprint, *ends, planner=scene.rules.base_planner):
+            return free_space.with_drive(piece, other)
     return None
 
 

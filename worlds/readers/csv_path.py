@@ -22,7 +22,7 @@ import numpy as np
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import pose
 from regionik.worlds.errors import FileNote, InputError, located
-from regionik.worlds.readers.text import MAX_NUMBER, clip, join_names, read_text, reading
+from regionik.worlds.readers.text import MAX_NUMBER, clip, is_number, join_names, read_text, reading
 from regionik.worlds.scene import checked_name
 from regionik.worlds.toolpath import ToolPath, rotation_from_quaternion
 
@@ -186,7 +186,7 @@ def _layout(lines: Iterable[str], where: str, form: CsvFormat) -> CsvLayout:
     signs = [_SIGNS[form.delimiter]] if form.delimiter else _SIGNS.values()
     sign = max(signs, key=re.sub('"[^"]*"', "", line).count)
     _, cells = next(_cells([line], sign, where, number), (number, []))
-    titled = bool(form.columns) or not any(map(_is_number, cells))
+    titled = bool(form.columns) or not any(map(is_number, cells))
     row = next(filled, (0, ""))[0] if titled else number
     if not row:
         raise InputError(f"{where}: expected at least one line below the titles")
@@ -293,14 +293,6 @@ def _cells(lines: Iterable[str], sign: str, where: str, first: int) -> Iterator[
                 yield first + reader.line_num - 1, cells
     except csv.Error as error:
         raise InputError(f"{where}: line {first + reader.line_num - 1}: {error}") from None
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
 
 
 def _path_of_lines(lines: Sequence[str], layout: CsvLayout, number: int) -> ToolPath:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError, located
-from regionik.worlds.readers.text import MAX_NUMBER, clip, join_names, reading
+from regionik.worlds.readers.text import MAX_NUMBER, clip, is_number, join_names, reading
 
 SUFFIXES = (".ply", ".pcd", ".xyz", ".csv")
 MAX_POINTS = 4_000_000  # of a file, which is read into memory as a whole
@@ -146,7 +146,7 @@ def _text(data: bytes) -> Array:
     lines = data.removeprefix(b"\xef\xbb\xbf").split(b"\n", 50)
     for skipped, line in enumerate(lines[:50]):
         words, comma = _words(line.decode("latin-1"))
-        if len(words) >= 3 and all(map(_is_number, words[:3])):
+        if len(words) >= 3 and all(map(is_number, words[:3])):
             titles, _ = _words(lines[skipped - 1].decode("latin-1").lstrip("#/ ") if skipped else "")
             named = [title.strip("\"' ").lower() for title in titles]
             columns = [named.index(axis) for axis in _AXES] if set(_AXES) <= set(named) else [0, 1, 2]
@@ -159,14 +159,6 @@ def _words(line: str) -> tuple[list[str], str | None]:
     """Return the words of a line, and what parts them; None for spaces."""
     comma = next((sign for sign in ";," if sign in line), None)
     return line.strip().split(comma), comma
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
 
 
 def _columns(names: Sequence[str]) -> list[int]:

@@ -124,6 +124,15 @@ def clip(value: Any) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
+def is_number(word: str) -> bool:
+    """True if a word of a text is a number."""
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
 def join_names(names: Iterable[str], most: int = 60) -> str:
     """Return names for a message, only the first ``most`` where there are more."""
     known = list(names)
